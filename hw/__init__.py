@@ -1,0 +1,1 @@
+"""The devices: one interface each, the real driver, and a virtual one."""

@@ -1,0 +1,7 @@
+#!/usr/bin/env python3
+"""The entry of TAMS; everything else is in tams_app."""
+
+from tams_app.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,307 @@
+"""The plain frozen records that flow between the rooms.
+
+Units inside TAMS: metres, radians, seconds; `*_ns` are integer nanoseconds of one monotonic clock,
+taken where the thing happened; `*_kbps` are kbit/s of IP datagram bytes (RTP packet + 28).
+Vectors are float64 arrays of shape (3,), rotations scipy `Rotation`s, joints shape (6,).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Vector: TypeAlias = NDArray[np.float64]
+Image: TypeAlias = NDArray[np.uint8]
+
+IP_UDP_HEADER_BYTES = 28  # IPv4 (20) + UDP (8)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Position [m], shape (3,), and rotation of a frame in its parent frame."""
+
+    position: Vector
+    rotation: Rotation
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """Linear [m/s] and angular [rad/s] velocity, shape (3,) each, in the arm's base frame."""
+
+    linear: Vector
+    angular: Vector
+
+    @staticmethod
+    def zero() -> Twist:
+        return Twist(np.zeros(3), np.zeros(3))
+
+    @property
+    def is_zero(self) -> bool:
+        return not (self.linear.any() or self.angular.any())
+
+
+# --- the operator's hand ------------------------------------------------------------------------
+
+
+class ControllerStatus(StrEnum):
+    """What the tracking runtime says of the controller; anything but OK reads as released."""
+
+    OK = "ok"
+    DISCONNECTED = "disconnected"
+    TRACKING_LOST = "tracking lost"
+    STANDBY = "standby"
+    DASHBOARD = "dashboard open"
+    RUNTIME_QUIT = "runtime quit"
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerSample:
+    """One reading of the tracked controller, in the tracking frame (OpenVR: y up, right-handed).
+
+    `pose` is None when the runtime calls it invalid. `pose_ns`: when the pose's value last
+    changed; `buttons_ns`: the last successful, active read of the buttons.
+    """
+
+    status: ControllerStatus
+    pose: Pose | None
+    pose_ns: int
+    buttons_ns: int
+    trigger: float  # 0..1, deadman and clutch
+    grip: float  # 0..1, toggles translation/orientation on its edge
+    a: bool  # closes the gripper on its edge
+    b: bool  # opens the gripper on its edge
+    menu: bool  # held 1 s: confirm; clicked: emergency stop
+
+
+class Haptic(StrEnum):
+    """The pulses the operator feels."""
+
+    ENGAGE = "engage"
+    RELEASE = "release"
+    LIMIT = "limit"
+    FAULT = "fault"
+
+
+# --- the arm ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState:
+    """The arm's last report. `tcp` is the tool centre point in the base frame (z up).
+
+    `error_code`, `warning_code`, `mode` and `state` are the Lite 6 controller's numbers.
+    `gripper_closed`: the last command that was acknowledged (nothing senses the fingers), None
+    until one was read back or sent.
+    """
+
+    received_ns: int
+    joints: Vector  # [rad]
+    tcp: Pose
+    mode: int
+    state: int
+    error_code: int
+    warning_code: int
+    gripper_closed: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLink:
+    """Health of the arm's command connection, as its sender sees it."""
+
+    sent: int  # commands handed to the wire
+    acknowledged_ns: int  # when the last reply arrived
+    round_trip_ns: int  # of the last acknowledged command
+    slow: int  # replies later than one control period
+    failure: str  # "" or one sentence: why commands no longer get through
+
+
+# --- policy -------------------------------------------------------------------------------------
+
+
+class Phase(StrEnum):
+    """The six phases of the pick-and-place task (paper, section II)."""
+
+    REACH = "REACH"
+    ALIGN = "ALIGN"
+    GRASP = "GRASP"
+    TRANSPORT = "TRANSPORT"
+    PRE_RELEASE = "PRE_RELEASE"
+    RELEASE = "RELEASE"
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseChange:
+    """A phase began; `reason` says which line of Algorithm 1 decided."""
+
+    t_ns: int
+    phase: Phase
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Allocation:
+    """What the policy asked of the encoders at one instant."""
+
+    t_ns: int
+    phase: Phase
+    capacity_kbps: float  # what the budget source believes the uplink carries
+    budget_kbps: float  # B: capacity after the safety factor
+    target_kbps: dict[str, int]  # per view; the sum never exceeds B
+
+
+# --- video --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A captured picture: BGR, shape (height, width, 3); `index` counts captures of its view."""
+
+    view: str
+    index: int
+    capture_ns: int
+    image: Image
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedFrame:
+    """A frame as it left the encoder: H.264 Annex B bytes of one access unit."""
+
+    view: str
+    index: int
+    capture_ns: int
+    encoded_ns: int
+    keyframe: bool
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class DroppedFrame:
+    """A captured frame that was left out at the source because its target was below 80 kbit/s."""
+
+    view: str
+    index: int
+    capture_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class ShownFrame:
+    """A decoded picture that reached the receiver's mailbox: BGR, shape (height, width, 3)."""
+
+    view: str
+    index: int  # capture index, exact also under loss
+    shown_ns: int
+    image: Image
+
+
+class PacketKind(Enum):
+    """What an uplink datagram carried."""
+
+    MEDIA = 0
+    REPAIR = 1
+    RTCP = 2
+
+
+class PacketFate(Enum):
+    """What became of a datagram at the link."""
+
+    DELIVERED = 0
+    OVERFLOW = 1  # tail drop at the bottleneck queue
+    LOST = 2
+
+
+@dataclass(frozen=True, slots=True)
+class PacketRecord:
+    """One datagram's way through the link; `size_bytes` includes IP and UDP headers."""
+
+    view: str
+    kind: PacketKind
+    sequence: int  # RTP sequence number; 0 for RTCP
+    size_bytes: int
+    entered_ns: int
+    departed_ns: int  # left the bottleneck; 0 if it overflowed
+    delivered_ns: int  # 0 if it was not delivered
+    fate: PacketFate
+
+
+# --- the trial ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SceneTruth:
+    """Where things really are (simulated rig only), in the arm's base frame."""
+
+    t_ns: int
+    block: Pose
+    container: Pose
+    tcp: Pose
+    block_speed: float  # [m/s]
+    fingers_opening: float  # [m], 0 closed
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The verdict on a trial (DESIGN, Trial)."""
+
+    completed: bool
+    success: bool
+    completion_time_s: float | None
+    drops: int
+    reason: str
+
+
+# --- what the log keeps besides -----------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One tick of the control loop, as it was seen and as it ended."""
+
+    due_ns: int
+    started_ns: int
+    finished_ns: int
+    skipped: int  # periods left out since the loop began
+    arming: str
+    reason: str  # why the arm holds or is in fault, "" otherwise
+    deadman: bool
+    orientation_mode: bool
+    phase: Phase
+    speed: float  # smoothed TCP speed v̄ [m/s]
+    vertical_speed: float  # smoothed v̄_z [m/s]
+    speed_scale: float  # 1 unless stale video or a singularity slows the arm
+    twist: Twist  # as sent
+    controller: ControllerSample
+    arm: ArmState | None
+    link: CommandLink
+
+
+@dataclass(frozen=True, slots=True)
+class StopRecord:
+    """A stop that was not the operator's own release: from the fault seen to the arm at rest."""
+
+    reason: str
+    visible_ns: int
+    stopped_ns: int | None  # reported TCP speed < 1 mm/s; None if the session ended before
+
+
+@dataclass(frozen=True, slots=True)
+class SystemSample:
+    """Load of the application and of its helper processes (percent of one core)."""
+
+    t_ns: int
+    app_cpu_percent: float
+    helper_cpu_percent: dict[str, float]
+    rss_mb: float  # application and helpers together
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A sentence worth keeping: warnings, what was started, what was refused."""
+
+    t_ns: int
+    level: str  # info, warning or error
+    text: str
