@@ -1,0 +1,1 @@
+"""From robot-side signals to bits per view: phase, weights, budget, allocation."""

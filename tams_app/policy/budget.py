@@ -1,0 +1,67 @@
+"""Where the uplink capacity comes from, before the safety factor."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Protocol
+
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config import BudgetConfig
+
+
+class Budget(Protocol):
+    """A source of capacity estimates."""
+
+    def capacity_kbps(self, now_ns: int) -> float:
+        """What the uplink is believed to carry now [kbit/s of IP datagram bytes]."""
+
+
+class KnownCapacity(Protocol):
+    """A link whose rate is known (tams_app.capacity)."""
+
+    def mean_kbps(self, start_ns: int, end_ns: int) -> float:
+        """Mean capacity between two instants [kbit/s]."""
+
+
+class OracleBudget:
+    """The configured capacity; of a trace the mean of its last window, without look-ahead."""
+
+    def __init__(self, capacity: KnownCapacity | None, config: BudgetConfig) -> None:
+        self._capacity = capacity
+        self._max_kbps = config.max_kbps
+        self._window_ns = round(config.trace_window_ms * NS_PER_MS)
+
+    def capacity_kbps(self, now_ns: int) -> float:
+        if self._capacity is None:
+            return self._max_kbps
+        return min(self._max_kbps, self._capacity.mean_kbps(now_ns - self._window_ns, now_ns))
+
+
+class SenderBudget:
+    """The rate that was sent over a sliding window (paper, section III-D).
+
+    Outgoing statistics cannot see free capacity: what is sent is the smaller of what was allowed
+    and what the encoders made. Taken as the capacity and multiplied with the safety factor it
+    would ratchet down to the floor, so the estimate is the sent rate divided by that factor: the
+    budget stays near where it started, grows only by the encoders' overshoot and knows of
+    congestion nothing at all.
+    """
+
+    def __init__(self, config: BudgetConfig) -> None:
+        self._config = config
+        self._window_ns = round(config.window_ms * NS_PER_MS)
+        self._sent: deque[tuple[int, int]] = deque()  # (time, bytes sent since the start)
+
+    def observe(self, now_ns: int, total_bytes: int) -> None:
+        """Take in the outgoing counter: `total_bytes` of IP datagrams since the start."""
+        self._sent.append((now_ns, total_bytes))
+        while len(self._sent) > 2 and self._sent[1][0] <= now_ns - self._window_ns:
+            self._sent.popleft()
+
+    def capacity_kbps(self, now_ns: int) -> float:
+        config = self._config
+        if not self._sent or self._sent[-1][0] - self._sent[0][0] < self._window_ns:
+            return config.start_kbps
+        (start_ns, start_bytes), (end_ns, end_bytes) = self._sent[0], self._sent[-1]
+        sent_kbps = (end_bytes - start_bytes) * 8 / 1000 / ((end_ns - start_ns) / NS_PER_S)
+        return min(config.max_kbps, sent_kbps / config.safety_factor)

@@ -1,0 +1,94 @@
+"""Algorithm 1 over a table of speeds (`run_tams.py phases`): text in, text out."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from tams_app.errors import ConfigError
+from tams_app.policy.phases import PhaseParameters, PhaseTracker
+
+COLUMNS = ("t_s", "vx_mm_s", "vy_mm_s", "vz_mm_s", "gripper")
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    t_s: float
+    velocity: tuple[float, float, float]  # [m/s]
+    closed: bool
+
+
+def label_phases(
+    text: str, name: str, parameters: PhaseParameters, smoothing_s: float | None
+) -> str:
+    """The CSV `text` with the columns phase and reason added.
+
+    `smoothing_s` is the EMA's time constant, None takes the speeds as smoothed already.
+    Raises ConfigError naming `name`, line and reason.
+    """
+    reader = csv.DictReader(io.StringIO(text))
+    missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+    if missing:
+        raise ConfigError(f"{name}: lacks the column {missing[0]}; needed are {', '.join(COLUMNS)}")
+    records = list(reader)
+    rows = list(_rows(records, name))
+    output = io.StringIO()
+    writer = csv.DictWriter(
+        output, [*(reader.fieldnames or ()), "phase", "reason"], lineterminator="\n"
+    )
+    writer.writeheader()
+    for record, labels in zip(records, _label(rows, parameters, smoothing_s), strict=True):
+        writer.writerow({**record, **labels})
+    return output.getvalue()
+
+
+def _label(
+    rows: Iterable[_Row], parameters: PhaseParameters, smoothing_s: float | None
+) -> Iterator[dict[str, str]]:
+    tracker = PhaseTracker(parameters)
+    speed = vertical = 0.0
+    last_s: float | None = None
+    for row in rows:
+        period_s = 0.0 if last_s is None else row.t_s - last_s
+        alpha = 1.0
+        if smoothing_s is not None and last_s is not None:
+            alpha = 1.0 - math.exp(-period_s / smoothing_s)
+        speed += alpha * (math.hypot(*row.velocity) - speed)
+        vertical += alpha * (row.velocity[2] - vertical)
+        last_s = row.t_s
+        decision = tracker.step(
+            speed=speed, vertical_speed=vertical, closed=row.closed, period_s=period_s
+        )
+        yield {"phase": decision.phase.value, "reason": decision.reason}
+
+
+def _rows(records: list[dict[str, str]], name: str) -> Iterator[_Row]:
+    if not records:
+        raise ConfigError(f"{name}: has no rows")
+    last_s = -math.inf
+    for line, record in enumerate(records, start=2):
+        where = f"{name}: line {line}"
+        if None in record or None in record.values():
+            raise ConfigError(f"{where}: has not as many cells as the header")
+        t_s, *velocity_mm_s = (_number(record[column], column, where) for column in COLUMNS[:4])
+        if t_s < last_s:
+            raise ConfigError(f"{where}: t_s goes back from {last_s:g} to {t_s:g}")
+        last_s = t_s
+        gripper = record["gripper"].strip()
+        if gripper not in ("0", "1"):
+            raise ConfigError(f"{where}: gripper is {gripper!r}, not 0 (open) or 1 (closed)")
+        vx, vy, vz = (value / 1000 for value in velocity_mm_s)
+        yield _Row(t_s, (vx, vy, vz), gripper == "1")
+
+
+def _number(text: str, column: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError(f"{where}: {column} is {text!r}, not a finite number")
+    return value

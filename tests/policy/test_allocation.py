@@ -1,0 +1,82 @@
+"""The allocation rule and the strategies."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.config import load_config
+from tams_app.errors import ConfigError
+from tams_app.policy.allocation import STRATEGIES, allocate, make_strategy
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import Phase
+
+POLICY = load_config().policy
+budgets = st.one_of(st.floats(0, 50_000), st.sampled_from([0, 1, 449, 449.999, 450, 450.001]))
+floors = st.one_of(st.just(150.0), st.floats(0, 1000))
+
+
+@st.composite
+def weight_rows(draw):
+    parts = draw(st.lists(st.integers(0, 100), min_size=1, max_size=6).filter(any))
+    return {f"v{i}": part / sum(parts) for i, part in enumerate(parts)}
+
+
+@given(weight_rows(), budgets, floors)
+def test_the_sum_never_exceeds_the_budget_and_loses_less_than_a_kbit_per_view(
+    weights, budget, floor
+):
+    targets = allocate(weights, budget, floor)
+    assert sum(targets.values()) <= budget
+    assert sum(targets.values()) > budget - len(weights) - 1e-6
+
+
+@given(weight_rows(), budgets, floors)
+def test_every_view_keeps_the_floor_when_the_budget_allows_it(weights, budget, floor):
+    targets = allocate(weights, budget, floor)
+    if budget >= len(weights) * floor:
+        assert all(target >= int(floor) for target in targets.values())
+    else:
+        assert len(set(targets.values())) == 1
+
+
+@given(weight_rows(), budgets, budgets, floors)
+def test_more_budget_never_means_less_for_any_view(weights, one, other, floor):
+    less, more = sorted((one, other))
+    small, large = allocate(weights, less, floor), allocate(weights, more, floor)
+    assert all(small[view] <= large[view] for view in weights)
+
+
+def test_the_paper_s_formula_for_align_under_s2():
+    # B = 6000 * 0.92 = 5520; 150 + w (5520 - 450)
+    targets = allocate({"eih": 0.60, "gt": 0.20, "gs": 0.20}, 5520, 150)
+    assert targets == {"eih": 3192, "gt": 1164, "gs": 1164}
+
+
+def test_weights_that_are_exact_decimals_are_not_rounded_below_their_share():
+    assert allocate({"a": 0.1, "b": 0.2, "c": 0.7}, 1000, 0) == {"a": 100, "b": 200, "c": 700}
+
+
+def test_equal_gives_the_same_to_all_and_static_never_changes():
+    equal, static = make_strategy("equal", POLICY), make_strategy("static", POLICY)
+    for phase in Phase:
+        assert len(set(allocate(equal.weights(phase), 5520, 150).values())) == 1
+        assert static.weights(phase) == {"eih": 0.5, "gt": 0.25, "gs": 0.25}
+
+
+def test_tams_gives_most_to_the_primary_view_of_each_phase():
+    tams, matrix = make_strategy("tams", POLICY), WeightMatrix(POLICY.weights.matrix)
+    for phase in Phase:
+        targets = allocate(tams.weights(phase), 5520, 150)
+        assert max(targets, key=targets.__getitem__) == matrix.primary_view(phase)
+
+
+def test_the_primary_views_are_those_of_table_one():
+    matrix = WeightMatrix(POLICY.weights.matrix)
+    primary = [matrix.primary_view(phase) for phase in Phase]
+    assert primary == ["gt", "eih", "eih", "gs", "eih", "eih"]
+
+
+def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
+    with pytest.raises(ConfigError, match=r"'best' is none of equal, static, tams"):
+        make_strategy("best", POLICY)
+    assert list(STRATEGIES) == ["equal", "static", "tams"]

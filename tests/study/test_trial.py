@@ -1,0 +1,132 @@
+"""The rules of a trial."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tams_app.config import TrialConfig
+from tams_app.records import Pose, SceneTruth
+from tams_app.study.trial import TaskGeometry, TrialJudge
+
+S = 1_000_000_000
+GEOMETRY = TaskGeometry(container_inner=0.09, container_height=0.03, block_rest_height=0.01)
+CONTAINER = np.array([0.30, 0.20, 0.0])
+
+
+def truth(t_s, block, speed=0.0):
+    upright = Rotation.identity()
+    return SceneTruth(
+        t_ns=round(t_s * S),
+        block=Pose(np.array(block, dtype=float), upright),
+        container=Pose(CONTAINER, Rotation.from_euler("z", 20, degrees=True)),
+        tcp=Pose(np.zeros(3), upright),
+        block_speed=speed,
+        fingers_opening=0.016,
+    )
+
+
+ON_TABLE = (0.35, -0.10, 0.010)
+LIFTED = (0.35, -0.10, 0.080)
+OVER_CONTAINER = (0.30, 0.20, 0.060)
+IN_CONTAINER = (0.31, 0.19, 0.013)
+
+
+def play(judge, story):
+    """story: (seconds from the first engagement, block, closed[, speed])."""
+    judge.engaged(0)
+    ended = False
+    for t_s, block, closed, *speed in story:
+        ended = judge.step(round(t_s * S), truth(t_s, block, *speed), closed)
+    return ended
+
+
+def judge(**config):
+    return TrialJudge(TrialConfig(**config), GEOMETRY)
+
+
+CARRY = [(1, ON_TABLE, False), (5, ON_TABLE, True), (6, LIFTED, True), (9, OVER_CONTAINER, True)]
+PLACE = [(10, OVER_CONTAINER, False, 0.2), (10.2, IN_CONTAINER, False), (10.8, IN_CONTAINER, False)]
+
+
+def test_a_placed_block_completes_the_trial_at_the_opening_that_led_to_it():
+    trial = judge()
+    assert play(trial, CARRY + PLACE)
+    outcome = trial.outcome()
+    assert outcome.completed
+    assert outcome.success
+    assert outcome.completion_time_s == pytest.approx(10.0)
+    assert outcome.drops == 0
+
+
+def test_a_block_that_has_not_rested_half_a_second_is_not_placed():
+    trial = judge()
+    assert not play(trial, CARRY + PLACE[:2])
+    assert not trial.outcome().completed
+    assert trial.outcome().completion_time_s is None
+
+
+def test_a_moving_block_is_not_placed():
+    trial = judge()
+    assert not play(trial, CARRY + [(10 + i, IN_CONTAINER, False, 0.02) for i in range(5)])
+
+
+def test_a_block_held_in_the_container_is_not_placed():
+    trial = judge()
+    assert not play(trial, CARRY + [(10 + i, IN_CONTAINER, True) for i in range(5)])
+
+
+def test_a_block_that_slips_out_of_the_closed_gripper_is_one_drop():
+    trial = judge()
+    play(trial, [*CARRY[:3], (7, ON_TABLE, True), (8, ON_TABLE, True)])
+    assert trial.drops == 1
+
+
+def test_opening_outside_the_container_is_one_drop():
+    trial = judge()
+    play(trial, [*CARRY[:3], (7, LIFTED, False), (8, ON_TABLE, False), (9, ON_TABLE, True)])
+    assert trial.drops == 1
+
+
+def test_a_block_that_was_never_lifted_cannot_be_dropped():
+    trial = judge()
+    play(trial, [(1, ON_TABLE, True), (2, ON_TABLE, False), (3, ON_TABLE, True)])
+    assert trial.drops == 0
+
+
+def test_more_than_two_drops_complete_but_do_not_succeed():
+    trial = judge()
+    slip = [(0.1, LIFTED, True), (0.2, ON_TABLE, True)]
+    play(trial, slip * 3 + CARRY + PLACE)
+    outcome = trial.outcome()
+    assert (outcome.completed, outcome.success, outcome.drops) == (True, False, 3)
+
+
+def test_placing_after_ninety_seconds_completes_but_does_not_succeed():
+    trial = judge()
+    late = [(t + 85, *rest) for t, *rest in CARRY + PLACE]
+    assert play(trial, late)
+    assert (trial.outcome().completed, trial.outcome().success) == (True, False)
+
+
+def test_the_trial_ends_at_the_limit_without_a_placement():
+    trial = judge()
+    assert not play(trial, [(119.9, ON_TABLE, False)])
+    assert trial.step(120 * S, truth(120, ON_TABLE), False)
+    assert trial.outcome().reason == "not placed in time"
+
+
+def test_the_clock_starts_at_the_first_engagement_and_only_there():
+    trial = judge()
+    assert not trial.step(500 * S, truth(500, ON_TABLE), False)
+    trial.engaged(600 * S)
+    trial.engaged(700 * S)
+    assert trial.elapsed_s(610 * S) == pytest.approx(10)
+
+
+@pytest.mark.parametrize("offset", [(0.044, 0, 0), (0, -0.044, 0)])
+def test_the_container_is_measured_in_its_own_frame(offset):
+    turned = Rotation.from_euler("z", 20, degrees=True)
+    scene = truth(0, CONTAINER + turned.apply(offset))
+    assert judge().contains(scene.container, scene.block)
+    scene = truth(0, CONTAINER + turned.apply(np.array(offset) * 1.05))
+    assert not judge().contains(scene.container, scene.block)
