@@ -1,0 +1,47 @@
+#!/usr/bin/env bash
+# Installs what is missing: Debian packages, a virtual environment, pinned Python packages.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+as_root() {
+    if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi
+}
+
+install_debian_packages() {
+    local wanted missing=()
+    mapfile -t wanted < <(grep -vE '^\s*(#|$)' apt-packages.txt)
+    for package in "${wanted[@]}"; do
+        dpkg-query --show --showformat='${db:Status-Abbrev}' "$package" 2>/dev/null |
+            grep -q '^ii' || missing+=("$package")
+    done
+    [ ${#missing[@]} -eq 0 ] && return
+    echo "Debian packages to install: ${missing[*]}"
+    as_root apt-get update --quiet=2
+    as_root env DEBIAN_FRONTEND=noninteractive \
+        apt-get install --yes --quiet=2 --no-install-recommends "${missing[@]}"
+}
+
+find_python() {
+    for candidate in python3.11 python3.12 python3.13 python3; do
+        if command -v "$candidate" >/dev/null &&
+            "$candidate" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
+                2>/dev/null; then
+            echo "$candidate"
+            return
+        fi
+    done
+    echo "TAMS needs Python 3.11 or later with venv: apt install python3.11 python3.11-venv" >&2
+    exit 1
+}
+
+if command -v apt-get >/dev/null; then
+    install_debian_packages
+else
+    echo "This is no Debian or Ubuntu: see README.md for what to install by hand." >&2
+fi
+python=$(find_python)
+[ -x .venv/bin/python ] || "$python" -m venv .venv
+echo "Installing the pinned Python packages into .venv"
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes \
+    --requirement requirements.lock
+touch .venv/.ready
