@@ -125,17 +125,31 @@ class ProfileConfig(Section):
         return self
 
 
+class MotionProfileConfig(ProfileConfig):
+    """While engaged."""
+
+    acceleration_m_s2: Positive = 1.5
+    jerk_m_s3: Positive = 20.0
+    acceleration_rad_s2: Positive = 4.0
+    jerk_rad_s3: Positive = 60.0
+
+
+class StopProfileConfig(ProfileConfig):
+    """After a release: 250 mm/s to rest within 100 ms."""
+
+    acceleration_m_s2: Positive = 5.0
+    jerk_m_s3: Positive = 100.0
+    acceleration_rad_s2: Positive = 10.0
+    jerk_rad_s3: Positive = 200.0
+
+
 class LimitsConfig(Section):
     """Speed, acceleration, jerk and space the arm never leaves."""
 
     max_speed_mm_s: Annotated[float, Field(gt=0, le=LITE6_MAX_TCP_SPEED_MM_S)] = 250.0
     max_rotation_rad_s: Annotated[float, Field(gt=0, le=LITE6_MAX_JOINT_SPEED_RAD_S)] = 0.5
-    motion: ProfileConfig = ProfileConfig(
-        acceleration_m_s2=1.5, jerk_m_s3=20.0, acceleration_rad_s2=4.0, jerk_rad_s3=60.0
-    )
-    stop: ProfileConfig = ProfileConfig(
-        acceleration_m_s2=5.0, jerk_m_s3=100.0, acceleration_rad_s2=10.0, jerk_rad_s3=200.0
-    )
+    motion: MotionProfileConfig = MotionProfileConfig()
+    stop: StopProfileConfig = StopProfileConfig()
     box_min_mm: Triple = (150, -330, 5)
     box_max_mm: Triple = (420, 330, 400)
     radius_min_mm: NonNegative = 180.0  # from the base axis

@@ -1,0 +1,26 @@
+"""A helper process for tests/test_process.py: does what its specification says."""
+
+import os
+import signal
+
+from tams_app.process import HelperSide
+
+
+def main() -> None:
+    side = HelperSide()
+    behaviour = side.specification["behaviour"]
+    if behaviour == "fail":
+        side.fail("port 7 is in use: choose another one")
+        return
+    if behaviour == "die":
+        os._exit(3)
+    if behaviour == "stubborn":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    side.ready(number=side.specification["number"])
+    side.stop_requested.wait()
+    if behaviour == "stubborn":
+        signal.pause()
+
+
+if __name__ == "__main__":
+    main()

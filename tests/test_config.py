@@ -1,0 +1,85 @@
+"""The configuration: what is accepted, and the one sentence for what is not."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.config import DEFAULT_CONFIG, dump_config, load_config, stop_time_s
+from tams_app.errors import ConfigError
+from tams_app.records import Phase
+
+
+def test_the_default_is_the_paper_s_set_up():
+    config = load_config()
+    assert config.policy.weights.matrix[Phase.ALIGN] == {"eih": 0.60, "gt": 0.20, "gs": 0.20}
+    s2 = config.networks["s2"]
+    assert (s2.latency_ms, s2.jitter_ms, s2.loss, s2.rate_kbps) == (40, 8, 0.003, 6000)
+    assert config.policy.budget.safety_factor == 0.92
+
+
+def test_the_effective_configuration_reads_back_the_same(tmp_path):
+    config = load_config(None, {"seed": 7, "limits.max_speed_mm_s": 120})
+    path = tmp_path / "config.yaml"
+    path.write_text(dump_config(config))
+    assert load_config(path) == config
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        ({"speed": 1}, "speed: no such key"),
+        ({"limits.max_sped_mm_s": 1}, "limits.max_sped_mm_s: no such key"),
+        ({"policy.weights.matrix.REACH.gt": 0.6}, "matrix.REACH sums to 1.1, not 1"),
+        ({"limits.max_speed_mm_s": 501}, "limits.max_speed_mm_s: .*less than or equal to 500"),
+        ({"limits.max_speed_mm_s": 300}, "max_speed_mm_s needs 110 ms to stop"),
+        ({"limits.max_rotation_rad_s": 3}, "max_rotation_rad_s needs .* ms to stop"),
+        ({"limits.motion.jerk_m_s3": 0}, "limits.motion.jerk_m_s3: .*greater than 0"),
+        ({"arm.velocity_deadman_s": 0}, "arm.velocity_deadman_s: .*greater than 0"),
+        ({"arm.velocity_deadman_s": -1}, "arm.velocity_deadman_s: .*greater than 0"),
+        ({"arm.velocity_deadman_s": float("nan")}, "arm.velocity_deadman_s"),
+        ({"hand.rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "hand: rotation is mirrored"),
+        (
+            {"hand.rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]},
+            "hand: rotation must be orthonormal",
+        ),
+        ({"clutch.release_below": 0.7}, "release_below must be smaller"),
+        ({"policy.allocation.static_weights": {"eih": 1.0}}, "static_weights must name each"),
+        ({"video.views": ["eih", "gt"]}, "policy.weights name"),
+        ({"limits.box_min_mm": [0, 0, 500]}, "box_min_mm must be below box_max_mm"),
+        ({"version": 2}, "version"),
+    ],
+)
+def test_a_wrong_value_is_named_with_file_key_and_reason(overrides, sentence):
+    with pytest.raises(ConfigError, match=f"{DEFAULT_CONFIG.name}: .*{sentence}"):
+        load_config(None, overrides)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("a: [1", "is not valid YAML"),
+        ("- 1\n- 2\n", "must hold keys and values"),
+        ("version: 1\ninclude: [missing.yaml]\n", "missing.yaml: cannot be read"),
+        ("version: 1\ninclude: 3\n", "include: must be a list"),
+    ],
+)
+def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        load_config(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_one_sentence(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.yaml: cannot be read: No such file"):
+        load_config(tmp_path / "none.yaml")
+
+
+@given(st.floats(0.001, 2), st.floats(0.1, 50), st.floats(1, 1000))
+def test_the_stop_time_is_that_of_a_jerk_limited_ramp(speed, acceleration, jerk):
+    """Integrate the ramp: jerk down to -a, hold, jerk back; the speed must end at zero."""
+    total = stop_time_s(speed, acceleration, jerk)
+    ramp = min(acceleration / jerk, total / 2)
+    shed = jerk * ramp * (total - ramp)
+    assert shed == pytest.approx(speed, rel=1e-6)
