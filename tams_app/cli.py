@@ -1,0 +1,230 @@
+"""The command line: commands and options only. Heavy rooms are imported by the command that needs
+them, so that `--help` and the small tools answer at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.exceptions import TyperException
+
+from tams_app import __version__
+from tams_app.config import load_config
+from tams_app.errors import ConfigError, TamsError
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+MAX_KBPS = 1e9  # keeps infinity out
+
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
+]
+
+
+def main() -> None:
+    """Run the command line; without a command it is `run`. Errors are one sentence."""
+    sys.exit(_main(sys.argv[1:]))
+
+
+def _main(arguments: list[str]) -> int:
+    debug = "--debug" in arguments
+    arguments = [argument for argument in arguments if argument != "--debug"]
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
+        arguments.insert(0, "run")
+    try:
+        return app(arguments, prog_name="run_tams.py", standalone_mode=False) or 0
+    except TamsError as error:
+        if debug:
+            raise
+        typer.echo(f"tams: {error}", err=True)
+        return error.exit_code
+    except TyperException as error:
+        typer.echo(f"tams: {error.format_message()} (see run_tams.py --help)", err=True)
+        return 2
+
+
+_GLOBAL_OPTIONS = ("--help", "--version")
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"TAMS {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _tams(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="And exit.")
+    ] = False,
+) -> None:
+    """Task-aware multi-view adaptive streaming for wireless telerobotic manipulation.
+
+    Every command takes --debug: a traceback instead of one sentence.
+    """
+
+
+@app.command()
+def run(
+    config: ConfigOption = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="The rig's devices, not the config's.")
+    ] = False,
+    strategy: Annotated[str | None, typer.Option(help="equal, static or tams.")] = None,
+    network: Annotated[str | None, typer.Option(help="s1, s2, s3, none or a trace file.")] = None,
+    budget: Annotated[str | None, typer.Option(help="oracle or sender.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No windows.")] = False,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
+    ] = False,
+    record_reference: Annotated[
+        bool, typer.Option("--record-reference", help="Keep lossless captures too.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
+) -> None:
+    """Teleoperate: on the simulated rig, one pick-and-place by a scripted operator."""
+    settings = load_config(
+        config,
+        _given(
+            {
+                "rig.enabled": True if sim else None,
+                "strategy": strategy,
+                "network": network,
+                "policy.budget.mode": budget,
+                "seconds": seconds,
+                "seed": seed,
+                "headless": True if headless else None,
+                "recording.record_reference": True if record_reference else None,
+                "recording.directory": str(out) if out else None,
+            }
+        ),
+    )
+    if arm and not settings.rig.enabled:
+        raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
+    from tams_app.console.app import run_session
+
+    raise typer.Exit(run_session(settings, arm_at_once=arm))
+
+
+@app.command()
+def doctor(config: ConfigOption = None) -> None:
+    """Check this machine, and print the fix for each thing that is missing."""
+    from tams_app.console.doctor import run_doctor
+
+    raise typer.Exit(run_doctor(load_config(config)))
+
+
+@app.command()
+def report(log: Annotated[Path, typer.Argument(help="A session folder.")]) -> None:
+    """Make summary.json and bitrates.png anew from a session's log."""
+    from tams_app.console.app import report_session
+
+    report_session(log)
+
+
+@app.command()
+def network(
+    name: Annotated[str, typer.Argument(help="A condition of the configuration: s1, s2, s3.")],
+    interface: Annotated[str, typer.Option(help="The network interface the video leaves by.")],
+    action: Annotated[
+        str, typer.Option(help="print, apply or remove; only print changes nothing.")
+    ] = "print",
+    config: ConfigOption = None,
+) -> None:
+    """Emulate a network condition on real hardware's video interface with `tc`."""
+    from tams_app.video.netem import run_network
+
+    run_network(load_config(config), name, interface, action, typer.echo)
+
+
+@app.command()
+def phases(
+    file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
+    out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
+    no_smoothing: Annotated[
+        bool, typer.Option("--no-smoothing", help="The speeds are smoothed already.")
+    ] = False,
+    v_eps_mm_s: Annotated[float | None, typer.Option()] = None,
+    vz_min_mm_s: Annotated[float | None, typer.Option()] = None,
+    align_dwell_s: Annotated[float | None, typer.Option()] = None,
+    pre_release_dwell_s: Annotated[float | None, typer.Option()] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Algorithm 1 over a table: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed)."""
+    from tams_app.policy.offline import label_phases
+    from tams_app.policy.phases import PhaseParameters
+
+    settings = load_config(
+        config,
+        _given(
+            {
+                "policy.phases.v_eps_mm_s": v_eps_mm_s,
+                "policy.phases.vz_min_mm_s": vz_min_mm_s,
+                "policy.phases.align_dwell_s": align_dwell_s,
+                "policy.phases.pre_release_dwell_s": pre_release_dwell_s,
+            }
+        ),
+    ).policy.phases
+    smoothing_s = None if no_smoothing else settings.smoothing_ms / 1000
+    labelled = label_phases(_read(file), str(file), PhaseParameters.of(settings), smoothing_s)
+    if out is None:
+        typer.echo(labelled, nl=False)
+    else:
+        _write(out, labelled)
+
+
+@app.command()
+def allocate(
+    phase: Annotated[
+        str, typer.Option(help="REACH, ALIGN, GRASP, TRANSPORT, PRE_RELEASE, RELEASE")
+    ],
+    budget_kbps: Annotated[
+        float, typer.Option(min=0, max=MAX_KBPS, help="B, after the safety factor.")
+    ],
+    floor_kbps: Annotated[float | None, typer.Option(min=0, max=MAX_KBPS)] = None,
+    strategy: Annotated[str | None, typer.Option(help="equal, static or tams.")] = None,
+    as_json: Annotated[bool, typer.Option("--json")] = False,
+    config: ConfigOption = None,
+) -> None:
+    """The targets the allocation rule gives each view."""
+    from tams_app.policy.allocation import allocate as allocation_rule
+    from tams_app.policy.allocation import make_strategy
+    from tams_app.records import Phase
+
+    settings = load_config(config, _given({"policy.allocation.floor_kbps": floor_kbps}))
+    if phase not in Phase.__members__:
+        raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")
+    chosen = make_strategy(strategy or settings.strategy, settings.policy)
+    floor = settings.policy.allocation.floor_kbps
+    targets = allocation_rule(chosen.weights(Phase[phase]), budget_kbps, floor)
+    if as_json:
+        typer.echo(json.dumps(targets))
+    else:
+        for view, kbps in targets.items():
+            typer.echo(f"{view}  {kbps} kbit/s")
+
+
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    """The options that were given, as configuration overrides."""
+    return {key: value for key, value in options.items() if value is not None}
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text") from error
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
