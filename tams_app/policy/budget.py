@@ -24,16 +24,14 @@ class KnownCapacity(Protocol):
 
 
 class OracleBudget:
-    """The configured capacity; of a trace the mean of its last window, without look-ahead."""
+    """The link's own rate, a trace's as the mean of its last window (no look-ahead), up to a maximum."""
 
-    def __init__(self, capacity: KnownCapacity | None, config: BudgetConfig) -> None:
+    def __init__(self, capacity: KnownCapacity, config: BudgetConfig) -> None:
         self._capacity = capacity
         self._max_kbps = config.max_kbps
         self._window_ns = round(config.trace_window_ms * NS_PER_MS)
 
     def capacity_kbps(self, now_ns: int) -> float:
-        if self._capacity is None:
-            return self._max_kbps
         return min(self._max_kbps, self._capacity.mean_kbps(now_ns - self._window_ns, now_ns))
 
 

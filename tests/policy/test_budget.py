@@ -2,6 +2,7 @@
 
 import pytest
 
+from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import BudgetConfig, load_config
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import OracleBudget, SenderBudget
@@ -29,7 +30,7 @@ def test_the_oracle_sees_the_last_window_and_nothing_ahead():
 
 
 def test_without_a_bottleneck_the_oracle_gives_the_configured_maximum():
-    assert OracleBudget(None, BudgetConfig(max_kbps=20_000)).capacity_kbps(0) == 20_000
+    assert OracleBudget(UnlimitedCapacity(), BudgetConfig(max_kbps=20_000)).capacity_kbps(0) == 20_000
 
 
 def test_the_sender_budget_starts_as_configured_and_then_follows_what_was_sent():

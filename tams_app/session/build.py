@@ -1,0 +1,61 @@
+"""From the configuration to the parts that need no thread: one small function each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.arm import ServoMode
+from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
+from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
+from tams_app.capacity import Capacity
+from tams_app.clock import NS_PER_MS
+from tams_app.config import Config, Network
+from tams_app.policy.allocation import make_strategy
+from tams_app.policy.budget import Budget, OracleBudget, SenderBudget
+from tams_app.policy.engine import Policy
+from tams_app.policy.phases import PhaseParameters, PhaseTracker
+from tams_app.policy.tcp_speed import SmoothedSpeed
+from tams_app.study.trial import TaskGeometry
+from tams_app.teleop.loop import Teleop
+from tams_app.video.repair import RepairRule
+
+
+def servo(config: Config) -> ServoMode:
+    """How the arm is moved."""
+    return ServoMode(config.arm.servo)
+
+
+def teleop(config: Config, network: Network, rule: RepairRule) -> Teleop:
+    """Clutch to limits, for the Lite 6 with the configured tool."""
+    model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
+    ready = model.tcp_pose(np.radians(np.array(config.arm.ready_joints_deg)))
+    picture_delay_ns = round((network.latency_ms + rule.latency_ms) * NS_PER_MS)
+    return Teleop(config, model, ready.rotation, picture_delay_ns)
+
+
+def phase_tracker(config: Config) -> PhaseTracker:
+    """Algorithm 1 with the configured thresholds."""
+    return PhaseTracker(PhaseParameters.of(config.policy.phases))
+
+
+def smoothed_speed(config: Config) -> SmoothedSpeed:
+    """v̄ and v̄_z of the measured TCP."""
+    return SmoothedSpeed(config.policy.phases.smoothing_ms / 1000)
+
+
+def policy(config: Config, capacity: Capacity) -> tuple[Policy, SenderBudget | None]:
+    """Strategy, budget and allocation; the sender's budget besides, if that is the one in use."""
+    settings = config.policy
+    strategy = make_strategy(config.strategy, settings)
+    sender = SenderBudget(settings.budget) if settings.budget.mode == "sender" else None
+    budget: Budget = sender or OracleBudget(capacity, settings.budget)
+    return Policy(strategy, budget, settings), sender
+
+
+def task_geometry() -> TaskGeometry:
+    """Sizes of the simulated rig's things, for the rules of the trial."""
+    return TaskGeometry(
+        container_inner=CONTAINER_INNER_M,
+        container_height=CONTAINER_HEIGHT_M,
+        block_rest_height=BLOCK_HEIGHT_M / 2,
+    )

@@ -1,0 +1,54 @@
+"""The folder a session leaves behind."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+
+from tams_app.config import Config, dump_config
+from tams_app.errors import LogError
+
+_BYTES_PER_MB = 1_000_000
+
+
+def create_session_folder(config: Config, now: time.struct_time | None = None) -> Path:
+    """Make `<directory>/<time>-<name>/` with the effective configuration in it.
+
+    Two sessions of the same second get different folders. LogError if it cannot be made or the
+    disk is nearly full.
+    """
+    stamp = time.strftime("%Y%m%d-%H%M%S", now or time.localtime())
+    parent = Path(config.recording.directory).expanduser().resolve()
+    try:
+        parent.mkdir(parents=True, exist_ok=True)
+        check_free_space(parent, config.recording.min_free_mb)
+        folder = _make_unique(parent, f"{stamp}-{config.name}")
+        (folder / "config.yaml").write_text(dump_config(config), encoding="utf-8")
+    except OSError as error:
+        raise LogError(
+            f"{parent}: no session folder can be made there ({error.strerror}): "
+            "choose another one with --out"
+        ) from error
+    return folder
+
+
+def check_free_space(directory: Path, min_free_mb: float) -> None:
+    """LogError if less than `min_free_mb` is free on the disk of `directory`."""
+    free_mb = shutil.disk_usage(directory).free / _BYTES_PER_MB
+    if free_mb < min_free_mb:
+        raise LogError(
+            f"{directory}: only {free_mb:.0f} MB are free, {min_free_mb:.0f} MB are needed: "
+            "make room, or choose another disk with --out"
+        )
+
+
+def _make_unique(parent: Path, name: str) -> Path:
+    for attempt in range(1, 1000):
+        folder = parent / (name if attempt == 1 else f"{name}-{attempt}")
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        return folder
+    raise LogError(f"{parent}: holds a thousand sessions named {name}: clean it up")

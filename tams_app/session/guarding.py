@@ -1,0 +1,65 @@
+"""The guard process as the session sees it: armed with the arm, fed by the control loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hw.guard_link import GuardLink
+from tams_app.clock import NS_PER_MS
+from tams_app.config import ArmConfig
+from tams_app.process import HelperProcess
+from tams_app.session.signals import Signals
+from tams_app.teleop.safety import ArmingState, Reason
+
+SILENCE_NS = 200 * NS_PER_MS  # without an answer the guard is gone
+
+_ARMED = (ArmingState.READY, ArmingState.ENGAGED, ArmingState.HOLDING)
+
+
+class Guarding:
+    """Starts the guard, beats it from the control loop, and turns its silence into a fault."""
+
+    def __init__(self, arm: ArmConfig, log_directory: Path, signals: Signals) -> None:
+        specification = {
+            "host": arm.host,
+            "control_port": arm.control_port,
+            "reply_timeout_s": arm.reply_timeout_s,
+            "heartbeat_timeout_ms": arm.guard.heartbeat_timeout_ms,
+        }
+        self.process = HelperProcess("guard", "hw.guard", specification, log_directory)
+        self._signals = signals
+        self._link: GuardLink | None = None
+
+    def start(self) -> None:
+        """Start the process without waiting; see `wait_ready`."""
+        self.process.start()
+
+    def wait_ready(self) -> None:
+        """Connect to the guard; HelperError if it could not start."""
+        ready = self.process.wait_ready()
+        self._link = GuardLink(int(ready["port"]), SILENCE_NS)
+
+    def follow(self, arming: ArmingState) -> None:
+        """Arm and disarm the guard with the arm. In the control thread."""
+        link = self._link
+        if link is None or link.armed == (arming in _ARMED):
+            return
+        if arming in _ARMED:
+            link.arm()
+        else:
+            link.disarm()
+
+    def beat(self, now_ns: int) -> None:
+        """One heartbeat. In the control thread; does not block."""
+        link = self._link
+        if link is None:
+            return
+        link.beat(now_ns)
+        if not link.alive(now_ns):
+            self._signals.fault(Reason.GUARD_LOST)
+
+    def close(self) -> None:
+        """Disarm and end the guard; the arm must have been stopped before."""
+        if self._link is not None:
+            self._link.close()
+        self.process.stop()

@@ -1,0 +1,99 @@
+"""Everything the session leaves behind while it runs: the log and, if wanted, lossless captures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tams_app import __version__
+from tams_app.capacity import Capacity
+from tams_app.clock import Clock
+from tams_app.config import Config
+from tams_app.recording import Facts, Header, Recorder, ReferenceRecorder
+from tams_app.recording.topics import Recordable
+from tams_app.records import Frame, LinkCapacity, PacketRecord, PhaseChange
+
+LOG_NAME = "session.mcap"
+REFERENCE_NAME = "reference.mcap"
+_CAPACITY_WINDOW_NS = 50_000_000
+
+
+class Recorders:
+    """The log and the reference recorder of one session; nothing here blocks but `close`."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        folder: Path,
+        on_failure: Callable[[str, BaseException], None],
+    ) -> None:
+        started_ns = clock.now_ns()
+        wall_offset_ns = time.time_ns() - started_ns
+        header = _header(config, started_ns, wall_offset_ns)
+        free_mb = config.recording.min_free_mb
+        self._clock = clock
+        self._log = Recorder(folder / LOG_NAME, header, clock, free_mb, on_failure)
+        self._reference: ReferenceRecorder | None = None
+        if config.recording.record_reference:
+            self._reference = ReferenceRecorder(
+                folder / REFERENCE_NAME, wall_offset_ns, free_mb, on_failure
+            )
+            self._reference.start()
+        self._log.start()
+        self._last_capacity_kbps: float | None = None
+
+    def record(self, item: Recordable) -> None:
+        """Keep one record in the log."""
+        self._log.record(item)
+
+    def packets(self, packets: list[PacketRecord]) -> None:
+        """Keep the fates of a batch of datagrams."""
+        self._log.record_all(packets)
+
+    def capture(self, frame: Frame) -> None:
+        """Keep a captured frame's time, and its pixels if that was asked for."""
+        self._log.record(frame)
+        if self._reference is not None:
+            self._reference.record(frame)
+
+    def phase(self, change: PhaseChange) -> None:
+        """Keep the beginning of a phase."""
+        self._log.record(change)
+
+    def fact(self, name: str, value: str) -> None:
+        """Keep something that was learned after the start."""
+        self._log.record(Facts(self._clock.now_ns(), {name: value}))
+
+    def capacity(self, now_ns: int, capacity: Capacity) -> None:
+        """Keep what the link truly carries, when that has changed."""
+        kbps = capacity.mean_kbps(now_ns - _CAPACITY_WINDOW_NS, now_ns)
+        if kbps != self._last_capacity_kbps:
+            self._last_capacity_kbps = kbps
+            self._log.record(LinkCapacity(now_ns, kbps))
+
+    def close(self) -> None:
+        """Write what is queued and finish the files."""
+        if self._reference is not None:
+            self._reference.close()
+        self._log.close()
+
+
+def _header(config: Config, started_ns: int, wall_offset_ns: int) -> Header:
+    return Header(
+        version=__version__,
+        name=config.name,
+        seed=config.seed,
+        strategy=config.strategy,
+        network=config.network,
+        budget_mode=config.policy.budget.mode,
+        servo=config.arm.servo,
+        control_rate_hz=config.control.rate_hz,
+        views=config.video.views,
+        fps=config.video.fps,
+        weights=config.policy.weights.matrix,
+        started_ns=started_ns,
+        wall_offset_ns=wall_offset_ns,
+        config=config.model_dump(mode="json"),
+    )

@@ -1,0 +1,98 @@
+"""The simulated rig as the session sees it: processes to start, and devices like any other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hw.camera import Camera
+from hw.controller import Controller
+from hw.sim.camera import SimCamera
+from hw.sim.operator import Operator
+from hw.sim.perception import TruePerception
+from hw.sim.shared_block import new_memory_name, remove_memory
+from hw.sim.truth import TruthReader
+from hw.sim.virtual_controller import VirtualController
+from hw.sim.world_memory import WorldWriter
+from tams_app.clock import Clock
+from tams_app.config import ArmConfig, Config
+from tams_app.process import HelperProcess
+from tams_app.records import SceneTruth
+
+LOOPBACK = "127.0.0.1"
+
+
+class SimulatedRig:
+    """World and arm controller in one process, the cameras' renderer in another."""
+
+    def __init__(self, config: Config, clock: Clock, log_directory: Path) -> None:
+        self._config = config
+        self._clock = clock
+        self._memory_name = new_memory_name()
+        self._truth: TruthReader | None = None
+        self._ports: tuple[int, int] | None = None
+        world = {
+            "memory_name": self._memory_name,
+            "seed": config.seed,
+            "host": LOOPBACK,
+            "control_port": 0,
+            "report_port": 0,
+            "start_joints_deg": config.arm.ready_joints_deg,
+        }
+        renderer = {
+            "memory_name": self._memory_name,
+            "seed": config.seed,
+            "fps": config.video.fps,
+            "nice": config.rig.render_nice,
+            "noise_sigma": config.rig.camera_noise_sigma,
+        }
+        self.helpers = {
+            "rig": HelperProcess("rig", "hw.sim.rig", world, log_directory),
+            "renderer": HelperProcess("renderer", "hw.sim.renderer", renderer, log_directory),
+        }
+
+    def start(self) -> None:
+        """Start the processes without waiting; see `wait_ready`."""
+        WorldWriter(self._memory_name).close()  # there before anybody reads: no order of starting
+        for helper in self.helpers.values():
+            helper.start()
+
+    def wait_ready(self) -> None:
+        """Wait until arm and cameras can be reached; HelperError if one could not start."""
+        ready = self.helpers["rig"].wait_ready()
+        self._ports = (int(ready["control_port"]), int(ready["report_port"]))
+        self._truth = TruthReader(self._memory_name)
+        self.helpers["renderer"].wait_ready()
+
+    def arm_config(self) -> ArmConfig:
+        """The configured arm at the rig's address."""
+        assert self._ports is not None, "wait until the rig is ready"
+        control_port, report_port = self._ports
+        return self._config.arm.model_copy(
+            update={"host": LOOPBACK, "control_port": control_port, "report_port": report_port}
+        )
+
+    def controller(self) -> Controller:
+        """The virtual controller in the scripted operator's hand."""
+        config = self._config
+        operator = Operator(
+            config.hand, config.rig.operator, TruePerception(self.truth), config.seed
+        )
+        return VirtualController(operator, config.rig.operator, config.seed)
+
+    def cameras(self) -> list[Camera]:
+        """One camera for each view."""
+        return [
+            SimCamera(view, self._memory_name, self._clock) for view in self._config.video.views
+        ]
+
+    def truth(self) -> SceneTruth | None:
+        """Where things really are; None before the world's first cycle."""
+        return self._truth.read() if self._truth else None
+
+    def close(self) -> None:
+        """End the processes and give the shared memory back, however they ended."""
+        if self._truth is not None:
+            self._truth.close()
+        for helper in self.helpers.values():
+            helper.stop()
+        remove_memory(self._memory_name)

@@ -1,0 +1,323 @@
+"""One session: every part built from the configuration, started, watched and stopped in order."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from hw.lite6 import Lite6
+from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.config import Config
+from tams_app.console.status import StatusSnapshot
+from tams_app.errors import TamsError
+from tams_app.policy.weights import WeightMatrix
+from tams_app.process import HelperProcess
+from tams_app.records import (
+    Allocation,
+    ArmState,
+    Frame,
+    Note,
+    Outcome,
+    PacketRecord,
+    Phase,
+    PhaseChange,
+    ShownFrame,
+)
+from tams_app.session import build
+from tams_app.session.captures import Capture
+from tams_app.session.control import ControlHooks, ControlLoop, describe
+from tams_app.session.guarding import Guarding
+from tams_app.session.load import LoadMonitor
+from tams_app.session.policy_loop import PolicyLoop
+from tams_app.session.realtime import use_fifo
+from tams_app.session.recorders import Recorders
+from tams_app.session.rig import SimulatedRig
+from tams_app.session.signals import Signals
+from tams_app.session.status import StatusBoard
+from tams_app.session.stops import StopWatch
+from tams_app.session.supervisor import ArmSupervisor
+from tams_app.session.trial_loop import TrialLoop
+from tams_app.session.uplink import Uplink, UplinkRecords, primary_age_ns
+from tams_app.study.trial import TrialJudge
+from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.video.networks import network_capacity, resolve_network
+from tams_app.worker import Worker
+
+GUARD_SILENCE_NS = 200 * NS_PER_MS
+
+
+class Session:
+    """Start it, `poll` it a few times a second until `ended`, then `close` it; once."""
+
+    def __init__(self, config: Config, clock: Clock, folder: Path, arm_at_once: bool) -> None:
+        self.config = config
+        self.folder = folder
+        self.signals = Signals()
+        self.ended = threading.Event()
+        self.failure = ""  # why the job failed, in one sentence
+        self._clock = clock
+        self._arm_at_once = arm_at_once
+        self._end_reason = ""
+        self._requested_end = ""
+        self._stack = ExitStack()
+        self._helpers: dict[str, HelperProcess] = {}
+        self._weights = WeightMatrix(config.policy.weights.matrix)
+        self._network = resolve_network(config, config.network)
+        self._judge = TrialJudge(config.trial, build.task_geometry())
+        self._started_ns = clock.now_ns()
+        self._arming = ArmingState.DISARMED
+        self.board = StatusBoard(config.video.views)
+
+    # --- start ----------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start everything; on failure what was started is stopped again, and the error raised."""
+        try:
+            self._start()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def _start(self) -> None:
+        config, clock = self.config, self._clock
+        helper_logs = self.folder / "helpers"
+        helper_logs.mkdir()
+        self._recorders = Recorders(config, clock, self.folder, self._on_worker_failure)
+        self._stack.callback(self._recorders.close)
+        self._record = self._recorders.record
+        self._rig = SimulatedRig(config, clock, helper_logs)
+        self._stack.callback(self._rig.close)
+        self._rig.start()
+        self._start_uplink(helper_logs)
+        self._rig.wait_ready()
+        self._helpers.update(self._rig.helpers)
+        self._start_arm(helper_logs)
+        self._start_workers()
+        gc.collect()
+        gc.freeze()  # what lives as long as the session need not be looked at again
+        self._stack.callback(gc.unfreeze)
+
+    def _start_uplink(self, helper_logs: Path) -> None:
+        epoch_ns = self._clock.now_ns()
+        self._capacity = network_capacity(self._network, epoch_ns)
+        self._policy, self._sender_budget = build.policy(self.config, self._capacity)
+        records = UplinkRecords(
+            encoded=self._record,
+            dropped=self._record,
+            shown=self._record,
+            packets=self._on_packets,
+            failed=self._on_worker_failure,
+        )
+        self._uplink = Uplink(
+            self.config, self._network, epoch_ns, self._clock, records, helper_logs
+        )
+        self._stack.callback(self._uplink.close)
+        first = self._policy.step(self._clock.now_ns(), Phase.REACH)
+        self._uplink.start(first.target_kbps)
+
+    def _start_arm(self, helper_logs: Path) -> None:
+        arm_config = self._rig.arm_config()
+        self._arm = Lite6(arm_config, self._clock, self.config.control.rate_hz)
+        self._stack.callback(self._arm.close)
+        self._guarding = Guarding(arm_config, helper_logs, self.signals)
+        self._stack.callback(self._guarding.close)
+        self._guarding.start()
+        self._arm.connect()
+        self._guarding.wait_ready()
+        self._helpers["guard"] = self._guarding.process
+        self._controller = self._rig.controller()
+        self._stack.callback(self._controller.close)
+        self._controller.start()
+
+    def _start_workers(self) -> None:
+        config, clock = self.config, self._clock
+        self._supervisor = ArmSupervisor(self._arm, build.servo(config), self.note)
+        self._stops = StopWatch(self._record)
+        self._stack.callback(self._stops.finish)
+        self._policy_loop = PolicyLoop(
+            clock,
+            config.policy.rate_hz,
+            self._policy,
+            before_step=self._before_policy,
+            apply=self._apply_allocation,
+        )
+        control = self._build_control()
+        self._run("arm-supervisor", self._supervisor.run)
+        self._run("policy", self._policy_loop.run)
+        for camera in self._rig.cameras():
+            camera.start()
+            self._stack.callback(camera.close)
+            capture = Capture(
+                camera, self._uplink.times[camera.view], [self._record_capture, self._uplink.push]
+            )
+            self._run(f"capture-{camera.view}", capture.run)
+        self._run("load", LoadMonitor(clock, self._helper_pids(), self._record).run)
+        self._run("trial", self._build_trial().run)
+        self._run("control", lambda stop: self._control_thread(control, stop))
+
+    def _helper_pids(self) -> dict[str, int]:
+        pids = {name: process.pid for name, process in self._helpers.items()}
+        pids["relay"] = self._uplink.relay_pid
+        return {name: pid for name, pid in pids.items() if pid is not None}
+
+    def _build_control(self) -> ControlLoop:
+        config = self.config
+        hooks = ControlHooks(
+            beat=self._guarding.beat,
+            video_age_ns=primary_age_ns(self._uplink, self._weights.primary_view),
+            request=self._supervisor.request,
+            arm_ready=lambda: self._supervisor.ready,
+            phase_began=self._on_phase,
+            record=self._record,
+            output=self._on_output,
+        )
+        return ControlLoop(
+            self._clock,
+            config.control.rate_hz,
+            self._controller,
+            self._arm,
+            build.teleop(config, self._network, self._uplink.rule),
+            build.phase_tracker(config),
+            build.smoothed_speed(config),
+            self.signals,
+            hooks,
+        )
+
+    def _build_trial(self) -> TrialLoop:
+        return TrialLoop(
+            self._clock,
+            self._judge,
+            self._rig.truth,
+            lambda: state.gripper_closed if (state := self._arm.state()) else None,
+            self._record,
+            ended=lambda: self.end("the trial is over"),
+        )
+
+    def _run(self, name: str, body: Callable[[threading.Event], None]) -> None:
+        worker = Worker(name, body, self._on_worker_failure)
+        self._stack.callback(worker.stop)
+        worker.start()
+
+    def _control_thread(self, control: ControlLoop, stop: threading.Event) -> None:
+        scheduler = use_fifo(self.config.control.realtime_priority)
+        self._recorders.fact("scheduler", scheduler.split(":")[0])
+        if scheduler != "fifo":
+            self.note("warning", f"control runs without real-time priority, {scheduler}")
+        if self._arm_at_once:
+            self.signals.confirm()
+        self._recorders.phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
+        control.run(stop)
+
+    # --- while it runs --------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Look after what nobody else does: helpers, pipelines, the clock. From the main thread."""
+        for name, process in self._helpers.items():
+            if process.exit_code is not None:
+                self.fail(f"the helper process {name} ended unasked; see {self.folder}/helpers")
+        if failure := self._uplink.poll():
+            self.fail(failure)
+        if self._requested_end:
+            self.end(self._requested_end)
+        limit_s = self.config.seconds
+        if limit_s is not None and self.elapsed_s() >= limit_s:
+            self.end(f"ended after {limit_s:g} s")
+
+    def elapsed_s(self) -> float:
+        """Seconds since the session began."""
+        return (self._clock.now_ns() - self._started_ns) / NS_PER_S
+
+    def end(self, reason: str) -> None:
+        """Let the session end; the first reason counts. From any thread."""
+        if not self.ended.is_set():
+            self._end_reason = reason
+            self.ended.set()
+
+    def request_end(self, reason: str) -> None:
+        """As `end`, for signal handlers: takes no lock, the next `poll` sees to it."""
+        self._requested_end = reason
+
+    def fail(self, sentence: str) -> None:
+        """The job has failed: stop the arm, let the session end with exit code 1."""
+        if not self.failure:
+            self.failure = sentence
+            self.note("error", sentence)
+        self.signals.fault(Reason.SESSION_FAILED)
+        self._arm.stop()
+        self.end(sentence)
+
+    def note(self, level: str, text: str) -> None:
+        """Keep a sentence in the log and show it."""
+        self.board.note(text)
+        self._record(Note(self._clock.now_ns(), level, text))
+
+    def shown(self, view: str) -> ShownFrame | None:
+        """The newest picture of `view`, for a window."""
+        return self._uplink.receivers[view].mailbox.latest()
+
+    def snapshot(self) -> StatusSnapshot:
+        """What the console shows at this moment."""
+        now_ns = self._clock.now_ns()
+        return self.board.snapshot(now_ns, self.elapsed_s(), self._uplink, self._capacity)
+
+    def close(self) -> Outcome:
+        """Stop the arm, then everything else in the reverse order of its start."""
+        self._arm.stop()
+        outcome = self._judge.outcome(self._end_reason)
+        self._record(outcome)
+        self._stack.close()
+        return outcome
+
+    # --- called by the parts --------------------------------------------------------------------
+
+    def _on_worker_failure(self, name: str, failure: BaseException) -> None:
+        if name == "control":
+            self._arm.stop()
+        sentence = str(failure) if isinstance(failure, TamsError) else f"{name}: {failure!r}"
+        self.fail(sentence)
+
+    def _on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        """In the control thread, after each tick."""
+        self._guarding.follow(output.arming)
+        if output.stop:
+            self._supervisor.stopped()
+        if output.arming is ArmingState.ENGAGED:
+            self._judge.engaged(now_ns)
+        if output.arming is not self._arming:
+            self._arming = output.arming
+            self._note_arming(output)
+        self._stops.observe(now_ns, output, arm)
+        self.board.tick(output)
+
+    def _note_arming(self, output: TeleopOutput) -> None:
+        if output.reason is None:
+            self.note("info", output.arming.value)
+        else:
+            what = f"{output.arming.value}, {describe(output)}"
+            self.note("warning", f"{what}. {output.reason.sentence}")
+
+    def _on_phase(self, change: PhaseChange) -> None:
+        self._recorders.phase(change)
+        self.board.phase = change.phase
+        self._policy_loop.enter(change.phase)
+
+    def _before_policy(self, now_ns: int) -> None:
+        if self._sender_budget is not None:
+            self._sender_budget.observe(now_ns, self._uplink.wire_bytes())
+        self._recorders.capacity(now_ns, self._capacity)
+
+    def _apply_allocation(self, allocation: Allocation) -> None:
+        self._uplink.set_targets(allocation.target_kbps)
+        self.board.allocation = allocation
+        self._record(allocation)
+
+    def _record_capture(self, frame: Frame) -> None:
+        self._recorders.capture(frame)
+
+    def _on_packets(self, packets: list[PacketRecord]) -> None:
+        self.board.packets(packets)
+        self._recorders.packets(packets)

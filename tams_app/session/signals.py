@@ -1,0 +1,51 @@
+"""What reaches the control loop from outside: confirmations, emergency stops, faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tams_app.teleop.safety import Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """What has come in since the last tick; faults stay until the session ends."""
+
+    confirm: bool
+    estop: bool
+    faults: tuple[Reason, ...]
+
+
+class Signals:
+    """Set from any thread, taken once per control tick.
+
+    Plain attributes on purpose: a signal handler must never wait for a lock.
+    """
+
+    def __init__(self) -> None:
+        self._confirm = False
+        self._estop = False
+        self._faults: tuple[Reason, ...] = ()
+
+    def confirm(self) -> None:
+        """The operator agrees: arm, or clear a fault."""
+        self._confirm = True
+
+    def estop(self) -> None:
+        """Emergency stop."""
+        self._estop = True
+
+    def fault(self, reason: Reason) -> None:
+        """Something the arm must not move without is gone, until the session ends."""
+        if reason not in self._faults:
+            self._faults = (*self._faults, reason)
+
+    def take(self) -> Pending:
+        """Everything pending; confirmations and stops are used up by this."""
+        pending = Pending(self._confirm, self._estop, self._faults)
+        # only what was seen is used up: a stop that comes in between is taken by the next tick
+        if pending.confirm:
+            self._confirm = False
+        if pending.estop:
+            self._estop = False
+        return pending

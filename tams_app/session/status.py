@@ -1,0 +1,101 @@
+"""What people look at while a session runs, collected from the threads that know it."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from tams_app.capacity import Capacity
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.console.status import StatusSnapshot, ViewStatus
+from tams_app.records import Allocation, PacketKind, PacketRecord, Phase
+from tams_app.session.control import describe
+from tams_app.session.uplink import Uplink
+from tams_app.teleop.records import TeleopOutput
+
+WINDOW_NS = 1 * NS_PER_S
+
+
+class StatusBoard:
+    """Written by control, policy and relay threads, read by the console."""
+
+    def __init__(self, views: tuple[str, ...]) -> None:
+        self.phase = Phase.REACH
+        self.allocation: Allocation | None = None
+        self._views = views
+        self._output: TeleopOutput | None = None
+        self._reason = ""
+        self._lock = threading.Lock()
+        self._packets: deque[PacketRecord] = deque()
+        self._notes: deque[str] = deque(maxlen=50)
+
+    def tick(self, output: TeleopOutput) -> None:
+        """The newest tick of the control loop."""
+        self._output = output
+        if output.reason is not None and output.arming.is_armed:
+            self._reason = describe(output)
+
+    def packets(self, packets: list[PacketRecord]) -> None:
+        """Newly decided packet fates; those older than the window are forgotten."""
+        with self._lock:
+            self._packets.extend(packets)
+            oldest_ns = self._packets[-1].entered_ns - WINDOW_NS if self._packets else 0
+            while self._packets and self._packets[0].entered_ns < oldest_ns:
+                self._packets.popleft()
+
+    def note(self, text: str) -> None:
+        """A sentence that the console should print."""
+        self._notes.append(text)
+
+    def take_notes(self) -> list[str]:
+        """Sentences not printed yet."""
+        notes = []
+        while self._notes:
+            notes.append(self._notes.popleft())
+        return notes
+
+    def snapshot(
+        self, now_ns: int, elapsed_s: float, uplink: Uplink, capacity: Capacity
+    ) -> StatusSnapshot:
+        """Everything at this moment."""
+        with self._lock:
+            packets = list(self._packets)
+        bits = dict.fromkeys(self._views, 0)
+        for packet in packets:
+            if packet.kind is not PacketKind.RTCP:
+                bits[packet.view] += packet.size_bytes * 8
+        per_kbps = 1000 * WINDOW_NS / NS_PER_S
+        targets = self.allocation.target_kbps if self.allocation else {}
+        ages = {view: uplink.age_ns(view, now_ns) for view in self._views}
+        output = self._output
+        return StatusSnapshot(
+            t_s=elapsed_s,
+            arming=output.arming.value if output else "starting",
+            deadman=output.deadman if output else False,
+            orientation_mode=output.orientation_mode if output else False,
+            phase=self.phase.value,
+            reason=self._reason,
+            views={
+                view: ViewStatus(
+                    target_kbps=targets.get(view),
+                    sent_kbps=bits[view] / per_kbps,
+                    shown_age_ms=None if (age := ages[view]) is None else age / NS_PER_MS,
+                )
+                for view in self._views
+            },
+            link_kbps=sum(packet.size_bytes * 8 for packet in packets) / per_kbps,
+            capacity_kbps=_finite(capacity.mean_kbps(now_ns - WINDOW_NS, now_ns)),
+            queue_ms=_queue_ms(packets),
+        )
+
+
+def _finite(kbps: float) -> float | None:
+    return kbps if kbps != float("inf") else None
+
+
+def _queue_ms(packets: list[PacketRecord]) -> float | None:
+    """Sojourn in the bottleneck of the last packet that left it."""
+    for packet in reversed(packets):
+        if packet.departed_ns:
+            return (packet.departed_ns - packet.entered_ns) / NS_PER_MS
+    return None

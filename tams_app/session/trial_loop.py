@@ -1,0 +1,44 @@
+"""The trial on the simulated rig: reads where things are, asks the judge."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from tams_app.clock import Clock, FixedRate
+from tams_app.records import SceneTruth
+from tams_app.study.trial import TrialJudge
+
+RATE_HZ = 30.0
+
+
+class TrialLoop:
+    """Steps the judge 30 times a second until the trial has ended; the body of a Worker."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        judge: TrialJudge,
+        truth: Callable[[], SceneTruth | None],
+        gripper_closed: Callable[[], bool | None],
+        record: Callable[[SceneTruth], None],
+        ended: Callable[[], None],
+    ) -> None:
+        self._clock = clock
+        self._judge = judge
+        self._truth = truth
+        self._gripper_closed = gripper_closed
+        self._record = record
+        self._ended = ended
+
+    def run(self, stop: threading.Event) -> None:
+        rate = FixedRate(self._clock, RATE_HZ)
+        while not stop.is_set():
+            rate.wait()
+            scene = self._truth()
+            if scene is None:
+                continue
+            self._record(scene)
+            if self._judge.step(self._clock.now_ns(), scene, self._gripper_closed()):
+                self._ended()
+                return
