@@ -1,0 +1,256 @@
+"""Kinematics of the UFACTORY Lite 6: forward, Jacobian and inverse, in metres and radians.
+
+Modified (Craig) DH parameters of UFACTORY's manual (FINDINGS 8). Joint angles are arrays of
+shape (6,), transforms of shape (4, 4) in the base frame (z up), twists and Jacobian rows
+(vx, vy, vz, wx, wy, wz) of the TCP, in the base frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tams_app.records import Pose, Vector
+
+Matrix: TypeAlias = NDArray[np.float64]
+
+JOINTS = 6
+BASE_TO_SHOULDER_M = 0.2433
+
+_THETA_0 = np.radians([0.0, -90.0, -90.0, 0.0, 0.0, 0.0])
+_D = np.array([BASE_TO_SHOULDER_M, 0.0, 0.0, 0.2276, 0.0, 0.0615])
+_ALPHA = np.radians([0.0, -90.0, 180.0, 90.0, 90.0, -90.0])
+_A = np.array([0.0, 0.0, 0.200, 0.087, 0.0, 0.0])
+
+# The SDK's table for axis 6, type 9 (xarm/core/config/x_config.py).
+JOINT_LOWER: Vector = np.radians([-360.0, -150.0, -3.5, -360.0, -124.0, -360.0])
+JOINT_UPPER: Vector = np.radians([360.0, 150.0, 300.0, 360.0, 124.0, 360.0])
+JOINT_SPEED_LIMITS: Vector = np.full(JOINTS, math.pi)
+HOME_JOINTS: Vector = np.radians([0.0, 9.9, 31.8, 0.0, 21.9, 0.0])
+
+# An inverse solution is good enough when position [m] and rotation [rad] are this close.
+IK_TOLERANCE = 1e-6
+_IK_MAX_STEP_RAD = 0.3
+_IK_MIN_DAMPING = 1e-12
+_IK_ERROR_DAMPING = 0.01
+_FOLLOW_TOLERANCE = 5e-6
+_LINEAR_STEP_RAD = 0.004  # what a step this small leaves out of the arc is 0.5·440 mm·0.004² < 5 µm
+
+
+def _link_constants() -> tuple[Matrix, Matrix, Matrix]:
+    """What does not depend on the angles: axes x and y before the turn (6, 4), the rest (6, 4, 2).
+
+    A link is Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d); only its first two columns turn.
+    """
+    before = np.zeros((JOINTS, 4, 4))
+    cos, sin = np.cos(_ALPHA), np.sin(_ALPHA)
+    before[:, 0, 0] = before[:, 3, 3] = 1.0
+    before[:, 1, 1], before[:, 1, 2] = cos, -sin
+    before[:, 2, 1], before[:, 2, 2] = sin, cos
+    before[:, 0, 3] = _A
+    origin = before[:, :, 3] + _D[:, None] * before[:, :, 2]
+    return before[:, :, 0], before[:, :, 1], np.stack([before[:, :, 2], origin], axis=2)
+
+
+_X_AXES, _Y_AXES, _FIXED_COLUMNS = _link_constants()
+
+for _constant in (JOINT_LOWER, JOINT_UPPER, JOINT_SPEED_LIMITS, HOME_JOINTS):
+    _constant.setflags(write=False)
+
+
+def link_frames(joints: Vector) -> Matrix:
+    """Frames of the six links in the base frame, shape (6, 4, 4); the last is the flange."""
+    angles = joints + _THETA_0
+    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    frames = np.empty((JOINTS, 4, 4))
+    frames[:, :, 0] = cos * _X_AXES + sin * _Y_AXES
+    frames[:, :, 1] = cos * _Y_AXES - sin * _X_AXES
+    frames[:, :, 2:] = _FIXED_COLUMNS
+    for link in range(1, JOINTS):
+        frames[link] = frames[link - 1] @ frames[link]
+    return frames
+
+
+def forward(joints: Vector) -> Matrix:
+    """The flange in the base frame, shape (4, 4)."""
+    flange: Matrix = link_frames(joints)[-1]
+    return flange
+
+
+def tcp_pose(joints: Vector, tcp_offset: Pose | None = None) -> Pose:
+    """The TCP in the base frame; `tcp_offset` is the TCP in the flange frame."""
+    return Lite6Model(tcp_offset).tcp_pose(joints)
+
+
+def jacobian(joints: Vector, tcp_offset: Pose | None = None) -> Matrix:
+    """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
+    return Lite6Model(tcp_offset).jacobian(joints)
+
+
+def solve_ik(target: Pose, seed: Vector, tcp_offset: Pose | None = None) -> Vector | None:
+    """Joints that put the TCP at `target`, found from `seed`; None if there are none near it."""
+    return Lite6Model(tcp_offset).solve_ik(matrix_from_pose(target), seed)
+
+
+class Lite6Model:
+    """The Lite 6 with a tool: satisfies the arm model that the safety limits ask for."""
+
+    joint_speed_limits: Vector = JOINT_SPEED_LIMITS  # [rad/s]
+
+    def __init__(self, tcp_offset: Pose | None = None) -> None:
+        self._offset = np.eye(4) if tcp_offset is None else matrix_from_pose(tcp_offset)
+
+    def tcp_matrix(self, joints: Vector) -> Matrix:
+        """The TCP in the base frame, shape (4, 4)."""
+        tcp: Matrix = link_frames(joints)[-1] @ self._offset
+        return tcp
+
+    def tcp_pose(self, joints: Vector) -> Pose:
+        """The TCP in the base frame."""
+        return pose_from_matrix(self.tcp_matrix(joints))
+
+    def jacobian(self, joints: Vector) -> Matrix:
+        """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
+        return self.tcp_and_jacobian(joints)[1]
+
+    def tcp_and_jacobian(self, joints: Vector) -> tuple[Matrix, Matrix]:
+        """`tcp_matrix` and `jacobian` for the price of one."""
+        frames = link_frames(joints)
+        tcp = frames[-1] @ self._offset
+        axis = frames[:, :3, 2]
+        lever = tcp[:3, 3] - frames[:, :3, 3]
+        rows = np.empty((6, JOINTS))
+        # the cross product axis x lever, written out: np.cross costs more than all the rest
+        rows[0] = axis[:, 1] * lever[:, 2] - axis[:, 2] * lever[:, 1]
+        rows[1] = axis[:, 2] * lever[:, 0] - axis[:, 0] * lever[:, 2]
+        rows[2] = axis[:, 0] * lever[:, 1] - axis[:, 1] * lever[:, 0]
+        rows[3:] = axis.T
+        return tcp, rows
+
+    def ik_step(self, joints: Vector, target: Matrix) -> tuple[Vector, Vector]:
+        """One damped least-squares step of `joints` towards `target`, shape (4, 4).
+
+        Also returns the error before the step: position [m] and rotation vector [rad], shape (6,).
+        The damping grows with the error (Levenberg-Marquardt), so that far targets and singular
+        poses do not make the joints jump and near ones converge fast.
+        """
+        change, error, _ = self._correction(joints, target)
+        return joints + change, error
+
+    def follow(self, target: Matrix, joints: Vector, max_steps: int = 10) -> Vector | None:
+        """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.
+
+        None if they are not found, as beyond the reach of the arm. Joint limits do not count.
+        """
+        for _ in range(max_steps):
+            change, error, rows = self._correction(joints, target)
+            joints = joints + change
+            left = float(np.abs(error - rows @ change).max())
+            if left < _FOLLOW_TOLERANCE and float(np.abs(change).max()) < _LINEAR_STEP_RAD:
+                return joints
+        return None
+
+    def _correction(self, joints: Vector, target: Matrix) -> tuple[Vector, Vector, Matrix]:
+        """Change of the joints, error before it, and Jacobian; see `ik_step`."""
+        tcp, rows = self.tcp_and_jacobian(joints)
+        error = np.empty(6)
+        error[:3] = target[:3, 3] - tcp[:3, 3]
+        error[3:] = rotation_vector(target[:3, :3] @ tcp[:3, :3].T)
+        damping = _IK_MIN_DAMPING + _IK_ERROR_DAMPING * float(error @ error)
+        normal = rows.T @ rows
+        normal.flat[:: JOINTS + 1] += damping
+        change = np.asarray(np.linalg.solve(normal, rows.T @ error), dtype=np.float64)
+        largest = float(np.abs(change).max())
+        if largest > _IK_MAX_STEP_RAD:
+            change *= _IK_MAX_STEP_RAD / largest
+        return change, error, rows
+
+    def solve_ik(self, target: Matrix, seed: Vector, max_steps: int = 60) -> Vector | None:
+        """Joints within their limits that put the TCP at `target`; None if `seed` leads to none."""
+        joints = seed
+        for _ in range(max_steps):
+            moved, error = self.ik_step(joints, target)
+            if float(np.abs(error).max()) < IK_TOLERANCE:
+                return joints if within_joint_limits(joints) else None
+            joints = moved
+        return None
+
+
+def within_joint_limits(joints: Vector) -> bool:
+    """Whether every joint is inside its mechanical range."""
+    return bool((joints >= JOINT_LOWER).all() and (joints <= JOINT_UPPER).all())
+
+
+def rotation_vector(matrix: Matrix) -> Vector:
+    """Axis times angle [rad] of a rotation matrix, shape (3,)."""
+    sine_axis: Vector = 0.5 * np.array(
+        [
+            matrix[2, 1] - matrix[1, 2],
+            matrix[0, 2] - matrix[2, 0],
+            matrix[1, 0] - matrix[0, 1],
+        ]
+    )
+    cosine = 0.5 * (matrix[0, 0] + matrix[1, 1] + matrix[2, 2] - 1.0)
+    sine = math.sqrt(float(sine_axis @ sine_axis))
+    if cosine < 0.0 and sine < 1e-3:  # near half a turn the axis is lost in the rounding
+        return np.asarray(Rotation.from_matrix(matrix).as_rotvec(), dtype=np.float64)
+    if sine < 1e-12:
+        return sine_axis
+    return sine_axis * (math.atan2(sine, cosine) / sine)
+
+
+def rotation_matrix(vector: Vector) -> Matrix:
+    """The rotation matrix of axis times angle [rad] (Rodrigues), shape (3, 3)."""
+    x, y, z = (float(part) for part in vector)
+    angle = math.sqrt(x * x + y * y + z * z)
+    skew: Matrix = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn: Matrix = np.eye(3) + skew
+    if angle > 1e-12:
+        half = math.sin(0.5 * angle) / angle
+        turn = np.eye(3) + (math.sin(angle) / angle) * skew + 2.0 * half * half * (skew @ skew)
+    return turn
+
+
+def rotation_from_rpy(rpy: Sequence[float] | Vector) -> Rotation:
+    """UFACTORY's roll, pitch, yaw [rad]: Rz(yaw) Ry(pitch) Rx(roll)."""
+    rotation: Rotation = Rotation.from_euler("xyz", rpy)
+    return rotation
+
+
+def rpy_from_matrix(matrix: Matrix) -> Vector:
+    """UFACTORY's roll, pitch, yaw [rad] of a rotation matrix, shape (3,)."""
+    return np.array(
+        [
+            math.atan2(matrix[2, 1], matrix[2, 2]),
+            math.asin(max(-1.0, min(1.0, -matrix[2, 0]))),
+            math.atan2(matrix[1, 0], matrix[0, 0]),
+        ]
+    )
+
+
+def pose_from_mm_rpy(values: Sequence[float] | Vector) -> Pose:
+    """A pose from x, y, z [mm] and roll, pitch, yaw [rad], as the controller writes it."""
+    return Pose(np.asarray(values[:3], dtype=np.float64) / 1000.0, rotation_from_rpy(values[3:6]))
+
+
+def offset_from_mm_deg(values: Sequence[float]) -> Pose:
+    """A TCP offset from x, y, z [mm] and roll, pitch, yaw [deg], as the configuration writes it."""
+    return pose_from_mm_rpy([*values[:3], *(math.radians(angle) for angle in values[3:6])])
+
+
+def matrix_from_pose(pose: Pose) -> Matrix:
+    """A pose as a transform, shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = pose.rotation.as_matrix()
+    matrix[:3, 3] = pose.position
+    return matrix
+
+
+def pose_from_matrix(matrix: Matrix) -> Pose:
+    """A transform, shape (4, 4), as a pose."""
+    return Pose(matrix[:3, 3].copy(), Rotation.from_matrix(matrix[:3, :3]))

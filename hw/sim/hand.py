@@ -1,0 +1,151 @@
+"""A human hand with a controller in it: smooth, a little shaky, and of limited reach.
+
+Everything is in the tracking frame (OpenVR: y up, right-handed).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tams_app.records import Vector
+
+REST_POSITION_M = (0.15, 1.05, -0.35)  # in front of a seated person
+WRIST_REACH_RAD = 0.8  # comfortable turn of the wrist either way
+FINGER_TRAVEL_S = 0.06  # trigger and grip, from free to fully pressed
+
+# A wished velocity is reached through two lags, which round off every start and stop: the
+# bell-shaped speed of human reaching (Flash and Hogan 1985) without a planned end time.
+_VELOCITY_LAG_S = 0.10
+_ACCELERATION_LAG_S = 0.025
+_MAX_SPEED_M_S = 0.6
+_MAX_SPEED_RAD_S = 3.0
+_MAX_ACCELERATION_M_S2 = 6.0
+_MAX_ACCELERATION_RAD_S2 = 25.0
+_STRETCH_GAIN_PER_S = 8.0  # outward speed allowed per metre left to the end of the reach
+_STRETCH_MARGIN = 0.05  # of the reach, never used
+
+# Physiological tremor lies between 8 and 12 Hz, about a tenth of a millimetre at rest.
+_TREMOR_HZ = (8.0, 12.0)
+_TREMOR_TONES = 3
+_TREMOR_M = 4e-5
+_TREMOR_RAD = 1e-4
+_MAX_STEP_S = 0.01
+
+
+class Button(Enum):
+    """What the thumb presses; it presses one thing at a time."""
+
+    A = "a"
+    B = "b"
+    MENU = "menu"
+
+
+@dataclass(frozen=True, slots=True)
+class HandWish:
+    """What the hand is asked to do next: velocities [m/s], [rad/s], shape (3,), and fingers."""
+
+    linear: Vector
+    angular: Vector
+    trigger: bool = False
+    grip: bool = False
+    button: Button | None = None
+
+    @staticmethod
+    def still(trigger: bool = False, grip: bool = False, button: Button | None = None) -> HandWish:
+        return HandWish(np.zeros(3), np.zeros(3), trigger, grip, button)
+
+
+class Joint3:
+    """Three coordinates that follow a wished velocity smoothly and never pass `reach`."""
+
+    def __init__(self, reach: float, max_speed: float, max_acceleration: float) -> None:
+        self.reach = reach
+        self.offset: Vector = np.zeros(3)  # from the rest point
+        self.velocity: Vector = np.zeros(3)
+        self._acceleration: Vector = np.zeros(3)
+        self._max_speed = max_speed
+        self._max_acceleration = max_acceleration
+
+    def step(self, wish: Vector, dt_s: float) -> None:
+        """Move on by `dt_s` <= 10 ms towards the velocity `wish`."""
+        velocity = self._within_reach(_bounded(wish, self._max_speed))
+        target = _bounded((velocity - self.velocity) / _VELOCITY_LAG_S, self._max_acceleration)
+        blend = 1.0 - math.exp(-dt_s / _ACCELERATION_LAG_S)
+        self._acceleration = self._acceleration + blend * (target - self._acceleration)
+        self.velocity = self.velocity + self._acceleration * dt_s
+        self.offset = self.offset + self.velocity * dt_s
+        self._stop_at_reach()
+
+    def _within_reach(self, wish: Vector) -> Vector:
+        """`wish` without the outward speed that could not be stopped before the end."""
+        coming = self.offset + _VELOCITY_LAG_S * self.velocity
+        distance = math.sqrt(coming @ coming)
+        if distance < 1e-9:
+            return wish
+        outward = coming / distance
+        room = self.reach * (1.0 - _STRETCH_MARGIN) - distance
+        excess = float(wish @ outward) - max(0.0, _STRETCH_GAIN_PER_S * room)
+        return wish - excess * outward if excess > 0.0 else wish
+
+    def _stop_at_reach(self) -> None:
+        """A stretched arm goes no further, however it came to be there."""
+        distance = math.sqrt(self.offset @ self.offset)
+        if distance > self.reach:
+            outward = self.offset / distance
+            self.offset = self.reach * outward
+            self.velocity = self.velocity - max(0.0, float(self.velocity @ outward)) * outward
+
+
+class Hand:
+    """Arm, wrist and fingers; `step` moves them, the attributes say where they are."""
+
+    def __init__(self, random: np.random.Generator, reach_m: float) -> None:
+        self.arm = Joint3(reach_m, _MAX_SPEED_M_S, _MAX_ACCELERATION_M_S2)
+        # A rotation vector.
+        self.wrist = Joint3(WRIST_REACH_RAD, _MAX_SPEED_RAD_S, _MAX_ACCELERATION_RAD_S2)
+        self.trigger = 0.0
+        self.grip = 0.0
+        self.button: Button | None = None
+        self._rest = np.array(REST_POSITION_M)
+        self._time_s = 0.0
+        shape = (_TREMOR_TONES, 6)
+        self._tremor_rad_s = 2.0 * math.pi * random.uniform(*_TREMOR_HZ, shape)
+        self._tremor_phase = random.uniform(0.0, 2.0 * math.pi, shape)
+        self._tremor_size = np.repeat((_TREMOR_M, _TREMOR_RAD), 3)
+
+    def step(self, wish: HandWish, dt_s: float) -> None:
+        """Move on by `dt_s` [s]; long steps are divided, the result hardly depends on it."""
+        self._time_s += dt_s
+        parts = max(1, math.ceil(dt_s / _MAX_STEP_S))
+        for _ in range(parts):
+            self.arm.step(wish.linear, dt_s / parts)
+            self.wrist.step(wish.angular, dt_s / parts)
+        self.trigger = _press(self.trigger, wish.trigger, dt_s)
+        self.grip = _press(self.grip, wish.grip, dt_s)
+        self.button = wish.button
+
+    def pose(self) -> NDArray[np.float64]:
+        """Position [m] and rotation vector [rad] with tremor, shape (6,).
+
+        The wrist's rates are integrated as a rotation vector: exact about one axis, and within the
+        reach of a wrist close enough for a person who watches what happens.
+        """
+        phases = self._tremor_rad_s * self._time_s + self._tremor_phase
+        tremor = self._tremor_size * np.sin(phases).sum(axis=0)
+        steady = np.concatenate((self._rest + self.arm.offset, self.wrist.offset))
+        return np.asarray(steady + tremor)
+
+
+def _bounded(vector: Vector, size: float) -> Vector:
+    length = math.sqrt(vector @ vector)
+    return vector * (size / length) if length > size else vector
+
+
+def _press(value: float, pressed: bool, dt_s: float) -> float:
+    change = dt_s / FINGER_TRAVEL_S
+    return min(1.0, value + change) if pressed else max(0.0, value - change)

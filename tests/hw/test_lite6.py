@@ -1,0 +1,309 @@
+"""The Lite 6 driver beyond the arm's contract: set-up, time-outs, lost connections, its traces."""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hw.lite6_setup
+import hw.sim.controller_registers
+from hw.arm import ServoMode
+from hw.lite6 import Lite6
+from hw.sim.controller_codes import Register, State
+from hw.sim.controller_model import ReportKind
+from tams_app.clock import MonotonicClock
+from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Twist
+
+from .controller_rig import ControllerRig, controller, until
+
+SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
+
+
+@pytest.fixture
+def quick_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Setting up waits for the 5 Hz report several times; most tests need not."""
+    monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
+
+
+@pytest.fixture
+def rig(quick_reports: None) -> Iterator[ControllerRig]:
+    with controller() as made:
+        yield made
+
+
+def make_arm(config: ArmConfig, control_rate_hz: float = 120.0) -> Lite6:
+    return Lite6(config, MonotonicClock(), control_rate_hz)
+
+
+@pytest.fixture
+def arm(rig: ControllerRig) -> Iterator[Lite6]:
+    """Connected and enabled, with the reply time-out of the default configuration."""
+    made = make_arm(rig.config(ArmConfig().reply_timeout_s))
+    made.connect()
+    made.enable(ServoMode.VELOCITY)
+    yield made
+    made.close()
+
+
+def send_until(arm: Lite6, failure: str) -> bool:
+    def failed() -> bool:
+        arm.send_twist(SIDEWAYS)
+        return failure in arm.link().failure
+
+    return until(failed)
+
+
+# --- setting up ---------------------------------------------------------------------------------
+
+
+def test_the_controller_holds_the_configured_settings_once_enabled(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    config, settings = ArmConfig(), rig.model.settings
+    wanted = [*config.tcp_offset_mm_deg[:3], *map(math.radians, config.tcp_offset_mm_deg[3:])]
+    np.testing.assert_allclose(settings.tcp_offset, wanted, rtol=1e-6)
+    np.testing.assert_allclose(
+        settings.load, [config.tcp_load_kg, *config.tcp_load_centre_mm], rtol=1e-6
+    )
+    assert settings.collision_sensitivity == config.collision_sensitivity
+    assert settings.self_collision_check
+
+
+def test_a_setting_that_does_not_come_back_is_refused(
+    rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hw.lite6_setup, "REPORT_TIMEOUT_S", 0.5)
+    ignore(rig, Register.SET_TCP_OFFSET)
+    arm = make_arm(rig.config())
+    with pytest.raises(DeviceError, match="TCP offset"):
+        arm.connect()
+    arm.close()
+
+
+def test_connecting_stops_what_somebody_left_moving(rig: ControllerRig) -> None:
+    with rig.server.lock:
+        rig.model.enable(True)
+        rig.model.set_state(0)
+        rig.model.move_joints(rig.model.joints + 0.5, 0.1, 1.0)
+    arm = make_arm(rig.config())
+    arm.connect()
+    with rig.server.lock:
+        assert rig.model.commands_waiting == 0
+        assert rig.model.state == State.STOPPED
+    arm.close()
+
+
+def test_nobody_at_the_address_is_one_sentence_with_the_address() -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+        arm = make_arm(ArmConfig(control_port=port))
+        with pytest.raises(DeviceError, match=rf"No arm answers at 127\.0\.0\.1:{port}"):
+            arm.connect()
+        arm.close()
+
+
+def test_a_peer_that_accepts_but_does_not_answer_is_told_apart() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        arm = make_arm(ArmConfig(control_port=silent.getsockname()[1]))
+        with pytest.raises(DeviceError, match="does not answer"):
+            arm.connect()
+        arm.close()
+
+
+def test_reports_at_the_controllers_true_rates_will_do() -> None:
+    with controller() as rig:
+        arm = make_arm(rig.config())
+        arm.connect()
+        arm.enable(ServoMode.VELOCITY)
+        arm.send_twist(SIDEWAYS)
+        assert until(lambda: arm.link().sent == 1)
+        assert arm.link().failure == ""
+        arm.close()
+
+
+def test_firmware_without_a_deadman_is_refused() -> None:
+    with controller(firmware="1.7.9") as old:
+        arm = make_arm(old.config())
+        with pytest.raises(DeviceError, match=r"older than 1\.8\.0"):
+            arm.connect()
+        arm.close()
+
+
+def test_another_kind_of_arm_is_refused(
+    rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        hw.sim.controller_registers, "version_text", lambda firmware: f"6,12,A,B,v{firmware}"
+    )
+    arm = make_arm(rig.config())
+    with pytest.raises(DeviceError, match="no Lite 6"):
+        arm.connect()
+    arm.close()
+
+
+def test_two_arms_with_ports_of_their_own_live_in_one_process(rig: ControllerRig) -> None:
+    with controller() as other:
+        arms = [make_arm(rig.config()), make_arm(other.config())]
+        for arm in arms:
+            arm.connect()
+            arm.enable(ServoMode.VELOCITY)
+        arms[1].set_gripper(True)
+        assert until(lambda: other.model.settings.tool_outputs != 0)
+        assert rig.model.settings.tool_outputs == 0
+        for arm in arms:
+            assert arm.link().failure == ""
+            arm.close()
+
+
+# --- leaving no traces --------------------------------------------------------------------------
+
+
+def test_connecting_prints_nothing_and_leaves_other_sockets_time_outs_alone(
+    arm: Lite6, capfd: pytest.CaptureFixture[str]
+) -> None:
+    arm.stop()
+    arm.clear_errors()
+    arm.enable(ServoMode.VELOCITY)
+    arm.send_twist(SIDEWAYS)
+    assert until(lambda: arm.link().sent > 0)
+    assert socket.getdefaulttimeout() is None
+    assert capfd.readouterr() == ("", "")
+
+
+def test_closing_ends_every_thread(rig: ControllerRig) -> None:
+    def threads() -> set[threading.Thread]:
+        served = "arm-controller-"  # the controller's, not the driver's
+        return {t for t in threading.enumerate() if not t.name.startswith(served)}
+
+    before = threads()
+    arm = make_arm(rig.config())
+    arm.connect()
+    assert len(threads() - before) >= 4
+    arm.close()
+    assert threads() == before
+
+
+def test_the_threads_on_a_commands_way_can_be_given_real_time(arm: Lite6) -> None:
+    ids = arm.realtime_thread_ids
+    assert set(ids) == {"arm-sender", "arm-replies", "arm-report", "arm-stop"}
+    tasks = {int(task.name) for task in Path("/proc/self/task").iterdir()}
+    assert set(ids.values()) <= tasks
+    assert len(set(ids.values())) == 4
+
+
+# --- the command link ---------------------------------------------------------------------------
+
+
+def test_the_link_counts_and_times_acknowledged_commands(arm: Lite6) -> None:
+    before = arm.link()
+    arm.send_twist(SIDEWAYS)
+    assert until(lambda: arm.link().sent == before.sent + 1)
+    assert until(lambda: arm.link().acknowledged_ns > before.acknowledged_ns)
+    assert arm.link().round_trip_ns > 0
+
+
+def test_an_idle_link_is_kept_alive(arm: Lite6) -> None:
+    before = arm.link()
+    assert until(lambda: arm.link().acknowledged_ns > before.acknowledged_ns)
+    assert arm.link().sent == before.sent
+
+
+def test_replies_later_than_a_period_are_counted_as_slow_but_are_no_failure(
+    rig: ControllerRig,
+) -> None:
+    arm = make_arm(rig.config(reply_timeout_s=1.0))
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    rig.server.reply_delay_s = 0.02
+    slow = arm.link().slow
+    arm.send_twist(SIDEWAYS)
+    assert until(lambda: arm.link().slow > slow)
+    assert arm.link().failure == ""
+    rig.server.reply_delay_s = 0.0
+    arm.close()
+
+
+def test_an_arm_that_no_longer_answers_is_a_failure(rig: ControllerRig, arm: Lite6) -> None:
+    rig.server.reply_delay_s = 30.0
+    assert send_until(arm, "does not answer")
+    rig.server.reply_delay_s = 0.0
+
+
+def test_a_stop_does_not_wait_for_a_hanging_command(rig: ControllerRig, arm: Lite6) -> None:
+    before = arm.link()
+    rig.server.reply_delay_s = 30.0
+    arm.send_twist(SIDEWAYS)
+    assert until(lambda: arm.link().sent > before.sent)
+    arm.stop()
+    assert until(lambda: rig.model.state == State.STOPPED)
+    rig.server.reply_delay_s = 0.0
+
+
+def test_a_lost_connection_is_a_failure_and_connecting_anew_mends_it(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    rig.server.drop_connections()
+    assert until(lambda: arm.link().failure != "")
+    with pytest.raises(DeviceError):
+        arm.enable(ServoMode.VELOCITY)
+    arm.close()
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    assert arm.link().failure == ""
+
+
+def test_closing_works_when_the_arm_has_gone(rig: ControllerRig, arm: Lite6) -> None:
+    rig.server.close()
+    assert until(lambda: arm.link().failure != "")
+    arm.stop()
+    arm.close()
+    arm.close()
+
+
+def test_a_stop_while_enabling_wins(rig: ControllerRig, arm: Lite6) -> None:
+    arm.stop()
+    enabling = Register.MOTION_ENABLE
+    handle = rig.model.handle
+
+    def stop_meanwhile(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register == enabling:
+            arm.stop()
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = stop_meanwhile  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match="stopped meanwhile"):
+        arm.enable(ServoMode.VELOCITY)
+    assert until(lambda: rig.model.state == State.STOPPED)
+    sent = arm.link().sent
+    arm.send_twist(SIDEWAYS)
+    assert arm.link().sent == sent
+
+
+def test_a_gripper_that_does_not_do_as_it_was_told_is_a_failure(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    ignore(rig, Register.TOOL_GPIO_WRITE)
+    arm.set_gripper(True)
+    assert until(lambda: "gripper's outputs" in arm.link().failure)
+    state = arm.state()
+    assert state is not None
+    assert state.gripper_closed is None
+
+
+def ignore(rig: ControllerRig, ignored: Register) -> None:
+    """Let the controller acknowledge writes to `ignored` without doing anything."""
+    handle = rig.model.handle
+
+    def deaf(register: int, payload: bytes, now_ns: int) -> bytes:
+        return bytes(1) if register == ignored else handle(register, payload, now_ns)
+
+    rig.model.handle = deaf  # type: ignore[method-assign]
