@@ -1,0 +1,207 @@
+"""The same uplink conditions on real hardware: `tc` on the interface the video leaves by.
+
+netem gives delay, jitter and loss, its child tbf the rate and the queue in bytes. Where the
+kernel has no netem, the rate alone can be set. What differs from `link.Link`: packets are lost
+and delayed before the bottleneck instead of behind it, and tbf counts the 14 bytes of an Ethernet
+header too (1 % of a full packet). Everything that leaves by the interface is shaped, not video
+alone: the arm must be reached by another one.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+from tams_app.config import Config, Network
+from tams_app.errors import ConfigError, SetupError
+from tams_app.video.loss import good_to_bad
+from tams_app.video.networks import resolve_network
+
+Runner = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+
+_TIMEOUT_S = 10
+_SMALLEST_BURST_BYTES = 3100  # two full Ethernet frames
+_SMALLEST_PACKET_BYTES = 256  # mean size at which netem's packet limit must still hold
+# With a rate, netem counts each packet's delay from the one before, so jitter cannot reorder;
+# this one is too fast to be felt (1 µs a packet).
+_ORDERING_RATE = "10gbit"
+
+
+def commands(network: Network, interface: str) -> list[list[str]]:
+    """The `tc` calls that give `interface` the conditions of `network`; ConfigError if none can."""
+    _refuse_loopback(interface)
+    _refuse_trace(network)
+    netem, tbf = _netem(network), _tbf(network)
+    if netem is None and tbf is None:
+        raise ConfigError("this network has no delay, loss or rate to set; use remove instead")
+    if netem is None or tbf is None:
+        return [_replace(interface, "root", "1:", netem or tbf or [])]
+    return [
+        _replace(interface, "root", "1:", netem),
+        _replace(interface, "parent 1:1", "2:", tbf),
+    ]
+
+
+def rate_commands(network: Network, interface: str) -> list[list[str]]:
+    """The rate and its queue alone, for a kernel without netem."""
+    _refuse_loopback(interface)
+    _refuse_trace(network)
+    tbf = _tbf(network)
+    if tbf is None:
+        raise ConfigError("this network has no rate to set")
+    return [_replace(interface, "root", "1:", tbf)]
+
+
+def remove_commands(interface: str) -> list[list[str]]:
+    """The call that gives `interface` its own queue back."""
+    _refuse_loopback(interface)
+    return [["tc", "qdisc", "del", "dev", interface, "root"]]
+
+
+def _replace(interface: str, where: str, handle: str, discipline: list[str]) -> list[str]:
+    place = [*where.split(), "handle", handle]
+    return ["tc", "qdisc", "replace", "dev", interface, *place, *discipline]
+
+
+def _netem(network: Network) -> list[str] | None:
+    options: list[str] = []
+    if network.latency_ms or network.jitter_ms:
+        options += ["delay", f"{network.latency_ms:g}ms"]
+        if network.jitter_ms:
+            options += [f"{network.jitter_ms:g}ms"]
+    if network.loss_burst > 1 and network.loss:
+        fail = good_to_bad(network.loss, network.loss_burst)
+        options += ["loss", "gemodel", f"{100 * fail:.6g}%", f"{100 / network.loss_burst:.6g}%"]
+    elif network.loss:
+        options += ["loss", f"{100 * network.loss:.6g}%"]
+    if not options:
+        return None
+    return ["netem", "limit", str(_netem_packets(network)), *options, "rate", _ORDERING_RATE]
+
+
+def _netem_packets(network: Network) -> int:
+    """Packets under way at once, so that netem's own limit never drops one; at least 1000."""
+    under_way_s = (network.latency_ms + network.jitter_ms) / 1000
+    kbps = network.rate_kbps or 100_000.0
+    return max(1000, math.ceil(2 * under_way_s * kbps * 1000 / 8 / _SMALLEST_PACKET_BYTES))
+
+
+def _tbf(network: Network) -> list[str] | None:
+    if network.rate_kbps is None:
+        return None
+    queue_bytes = max(network.queue_ms * network.rate_kbps / 8, network.queue_min_bytes)
+    burst_bytes = max(_SMALLEST_BURST_BYTES, network.rate_kbps / 8)  # 1 ms
+    rate = f"{round(network.rate_kbps * 1000)}bit"
+    return ["tbf", "rate", rate, "burst", f"{burst_bytes:.0f}", "limit", f"{queue_bytes:.0f}"]
+
+
+def _refuse_loopback(interface: str) -> None:
+    flags = Path("/sys/class/net", interface, "flags")
+    loopback = interface == "lo" or (flags.is_file() and int(flags.read_text(), 16) & 0x8)
+    if loopback:
+        raise ConfigError(
+            f"{interface} is a loopback interface, which the parts of TAMS talk over; "
+            "name the interface the video leaves by"
+        )
+
+
+def _refuse_trace(network: Network) -> None:
+    if network.trace is not None:
+        raise ConfigError("tc cannot follow a capacity trace; name a network with a constant rate")
+
+
+def run_tc(command: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run one command; SetupError if it is not installed or does not end."""
+    try:
+        return subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S
+        )
+    except FileNotFoundError as error:
+        raise SetupError("tc is missing; install the package iproute2") from error
+    except subprocess.TimeoutExpired as error:
+        raise SetupError(f"`{shlex.join(command)}` did not end within {_TIMEOUT_S} s") from error
+
+
+def apply(set_up: list[list[str]], interface: str, runner: Runner = run_tc) -> None:
+    """Run `set_up` in order; on a failure what was set is removed and SetupError says why."""
+    for done, command in enumerate(set_up):
+        result = runner(command)
+        if result.returncode != 0:
+            if done:
+                runner(remove_commands(interface)[0])
+            raise _failure(command, result.stderr)
+
+
+def remove(interface: str, runner: Runner = run_tc) -> bool:
+    """Take the set-up away; False if there was none. SetupError if that is not possible."""
+    (command,) = remove_commands(interface)
+    result = runner(command)
+    if result.returncode == 0:
+        return True
+    if "handle of zero" in result.stderr or "No such file or directory" in result.stderr:
+        return False
+    raise _failure(command, result.stderr)
+
+
+def show(interface: str, runner: Runner = run_tc) -> str:
+    """What is set on `interface` now, as `tc` prints it."""
+    command = ["tc", "qdisc", "show", "dev", interface]
+    result = runner(command)
+    if result.returncode != 0:
+        raise _failure(command, result.stderr)
+    return result.stdout.strip()
+
+
+def _failure(command: list[str], stderr: str) -> SetupError:
+    interface = command[command.index("dev") + 1]
+    reason = " ".join(stderr.split())
+    if "Operation not permitted" in reason:
+        return SetupError(f"changing {interface} needs root; run the command again with sudo")
+    if "Cannot find device" in reason:
+        return SetupError(f"there is no interface {interface}; `ip link` lists those there are")
+    kind_missing = "qdisc kind is unknown" in reason or "No such file or directory" in reason
+    if "netem" in command and kind_missing:
+        return SetupError(
+            "this kernel has no netem, so delay, jitter and loss cannot be set; load it "
+            "(modprobe sch_netem), or set the rate alone with --action rate"
+        )
+    return SetupError(f"`{shlex.join(command)}` failed: {reason}")
+
+
+def run_network(
+    config: Config,
+    name: str,
+    interface: str,
+    action: str,
+    say: Callable[[str], object],
+    runner: Runner = run_tc,
+) -> None:
+    """The command `run_tams.py network`; `action` is print, apply, rate, remove or show.
+
+    Only apply, rate (the rate alone) and remove change anything. ConfigError, SetupError.
+    """
+    actions = ("print", "apply", "rate", "remove", "show")
+    if action not in actions:
+        raise ConfigError(f"--action {action}: choose one of {', '.join(actions)}")
+    network = resolve_network(config, name)
+    if action == "show":
+        say(show(interface, runner))
+    elif action == "remove":
+        removed = remove(interface, runner)
+        say(f"{interface} is as before" if removed else f"nothing was set on {interface}")
+    elif action == "print":
+        lines = [shlex.join(command) for command in commands(network, interface)]
+        say(f"# shapes everything that leaves by {interface}, not video alone; needs root")
+        for line in lines:
+            say(line)
+        say("# and to take it away")
+        for command in remove_commands(interface):
+            say(shlex.join(command))
+    else:
+        set_up = (rate_commands if action == "rate" else commands)(network, interface)
+        apply(set_up, interface, runner)
+        part = "the rate of " if action == "rate" else ""
+        say(f"{interface} now has {part}network {name}; --action remove takes it away")

@@ -1,0 +1,91 @@
+"""Reading the headers of RTP (RFC 3550, RTX: RFC 4588) and RTCP (RFC 3550, RFC 4585) datagrams."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from tams_app.records import PacketKind
+from tams_app.video.ports import REPAIR_PAYLOAD_TYPE
+
+_RTP_HEADER = struct.Struct("!BBHII")
+_RTCP_HEADER = struct.Struct("!BBH")
+_VERSION = 2
+
+_TRANSPORT_FEEDBACK = 205
+_PAYLOAD_FEEDBACK = 206
+_GENERIC_NACK = 1
+_PICTURE_LOSS = 1
+
+
+@dataclass(frozen=True, slots=True)
+class RtpHeader:
+    """The fixed header of one RTP packet and where its payload begins."""
+
+    payload_type: int
+    marker: bool
+    sequence: int
+    timestamp: int
+    ssrc: int
+    payload_offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class RtcpHeader:
+    """One packet of a compound RTCP datagram; `count` is its report count or feedback format."""
+
+    packet_type: int
+    count: int
+
+    @property
+    def is_nack(self) -> bool:
+        """It asks for packets again."""
+        return (self.packet_type, self.count) == (_TRANSPORT_FEEDBACK, _GENERIC_NACK)
+
+    @property
+    def is_pli(self) -> bool:
+        """It asks for a new keyframe (picture loss indication)."""
+        return (self.packet_type, self.count) == (_PAYLOAD_FEEDBACK, _PICTURE_LOSS)
+
+
+def read_rtp(datagram: bytes) -> RtpHeader | None:
+    """The header of an RTP packet, None if the bytes are none."""
+    if len(datagram) < _RTP_HEADER.size or datagram[0] >> 6 != _VERSION:
+        return None
+    first, second, sequence, timestamp, ssrc = _RTP_HEADER.unpack_from(datagram)
+    offset = _RTP_HEADER.size + 4 * (first & 0x0F)  # contributing sources
+    if first & 0x10:  # header extension: profile, length in words
+        if len(datagram) < offset + 4:
+            return None
+        offset += 4 + 4 * int.from_bytes(datagram[offset + 2 : offset + 4], "big")
+    if offset > len(datagram):
+        return None
+    return RtpHeader(second & 0x7F, bool(second & 0x80), sequence, timestamp, ssrc, offset)
+
+
+def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
+    """Kind, sequence number of the media carried, and RTP timestamp of a datagram of the RTP flow.
+
+    A resent packet (RTX) tells the number of the original, which leads its payload. What is no
+    RTP reads as media with number and timestamp 0: the link carries it all the same.
+    """
+    header = read_rtp(datagram)
+    if header is None:
+        return PacketKind.MEDIA, 0, 0
+    if header.payload_type != REPAIR_PAYLOAD_TYPE:
+        return PacketKind.MEDIA, header.sequence, header.timestamp
+    start = header.payload_offset
+    original = int.from_bytes(datagram[start : start + 2], "big")
+    return PacketKind.REPAIR, original, header.timestamp
+
+
+def read_rtcp(datagram: bytes) -> Iterator[RtcpHeader]:
+    """The packets of a compound RTCP datagram, up to the first that is cut short or malformed."""
+    offset = 0
+    while offset + _RTCP_HEADER.size <= len(datagram):
+        first, packet_type, words = _RTCP_HEADER.unpack_from(datagram, offset)
+        offset += 4 * (words + 1)
+        if first >> 6 != _VERSION or offset > len(datagram):
+            return
+        yield RtcpHeader(packet_type, first & 0x1F)

@@ -1,0 +1,242 @@
+"""The link as a process of its own: every datagram between the video ends passes through here.
+
+Started by `relay_client.RelayClient`. Real UDP sockets; the arithmetic is `link.Link`. Per view
+three flows come in at the entrances and leave for the exits: RTP and sender reports through the
+bottleneck, feedback straight back. Killing this process is a network that went away.
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from enum import Enum
+from typing import Any
+
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config import Network
+from tams_app.errors import ConfigError
+from tams_app.process import HelperSide
+from tams_app.records import IP_UDP_HEADER_BYTES, PacketFate, PacketKind, PacketRecord
+from tams_app.video.link import Link
+from tams_app.video.networks import network_capacity
+from tams_app.video.packets import identify, read_rtcp
+from tams_app.video.ports import ViewPorts
+from tams_app.video.relay_reports import ReportStream
+from tams_app.video.relay_wire import RelayStatistics
+
+REPORT_PERIOD_NS = 50 * NS_PER_MS
+LATE_NS = NS_PER_MS
+
+_RECEIVE_BUFFER_BYTES = 4_000_000
+_LARGEST_DATAGRAM_BYTES = 65_536
+_READS_IN_A_ROW = 32  # then see what is due: a flood must not hold deliveries up
+_FIFO_PRIORITY = 20  # below the control loop
+_NICE = -10
+_SO_MEMINFO = 55  # Linux: nine 32-bit counters, the last are the datagrams dropped at the socket
+_MEMINFO_BYTES = 36
+
+
+class Flow(Enum):
+    """The three flows of a view; the value is its field in `ViewPorts`."""
+
+    RTP = "rtp"
+    REPORTS = "reports"
+    FEEDBACK = "feedback"
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """One flow of one view: where it comes in and where it goes out."""
+
+    view: str
+    flow: Flow
+    entrance: socket.socket
+    exit: tuple[str, int]
+
+
+class Relay:
+    """The sockets, the packets on their way, and the loop that moves them."""
+
+    def __init__(self, link: Link, exits: Mapping[str, ViewPorts], reports: ReportStream) -> None:
+        """Bind the entrances on each exit's host, at any free ports; OSError if impossible."""
+        self._link = link
+        self._reports = reports
+        self._routes: dict[socket.socket, Route] = {}
+        self._on_the_way: list[tuple[int, int, Route, bytes]] = []  # (due, order, ...)
+        self._order = 0
+        self._records: list[PacketRecord] = []
+        self._statistics = RelayStatistics()
+        try:
+            for view, ports in exits.items():
+                for flow in Flow:
+                    entrance = _entrance(ports.host)
+                    self._routes[entrance] = Route(
+                        view, flow, entrance, (ports.host, getattr(ports, flow.value))
+                    )
+        except OSError:
+            self.close()
+            raise
+
+    def entrances(self) -> dict[str, ViewPorts]:
+        """Where the senders and receivers must send to."""
+        ports: dict[str, dict[str, int]] = {}
+        hosts: dict[str, str] = {}
+        for route in self._routes.values():
+            host, port = route.entrance.getsockname()
+            ports.setdefault(route.view, {})[route.flow.value] = port
+            hosts[route.view] = host
+        return {view: ViewPorts(host=hosts[view], **flows) for view, flows in ports.items()}
+
+    def run(self, stop: threading.Event) -> None:
+        """Carry datagrams until `stop` is set."""
+        sockets = list(self._routes)
+        next_report_ns = time.monotonic_ns() + REPORT_PERIOD_NS
+        while not stop.is_set():
+            self._deliver_due()
+            wake_ns = next_report_ns
+            if self._on_the_way:
+                wake_ns = min(wake_ns, self._on_the_way[0][0])
+            wait_s = max(0, wake_ns - time.monotonic_ns()) / NS_PER_S
+            for entrance in select.select(sockets, [], [], wait_s)[0]:
+                self._take_in(self._routes[entrance])
+            if time.monotonic_ns() >= next_report_ns:
+                self._report()
+                next_report_ns = time.monotonic_ns() + REPORT_PERIOD_NS
+        self._report()
+
+    def close(self) -> None:
+        """Close the entrances and the report stream."""
+        for entrance in self._routes:
+            entrance.close()
+        self._reports.close()
+
+    def _take_in(self, route: Route) -> None:
+        for _ in range(_READS_IN_A_ROW):
+            try:
+                datagram = route.entrance.recv(_LARGEST_DATAGRAM_BYTES)
+            except BlockingIOError:
+                return
+            due_ns = self._due_ns(route, datagram, time.monotonic_ns())
+            if due_ns is not None:
+                self._order += 1
+                heapq.heappush(self._on_the_way, (due_ns, self._order, route, datagram))
+
+    def _due_ns(self, route: Route, datagram: bytes, now_ns: int) -> int | None:
+        """When the datagram comes out; None if the link loses it. Uplink packets are recorded."""
+        if route.flow is Flow.FEEDBACK:
+            self._count_feedback(datagram)
+            return self._link.feedback(now_ns, route.view)
+        if route.flow is Flow.RTP:
+            kind, sequence, timestamp = identify(datagram)
+        else:
+            kind, sequence, timestamp = PacketKind.RTCP, 0, 0
+        size_bytes = len(datagram) + IP_UDP_HEADER_BYTES
+        record = self._link.offer(now_ns, route.view, kind, size_bytes, sequence, timestamp)
+        self._records.append(record)
+        return record.delivered_ns if record.fate is PacketFate.DELIVERED else None
+
+    def _deliver_due(self) -> None:
+        while self._on_the_way:
+            now_ns = time.monotonic_ns()
+            due_ns = self._on_the_way[0][0]
+            if due_ns > now_ns:
+                return
+            _, _, route, datagram = heapq.heappop(self._on_the_way)
+            self._send(route, datagram, now_ns - due_ns)
+
+    def _send(self, route: Route, datagram: bytes, lateness_ns: int) -> None:
+        statistics = self._statistics
+        try:
+            route.entrance.sendto(datagram, route.exit)
+        except OSError:  # no buffer, or the exit is gone: what a network does is lose it
+            statistics.unsent += 1
+            return
+        statistics.sent += 1
+        statistics.lateness_total_ns += lateness_ns
+        statistics.lateness_max_ns = max(statistics.lateness_max_ns, lateness_ns)
+        statistics.late += lateness_ns > LATE_NS
+
+    def _count_feedback(self, datagram: bytes) -> None:
+        for header in read_rtcp(datagram):
+            self._statistics.nacks += header.is_nack
+            self._statistics.plis += header.is_pli
+
+    def _report(self) -> None:
+        self._statistics.overrun = sum(_dropped_at(entrance) for entrance in self._routes)
+        self._reports.put(self._records, self._statistics)
+        self._records = []
+
+
+def _entrance(host: str) -> socket.socket:
+    entrance = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        entrance.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
+        entrance.setblocking(False)
+        entrance.bind((host, 0))
+    except OSError:
+        entrance.close()
+        raise
+    return entrance
+
+
+def _dropped_at(entrance: socket.socket) -> int:
+    """Datagrams lost because this socket's buffer was full; 0 if the kernel cannot tell."""
+    try:
+        counters = entrance.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
+    except OSError:
+        return 0
+    return int.from_bytes(counters[-4:], "little") if len(counters) == _MEMINFO_BYTES else 0
+
+
+def raise_priority() -> str:
+    """Ask for SCHED_FIFO, else for a better nice value; returns which of them was granted."""
+    if _granted(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_FIFO_PRIORITY))):
+        return "fifo"
+    return "nice" if _granted(lambda: os.nice(_NICE)) else "normal"
+
+
+def _granted(ask: Callable[[], object]) -> bool:
+    try:
+        ask()
+    except (PermissionError, AttributeError):  # AttributeError: this system has no SCHED_FIFO
+        return False
+    return True
+
+
+def build(specification: dict[str, Any], connection: socket.socket) -> Relay:
+    """The relay that a specification asks for; OSError if an address cannot be used."""
+    network = Network.model_validate(specification["network"])
+    exits = {view: ViewPorts(**ports) for view, ports in specification["exits"].items()}
+    capacity = network_capacity(network, specification["epoch_ns"])
+    link = Link(network, capacity, exits, specification["seed"])
+    return Relay(link, exits, ReportStream(connection, tuple(exits)))
+
+
+def main() -> None:
+    """The helper's main function; its specification is made by `RelayClient`."""
+    side = HelperSide()
+    session = ("127.0.0.1", side.specification["records_port"])
+    connection = socket.create_connection(session, timeout=5)
+    try:
+        relay = build(side.specification, connection)
+    except (OSError, ConfigError) as error:
+        connection.close()
+        side.fail(f"the link relay cannot start ({error}); check video.bind_host and the trace")
+        return
+    scheduler = raise_priority()
+    entrances = {view: asdict(ports) for view, ports in relay.entrances().items()}
+    side.ready(entrances=entrances, scheduler=scheduler)
+    try:
+        relay.run(side.stop_requested)
+    finally:
+        relay.close()
+
+
+if __name__ == "__main__":
+    main()

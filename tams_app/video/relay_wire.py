@@ -1,0 +1,99 @@
+"""The byte format in which the relay reports packets and its own counts to the session.
+
+A batch is a header (record count, then the fields of `RelayStatistics`) and fixed-size records;
+views travel as their place in the list that both sides know.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+
+from tams_app.records import PacketFate, PacketKind, PacketRecord
+
+_HEADER = struct.Struct("<I9Q")
+_RECORD = struct.Struct("<BBBxHHIQQQ")
+_KINDS = {kind.value: kind for kind in PacketKind}
+_FATES = {fate.value: fate for fate in PacketFate}
+
+
+@dataclass(slots=True)
+class RelayStatistics:
+    """What the relay counted since its start; the relay's own is the only one that ever changes."""
+
+    sent: int = 0  # datagrams handed on, both directions
+    late: int = 0  # of these, more than 1 ms after their time
+    lateness_total_ns: int = 0
+    lateness_max_ns: int = 0
+    unsent: int = 0  # the system refused to send them
+    overrun: int = 0  # lost before the relay, its socket buffers being full
+    unreported: int = 0  # records left out because the session did not read them in time
+    nacks: int = 0  # feedback messages on their way back
+    plis: int = 0
+
+
+def encode_batch(
+    views: Sequence[str], records: Sequence[PacketRecord], statistics: RelayStatistics
+) -> bytes:
+    """One batch; every record's view must be in `views`."""
+    place = {view: index for index, view in enumerate(views)}
+    parts = [_HEADER.pack(len(records), *astuple(statistics))]
+    parts += [
+        _RECORD.pack(
+            place[record.view],
+            record.kind.value,
+            record.fate.value,
+            record.sequence,
+            record.size_bytes,
+            record.rtp_timestamp,
+            record.entered_ns,
+            record.departed_ns,
+            record.delivered_ns,
+        )
+        for record in records
+    ]
+    return b"".join(parts)
+
+
+class BatchDecoder:
+    """Puts batches together from a byte stream that arrives in any pieces."""
+
+    def __init__(self, views: Sequence[str]) -> None:
+        self._views = tuple(views)
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> list[tuple[list[PacketRecord], RelayStatistics]]:
+        """The batches that `data` completes."""
+        self._pending += data
+        batches = []
+        while (batch := self._next()) is not None:
+            batches.append(batch)
+        return batches
+
+    def _next(self) -> tuple[list[PacketRecord], RelayStatistics] | None:
+        if len(self._pending) < _HEADER.size:
+            return None
+        count, *counts = _HEADER.unpack_from(self._pending)
+        end = _HEADER.size + count * _RECORD.size
+        if len(self._pending) < end:
+            return None
+        body = bytes(self._pending[_HEADER.size : end])
+        del self._pending[:end]
+        return [self._record(fields) for fields in _RECORD.iter_unpack(body)], RelayStatistics(
+            *counts
+        )
+
+    def _record(self, fields: tuple[int, ...]) -> PacketRecord:
+        view, kind, fate, sequence, size_bytes, timestamp, entered, departed, delivered = fields
+        return PacketRecord(
+            view=self._views[view],
+            kind=_KINDS[kind],
+            sequence=sequence,
+            size_bytes=size_bytes,
+            entered_ns=entered,
+            departed_ns=departed,
+            delivered_ns=delivered,
+            fate=_FATES[fate],
+            rtp_timestamp=timestamp,
+        )

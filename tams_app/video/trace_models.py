@@ -1,0 +1,94 @@
+"""Making capacity traces: outages, a step, a sawtooth, a Markov chain; seeded, 100 ms a row.
+
+`python -m tams_app.video.trace_models outage --seed 1 > outage.csv` writes one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from itertools import islice
+from random import Random
+
+from tams_app.video.traces import format_trace
+
+ROW_MS = 100
+
+
+def outage_kbps(
+    random: Random,
+    rate_kbps: int = 6000,
+    mean_gap_s: float = 8.0,
+    shortest_s: float = 0.3,
+    longest_s: float = 2.0,
+) -> Iterator[int]:
+    """`rate_kbps`, broken by outages of uniform length, exponential gaps of `mean_gap_s` apart."""
+    while True:
+        yield from [rate_kbps] * _rows(random.expovariate(1.0 / mean_gap_s))
+        yield from [0] * _rows(random.uniform(shortest_s, longest_s))
+
+
+def step_kbps(
+    _random: Random, high_kbps: int = 12_000, low_kbps: int = 3000, hold_s: float = 10.0
+) -> Iterator[int]:
+    """`high_kbps` and `low_kbps` in turn, `hold_s` each; nothing is random."""
+    while True:
+        yield from [high_kbps] * _rows(hold_s)
+        yield from [low_kbps] * _rows(hold_s)
+
+
+def sawtooth_kbps(
+    _random: Random, low_kbps: int = 2000, high_kbps: int = 10_000, rise_s: float = 10.0
+) -> Iterator[int]:
+    """A linear rise from `low_kbps` to `high_kbps` in `rise_s`, then down at once; not random."""
+    rows = _rows(rise_s)
+    while True:
+        for row in range(rows):
+            yield low_kbps + (high_kbps - low_kbps) * row // max(1, rows - 1)
+
+
+def markov_kbps(
+    random: Random,
+    states_kbps: tuple[int, ...] = (1500, 3000, 6000, 12_000),
+    mean_dwell_s: float = 2.0,
+) -> Iterator[int]:
+    """A walk between neighbouring states, each held for an exponential time of `mean_dwell_s`."""
+    state = random.randrange(len(states_kbps))
+    while True:
+        yield from [states_kbps[state]] * _rows(random.expovariate(1.0 / mean_dwell_s))
+        neighbours = [n for n in (state - 1, state + 1) if 0 <= n < len(states_kbps)]
+        state = random.choice(neighbours)
+
+
+MODELS: dict[str, Callable[[Random], Iterator[int]]] = {
+    "outage": outage_kbps,
+    "step": step_kbps,
+    "sawtooth": sawtooth_kbps,
+    "markov": markov_kbps,
+}
+
+
+def generate(model: str, seed: int, seconds: float) -> str:
+    """A trace file's text: `model` is one of `MODELS`; the same arguments, the same bytes."""
+    rates = MODELS[model](Random(f"{seed}/{model}"))
+    rows = islice(rates, _rows(seconds))
+    return format_trace([(row * ROW_MS, kbps) for row, kbps in enumerate(rows)])
+
+
+def _rows(seconds: float) -> int:
+    return max(1, round(seconds * 1000 / ROW_MS))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Write a trace to standard output."""
+    parser = argparse.ArgumentParser(prog="trace_models", description="Make a capacity trace.")
+    parser.add_argument("model", choices=sorted(MODELS))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    chosen = parser.parse_args(arguments)
+    sys.stdout.write(generate(chosen.model, chosen.seed, chosen.seconds))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""Reading capacity traces: `t_ms,kbps` tables and Mahimahi files, told apart by their first line.
+
+CSV: the header `t_ms,kbps`, then one row per change; times ascend and count from the first row.
+The last rate holds as long as the one before it (a single row: for ever), then the trace repeats.
+
+Mahimahi: one line per opportunity to send 1500 bytes, its time in whole milliseconds; a time may
+repeat. The trace repeats from its last time on. The bits of an opportunity are spread over the
+time since the one before, so a packet of 1500 bytes ends exactly at its opportunity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from tams_app.capacity import RateTrace
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.errors import ConfigError
+
+CSV_HEADER = "t_ms,kbps"
+_OPPORTUNITY_BITS = 1500 * 8
+
+
+def read_trace(path: Path) -> RateTrace:
+    """The trace in `path`; ConfigError names file, line and reason."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not a text file, so it is no capacity trace") from error
+    return parse_trace(text, str(path))
+
+
+def parse_trace(text: str, name: str) -> RateTrace:
+    """The trace in `text`; ConfigError with `name`, line and reason if it is none."""
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in lines if line]
+    if not lines:
+        raise ConfigError(f"{name}: is empty: a trace holds {CSV_HEADER} rows or millisecond times")
+    is_table = "," in lines[0][1]
+    try:
+        return _parse_table(lines, name) if is_table else _parse_opportunities(lines, name)
+    except ValueError as error:
+        raise ConfigError(f"{name}: {error}") from error
+
+
+def format_trace(rows: Sequence[tuple[int, int]]) -> str:
+    """Rows of (t_ms, kbps) as the text that `parse_trace` reads."""
+    return "\n".join((CSV_HEADER, *(f"{t_ms},{kbps}" for t_ms, kbps in rows))) + "\n"
+
+
+def _parse_table(lines: list[tuple[int, str]], name: str) -> RateTrace:
+    number, header = lines[0]
+    if header.replace(" ", "") != CSV_HEADER:
+        raise _wrong(name, number, f"the header must be {CSV_HEADER}")
+    rows = [_parse_row(name, number, line) for number, line in lines[1:]]
+    if not rows:
+        raise ConfigError(f"{name}: holds a header but no rows")
+    starts_ns = [round((t_ms - rows[0][0]) * NS_PER_MS) for t_ms, _ in rows]
+    for (number, _), (earlier, later) in zip(lines[2:], pairwise(starts_ns), strict=True):
+        if later <= earlier:
+            raise _wrong(name, number, "t_ms must be greater than in the row before")
+    last_ns = starts_ns[-1] - starts_ns[-2] if len(rows) > 1 else NS_PER_S
+    return RateTrace(tuple(starts_ns), tuple(kbps for _, kbps in rows), starts_ns[-1] + last_ns)
+
+
+def _parse_row(name: str, number: int, line: str) -> tuple[float, float]:
+    fields = line.split(",")
+    if len(fields) != 2:
+        raise _wrong(name, number, f"a row holds two numbers, {CSV_HEADER}")
+    try:
+        t_ms, kbps = float(fields[0]), float(fields[1])
+    except ValueError:
+        raise _wrong(name, number, f"{line!r} is not two numbers") from None
+    if not math.isfinite(t_ms) or not math.isfinite(kbps):
+        raise _wrong(name, number, "numbers must be finite")
+    if kbps < 0:
+        raise _wrong(name, number, "kbps must not be negative")
+    return t_ms, kbps
+
+
+def _parse_opportunities(lines: list[tuple[int, str]], name: str) -> RateTrace:
+    times_ms: list[int] = []
+    for number, line in lines:
+        if not (line.isascii() and line.isdigit()):
+            reason = f"{line!r} is neither a time in whole milliseconds nor the header {CSV_HEADER}"
+            raise _wrong(name, number, reason)
+        times_ms.append(int(line))
+        if times_ms[-1] < max(times_ms[-2:]):
+            raise _wrong(name, number, "times must not go back")
+    opportunities = Counter(times_ms)
+    period_ms = times_ms[-1]
+    if period_ms == 0:
+        raise ConfigError(f"{name}: every time is 0; a trace needs a duration")
+    opportunities[period_ms] += opportunities.pop(0, 0)  # time 0 is the end of the round before
+    ends_ms = sorted(opportunities)
+    starts_ms = [0, *ends_ms[:-1]]
+    kbps = [
+        opportunities[end] * _OPPORTUNITY_BITS / (end - start)
+        for start, end in zip(starts_ms, ends_ms, strict=True)
+    ]
+    starts_ns = tuple(start * NS_PER_MS for start in starts_ms)
+    return RateTrace(starts_ns, tuple(kbps), period_ms * NS_PER_MS)
+
+
+def _wrong(name: str, number: int, reason: str) -> ConfigError:
+    return ConfigError(f"{name}, line {number}: {reason}")

@@ -1,0 +1,257 @@
+"""Network conditions on a real interface: the commands, the errors, and the rate for real."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from tams_app.config import Network, load_config
+from tams_app.errors import ConfigError, SetupError
+from tams_app.video import netem
+
+S2 = load_config().networks["s2"]
+TC_THERE = shutil.which("tc") is not None
+
+
+def joined(commands):
+    return [" ".join(command) for command in commands]
+
+
+def test_a_condition_is_netem_with_a_byte_limited_rate_below_it():
+    assert joined(netem.commands(S2, "eth7")) == [
+        "tc qdisc replace dev eth7 root handle 1: "
+        "netem limit 1000 delay 40ms 8ms loss 0.3% rate 10gbit",
+        "tc qdisc replace dev eth7 parent 1:1 handle 2: "
+        "tbf rate 6000000bit burst 3100 limit 112500",
+    ]
+
+
+def test_bursts_become_a_gilbert_elliott_chain():
+    network = Network(loss=0.01, loss_burst=4.0)
+    (command,) = joined(netem.commands(network, "eth7"))
+    assert "loss gemodel 0.252525% 25%" in command
+
+
+def test_a_small_queue_keeps_its_least_size():
+    (command,) = joined(netem.commands(Network(rate_kbps=1000), "eth7"))
+    assert command.endswith("root handle 1: tbf rate 1000000bit burst 3100 limit 30000")
+
+
+def test_netems_own_limit_holds_what_is_under_way():
+    network = Network(latency_ms=500, rate_kbps=100_000)
+    limit = int(
+        netem.commands(network, "eth7")[0][netem.commands(network, "eth7")[0].index("limit") + 1]
+    )
+    assert limit * 256 >= 0.5 * 100e6 / 8
+
+
+def test_the_rate_alone_can_be_asked_for():
+    assert joined(netem.rate_commands(S2, "eth7")) == [
+        "tc qdisc replace dev eth7 root handle 1: tbf rate 6000000bit burst 3100 limit 112500"
+    ]
+
+
+@pytest.mark.parametrize(
+    "make", [netem.commands, netem.rate_commands, lambda network, name: netem.remove_commands(name)]
+)
+def test_loopback_is_refused(make):
+    with pytest.raises(ConfigError, match="lo is a loopback interface"):
+        make(S2, "lo")
+
+
+def test_what_tc_cannot_do_is_refused_in_a_sentence():
+    with pytest.raises(ConfigError, match="cannot follow a capacity trace"):
+        netem.commands(Network(trace="x.csv"), "eth7")
+    with pytest.raises(ConfigError, match="no delay, loss or rate"):
+        netem.commands(Network(), "eth7")
+    with pytest.raises(ConfigError, match="no rate to set"):
+        netem.rate_commands(Network(latency_ms=5), "eth7")
+    with pytest.raises(ConfigError, match="choose one of print, apply, rate, remove, show"):
+        netem.run_network(load_config(), "s2", "eth7", "destroy", print)
+
+
+def test_printing_runs_nothing():
+    said = []
+
+    def runner(command):
+        pytest.fail("print must not run anything")
+
+    netem.run_network(load_config(), "s3", "eth7", "print", said.append, runner)
+    assert [line.split()[0] for line in said] == ["#", "tc", "tc", "#", "tc"]
+    assert "everything that leaves by eth7" in said[0]
+
+
+def test_what_is_refused_prints_nothing():
+    said = []
+    with pytest.raises(ConfigError, match="loopback"):
+        netem.run_network(load_config(), "s2", "lo", "print", said.append)
+    assert said == []
+
+
+def answering(*results):
+    """A runner that gives these (exit code, error text) in turn and keeps the commands."""
+    answers, ran = list(results), []
+
+    def run(command):
+        ran.append(" ".join(command))
+        code, stderr = answers.pop(0)
+        return subprocess.CompletedProcess(command, code, "", stderr)
+
+    return run, ran
+
+
+def test_a_half_done_set_up_is_taken_back():
+    run, ran = answering((0, ""), (2, "Error: something else.\n"), (0, ""))
+    with pytest.raises(SetupError, match=r"`tc .* tbf .*` failed: Error: something else"):
+        netem.apply(netem.commands(S2, "eth7"), "eth7", run)
+    assert ran[-1] == "tc qdisc del dev eth7 root"
+
+
+def test_a_kernel_without_netem_is_told_with_the_way_out():
+    run, ran = answering((2, "Error: Specified qdisc kind is unknown.\n"))
+    with pytest.raises(SetupError, match=r"has no netem.*--action rate"):
+        netem.apply(netem.commands(S2, "eth7"), "eth7", run)
+    assert len(ran) == 1
+
+
+def test_a_missing_tc_names_its_package():
+    with pytest.raises(SetupError, match="install the package iproute2"):
+        netem.run_tc(["tc-which-is-not-there"])
+
+
+@pytest.mark.skipif(not TC_THERE, reason="tc is not installed")
+def test_an_interface_that_is_not_there_is_said_to_be_missing():
+    with pytest.raises(SetupError, match=r"no interface nope0; `ip link`"):
+        netem.show("nope0")
+
+
+# --- for real, in a network namespace -----------------------------------------------------------
+
+BLAST = """
+import socket, sys, time
+sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+sender.settimeout(5)
+end = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end:
+    for _ in range(4):
+        sender.sendto(bytes(1200), ("10.213.7.2", 7000))
+    time.sleep(0.002)
+"""
+
+COUNT = """
+import socket, time
+receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+receiver.bind(("10.213.7.2", 7000))
+receiver.settimeout(10)
+print("bound", flush=True)
+receiver.recv(2000)
+first = last = time.monotonic()
+packets = 0
+receiver.settimeout(1)
+try:
+    while True:
+        receiver.recv(2000)
+        last = time.monotonic()
+        packets += 1
+except TimeoutError:
+    print(packets * 1228 * 8 / 1000 / (last - first))
+receiver.close()
+"""
+
+
+def ip(*words):
+    return subprocess.run(["ip", *words], capture_output=True, text=True, timeout=10, check=False)
+
+
+def inside(space, *command):
+    return ["ip", "netns", "exec", space, *command]
+
+
+@pytest.fixture
+def spaces():
+    """Two network namespaces joined by a veth pair: names, and the interface of the first."""
+    if sys.platform != "linux" or os.geteuid() != 0 or not TC_THERE or not shutil.which("ip"):
+        pytest.skip("needs Linux, root, ip and tc")
+    here, there = f"tams-a{os.getpid()}", f"tams-b{os.getpid()}"
+    if ip("netns", "add", here).returncode != 0:
+        pytest.skip("network namespaces are not permitted here")
+    try:
+        steps = [
+            ("netns", "add", there),
+            ("-n", here, "link", "add", "va", "type", "veth", "peer", "name", "vb", "netns", there),
+            ("-n", here, "addr", "add", "10.213.7.1/24", "dev", "va"),
+            ("-n", there, "addr", "add", "10.213.7.2/24", "dev", "vb"),
+            ("-n", here, "link", "set", "va", "up"),
+            ("-n", there, "link", "set", "vb", "up"),
+        ]
+        for step in steps:
+            if (result := ip(*step)).returncode != 0:
+                pytest.skip(f"ip {' '.join(step)}: {result.stderr.strip()}")
+        yield here, there
+    finally:
+        ip("netns", "del", here)
+        ip("netns", "del", there)
+
+
+def runner_in(space, **options):
+    def run(command):
+        return subprocess.run(
+            inside(space, *command), capture_output=True, text=True, timeout=10, **options
+        )
+
+    return run
+
+
+def measured_kbps(here, there, seconds):
+    counter = subprocess.Popen(
+        inside(there, sys.executable, "-c", COUNT), stdout=subprocess.PIPE, text=True
+    )
+    with counter:
+        assert counter.stdout.readline() == "bound\n"
+        blast = inside(here, sys.executable, "-c", BLAST, str(seconds))
+        subprocess.run(blast, check=True, timeout=30)
+        return float(counter.stdout.read())
+
+
+def test_the_rate_that_was_asked_for_is_the_rate_that_arrives(spaces):
+    here, there = spaces
+    said = []
+    netem.run_network(load_config(), "s2", "va", "rate", said.append, runner_in(here))
+    assert "rate 6Mbit" in netem.show("va", runner_in(here))
+    limited = measured_kbps(here, there, 2.0)
+    # the rate counts 14 bytes of Ethernet header on each 1228; the machine is noisy
+    assert 0.85 * 6000 < limited < 1.1 * 6000
+    assert netem.remove("va", runner_in(here))
+    assert measured_kbps(here, there, 0.5) > 1.5 * limited
+    assert not netem.remove("va", runner_in(here))
+
+
+def test_a_condition_is_set_or_the_missing_netem_is_named(spaces):
+    here, _ = spaces
+    run = runner_in(here)
+    kernel_has_netem = run(["tc", "qdisc", "add", "dev", "va", "root", "netem"]).returncode == 0
+    netem.remove("va", run)
+    if not kernel_has_netem:
+        with pytest.raises(SetupError, match="has no netem"):
+            netem.run_network(load_config(), "s2", "va", "apply", lambda line: None, run)
+        assert "tbf" not in netem.show("va", run)
+        return
+    netem.run_network(load_config(), "s2", "va", "apply", lambda line: None, run)
+    assert "tbf 2:" in netem.show("va", run)
+    assert "delay 40ms" in netem.show("va", run)
+
+
+def test_without_root_the_command_says_to_use_sudo(spaces):
+    here, _ = spaces
+
+    def run(command):
+        unprivileged = ["setpriv", "--reuid", "65534", "--clear-groups", *command]
+        return runner_in(here)(unprivileged)
+
+    if not shutil.which("setpriv"):
+        pytest.skip("setpriv is not installed")
+    with pytest.raises(SetupError, match="needs root; run the command again with sudo"):
+        netem.apply(netem.rate_commands(S2, "va"), "va", run)

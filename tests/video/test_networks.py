@@ -1,0 +1,61 @@
+"""From a network's name to its conditions and capacity."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from tams_app.clock import NS_PER_MS
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.errors import ConfigError
+from tams_app.video.networks import network_capacity, resolve_network
+
+
+def test_a_name_is_looked_up():
+    network = resolve_network(load_config(), "s2")
+    assert (network.latency_ms, network.rate_kbps) == (40, 6000)
+    assert network_capacity(network, 0).mean_kbps(0, 5) == 6000
+
+
+def test_none_has_no_bottleneck():
+    network = resolve_network(load_config(), "none")
+    assert network_capacity(network, 0).rate_kbps(0) == math.inf
+
+
+def test_the_path_of_a_trace_is_a_network_that_follows_it_from_the_epoch(tmp_path, monkeypatch):
+    (tmp_path / "mine.csv").write_text("t_ms,kbps\n0,100\n10,200\n")
+    monkeypatch.chdir(tmp_path)
+    network = resolve_network(load_config(), "mine.csv")
+    assert Path(network.trace) == tmp_path / "mine.csv"
+    assert (network.latency_ms, network.loss) == (0, 0)
+    capacity = network_capacity(network, 77)
+    assert [capacity.rate_kbps(77 + ms * NS_PER_MS) for ms in (0, 10, 20)] == [100, 200, 100]
+
+
+def test_a_trace_of_the_configuration_folder_is_found_from_anywhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    network = resolve_network(load_config(), "traces/step.csv")
+    assert Path(network.trace) == CONFIG_DIRECTORY / "traces" / "step.csv"
+
+
+def test_a_configured_network_keeps_its_delay_and_takes_its_rate_from_the_trace():
+    config = load_config(
+        None, {"networks.lte": {"latency_ms": 30, "rate_kbps": 9, "trace": "traces/step.csv"}}
+    )
+    network = resolve_network(config, "lte")
+    assert network.latency_ms == 30
+    assert network_capacity(network, 0).rate_kbps(0) == 12_000
+
+
+def test_an_unknown_name_lists_the_valid_ones():
+    with pytest.raises(ConfigError, match=r"'s9' is neither one of s1, s2, s3, none nor a trace"):
+        resolve_network(load_config(), "s9")
+
+
+def test_a_missing_or_wrong_trace_is_refused_at_once(tmp_path):
+    config = load_config(None, {"networks.lte": {"trace": "gone.csv"}})
+    with pytest.raises(ConfigError, match=r"networks\.lte\.trace: there is no file gone\.csv"):
+        resolve_network(config, "lte")
+    (tmp_path / "bad.csv").write_text("t_ms,kbps\n0,x\n")
+    with pytest.raises(ConfigError, match=r"bad\.csv, line 2"):
+        resolve_network(load_config(), str(tmp_path / "bad.csv"))

@@ -1,0 +1,216 @@
+"""The link relay as a process: real datagrams through real sockets, and its records."""
+
+import os
+import signal
+import socket
+import struct
+import threading
+import time
+from contextlib import ExitStack
+
+import pytest
+
+from tams_app.clock import NS_PER_MS
+from tams_app.config import Network
+from tams_app.errors import HelperError
+from tams_app.records import PacketFate, PacketKind
+from tams_app.video.link import Link
+from tams_app.video.ports import ViewPorts
+from tams_app.video.relay_client import RelayClient
+
+VIEWS = ("eih", "gt")
+FLOWS = ("rtp", "reports", "feedback")
+PATIENCE_S = 20.0
+
+
+def rtp(sequence, size=200, payload_type=96):
+    header = struct.pack("!BBHII", 0x80, payload_type, sequence, 3000 * sequence, 1)
+    return header + bytes(size - len(header))
+
+
+class Ends:
+    """The video ends of two views, and a relay between them."""
+
+    def __init__(self, stack, network, tmp_path, **options):
+        self.sockets = {}
+        for view in VIEWS:
+            for flow in FLOWS:
+                end = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+                end.bind(("127.0.0.1", 0))
+                end.settimeout(PATIENCE_S)
+                self.sockets[view, flow] = end
+        exits = {
+            view: ViewPorts(
+                "127.0.0.1",
+                *(self.sockets[view, flow].getsockname()[1] for flow in FLOWS),
+            )
+            for view in VIEWS
+        }
+        self.records, self.failures = [], []
+        self.failed = threading.Event()
+        self.client = RelayClient(
+            network,
+            exits,
+            seed=5,
+            log_directory=tmp_path,
+            on_packets=self.records.extend,
+            on_failure=self._on_failure,
+            **options,
+        )
+        stack.callback(self.client.close)
+        self.entrances = self.client.start()
+        self.source = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        self.source.settimeout(PATIENCE_S)
+
+    def _on_failure(self, name, failure):
+        self.failures.append((name, failure))
+        self.failed.set()
+
+    def send(self, view, flow, datagram):
+        ports = self.entrances[view]
+        self.source.sendto(datagram, (ports.host, getattr(ports, flow)))
+
+    def receive(self, view, flow):
+        return self.sockets[view, flow].recv(65_536)
+
+
+@pytest.fixture
+def between(tmp_path):
+    with ExitStack() as stack:
+        yield lambda network, **options: Ends(stack, network, tmp_path, **options)
+
+
+def test_every_flow_of_every_view_comes_out_where_it_belongs(between):
+    ends = between(Network())
+    for view in VIEWS:
+        for flow in FLOWS:
+            ends.send(view, flow, f"{view}/{flow}".encode())
+    for view in VIEWS:
+        for flow in FLOWS:
+            assert ends.receive(view, flow) == f"{view}/{flow}".encode()
+    ends.client.close()
+    uplink = sorted((record.view, record.kind.name) for record in ends.records)
+    assert uplink == [(view, kind) for view in VIEWS for kind in ("MEDIA", "RTCP")]
+
+
+def test_the_records_tell_what_the_packets_were(between):
+    ends = between(Network())
+    resent = bytearray(rtp(9, payload_type=97))
+    resent[12:14] = (4321).to_bytes(2, "big")
+    for datagram in (rtp(7), bytes(resent)):
+        ends.send("gt", "rtp", datagram)
+        assert ends.receive("gt", "rtp") == datagram
+    ends.client.close()
+    media, repair = ends.records
+    assert (media.kind, media.sequence, media.size_bytes) == (PacketKind.MEDIA, 7, 228)
+    assert (media.rtp_timestamp, media.view) == (21_000, "gt")
+    assert (repair.kind, repair.sequence) == (PacketKind.REPAIR, 4321)
+
+
+def test_the_packets_that_arrive_are_those_the_link_lets_through(between):
+    network = Network(latency_ms=5, jitter_ms=2, loss=0.2)
+    ends = between(network)
+    for sequence in range(300):
+        ends.send("eih", "rtp", rtp(sequence))
+    model = Link(network, ends.client.capacity, VIEWS, 5)
+    passed = [
+        n
+        for n in range(300)
+        if model.offer(1, "eih", PacketKind.MEDIA, 228, n).fate is PacketFate.DELIVERED
+    ]
+    arrived = [int.from_bytes(ends.receive("eih", "rtp")[2:4], "big") for _ in passed]
+    assert arrived == passed
+    ends.client.close()
+    assert len(ends.records) == 300
+    assert 0 < 300 - len(passed) == sum(r.fate is PacketFate.LOST for r in ends.records)
+
+
+def test_no_packet_arrives_before_its_time(between):
+    ends = between(Network(latency_ms=40, rate_kbps=3000))
+    sent_ns = time.monotonic_ns()
+    for sequence in range(20):
+        ends.send("eih", "rtp", rtp(sequence, 1200))
+    arrivals_ns = []
+    for _ in range(20):
+        ends.receive("eih", "rtp")
+        arrivals_ns.append(time.monotonic_ns())
+    ends.client.close()
+    assert arrivals_ns[0] - sent_ns >= 43 * NS_PER_MS  # 40 ms and the time of 1228 bytes
+    for record, arrival_ns in zip(ends.records, arrivals_ns, strict=True):
+        assert arrival_ns >= record.delivered_ns
+    assert arrivals_ns[-1] - sent_ns >= (40 + 20 * 3.27) * NS_PER_MS
+
+
+def test_a_flood_overflows_the_links_queue_and_nothing_else(between):
+    ends = between(Network(rate_kbps=20_000, queue_min_bytes=30_000, queue_ms=1))
+    for sequence in range(2000):
+        ends.send("eih", "rtp", rtp(sequence, 1000))
+        if sequence % 100 == 0:
+            time.sleep(0.001)  # lets a relay without real-time priority have a turn
+    deadline = time.monotonic() + PATIENCE_S
+    while len(ends.records) < 2000 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    fates = [record.fate for record in ends.records]
+    assert len(fates) == 2000
+    assert fates.count(PacketFate.OVERFLOW) > 0
+    assert fates.count(PacketFate.LOST) == 0
+    for _ in range(fates.count(PacketFate.DELIVERED)):
+        ends.receive("eih", "rtp")
+    ends.client.close()
+    statistics = ends.client.statistics
+    assert (statistics.overrun, statistics.unsent, statistics.unreported) == (0, 0, 0)
+    assert statistics.sent == fates.count(PacketFate.DELIVERED)
+
+
+def test_feedback_is_counted_and_returns_even_when_everything_is_lost(between):
+    ends = between(Network(latency_ms=1, loss=1.0, rate_kbps=8))
+    nack = struct.pack("!BBHIIHH", 0x81, 205, 3, 1, 2, 17, 0)
+    pli = struct.pack("!BBHII", 0x81, 206, 2, 1, 2)
+    ends.send("gt", "rtp", rtp(1))
+    ends.send("gt", "feedback", nack + pli)
+    assert ends.receive("gt", "feedback") == nack + pli
+    ends.client.close()
+    assert (ends.client.statistics.nacks, ends.client.statistics.plis) == (1, 1)
+
+
+def test_a_trace_begins_at_the_epoch_given(between, tmp_path):
+    (tmp_path / "late.csv").write_text("t_ms,kbps\n0,0\n600000,1000\n")
+    network = Network(trace=str(tmp_path / "late.csv"))
+    epoch_ns = time.monotonic_ns() - 600_000 * NS_PER_MS
+    ends = between(network, epoch_ns=epoch_ns)
+    ends.send("eih", "rtp", rtp(1))
+    assert ends.receive("eih", "rtp") == rtp(1)
+    assert ends.client.capacity.rate_kbps(epoch_ns) == 0
+
+
+def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
+    ends = between(Network())
+    os.kill(ends.client.pid, signal.SIGKILL)
+    assert ends.failed.wait(PATIENCE_S)
+    ((name, failure),) = ends.failures
+    assert name == "relay-records"
+    assert isinstance(failure, HelperError)
+    assert "ended unasked" in str(failure)
+
+
+def test_closing_is_no_failure_and_may_be_repeated(between):
+    ends = between(Network())
+    assert ends.client.scheduler in ("fifo", "nice", "normal")
+    ends.client.close()
+    ends.client.close()
+    assert ends.failures == []
+
+
+def test_a_relay_that_cannot_bind_says_so(between, tmp_path):
+    client = RelayClient(
+        Network(),
+        {"eih": ViewPorts("192.0.2.1", 1, 2, 3)},
+        seed=1,
+        log_directory=tmp_path,
+        on_packets=lambda records: None,
+        on_failure=lambda name, failure: None,
+    )
+    with pytest.raises(HelperError, match=r"the link relay cannot start .*check video\.bind_host"):
+        client.start()
+    client.close()

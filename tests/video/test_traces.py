@@ -1,0 +1,77 @@
+"""Reading capacity traces."""
+
+import pytest
+
+from tams_app.capacity import TraceCapacity
+from tams_app.clock import NS_PER_MS
+from tams_app.errors import ConfigError
+from tams_app.video.traces import format_trace, parse_trace, read_trace
+
+
+def test_a_table_holds_each_rate_until_the_next_row():
+    trace = parse_trace("t_ms,kbps\n0,6000\n250,0\n400,1500.5\n", "x.csv")
+    assert trace.starts_ns == (0, 250 * NS_PER_MS, 400 * NS_PER_MS)
+    assert trace.kbps == (6000.0, 0.0, 1500.5)
+    assert trace.period_ns == 550 * NS_PER_MS  # the last row lasts as long as the one before
+
+
+def test_times_count_from_the_first_row():
+    trace = parse_trace("t_ms,kbps\r\n1000,5\r\n1100,6\r\n", "x.csv")
+    assert trace.starts_ns == (0, 100 * NS_PER_MS)
+
+
+def test_a_formatted_trace_reads_back():
+    trace = parse_trace(format_trace([(0, 10), (100, 20)]), "x.csv")
+    assert (trace.kbps, trace.period_ns) == ((10.0, 20.0), 200 * NS_PER_MS)
+
+
+def test_a_full_packet_ends_at_its_mahimahi_opportunity():
+    opportunities_ms = [2, 5, 5, 5, 40, 41]
+    capacity = TraceCapacity(parse_trace("\n".join(map(str, opportunities_ms)), "up"), 0)
+    ends_ns, now_ns = [], 0
+    for _ in range(2 * len(opportunities_ms)):
+        now_ns = capacity.finish_ns(now_ns, 1500 * 8)
+        ends_ns.append(now_ns)
+    # three at one time share the 3 ms before it
+    first_round = [2, 3, 4, 5, 40, 41]
+    expected_ms = first_round + [41 + ms for ms in first_round]
+    # a nanosecond of rounding in a fast stretch is a hundred in a slow one
+    assert ends_ns == pytest.approx([ms * NS_PER_MS for ms in expected_ms], abs=1000)
+
+
+def test_mahimahi_opportunities_at_time_zero_close_the_round():
+    trace = parse_trace("0\n0\n10\n", "up")
+    assert (trace.starts_ns, trace.kbps, trace.period_ns) == ((0,), (3600.0,), 10 * NS_PER_MS)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "x: is empty"),
+        ("\n \n", "x: is empty"),
+        ("t_ms,kbps\n", "x: holds a header but no rows"),
+        ("time,rate\n0,1\n", "x, line 1: the header must be t_ms,kbps"),
+        ("t_ms,kbps\n0,1\n\n100,abc\n", "x, line 4: '100,abc' is not two numbers"),
+        ("t_ms,kbps\n0,1,2\n", "x, line 2: a row holds two numbers"),
+        ("t_ms,kbps\n0,1\n100,2\n100,3\n", "x, line 4: t_ms must be greater"),
+        ("t_ms,kbps\n0,1\n100,-2\n", "x, line 3: kbps must not be negative"),
+        ("t_ms,kbps\n0,nan\n", "x, line 2: numbers must be finite"),
+        ("t_ms,kbps\n0,0\n100,0\n", "x: the trace carries nothing"),
+        ("1\n2\n1\n", "x, line 3: times must not go back"),
+        ("1\n-2\n", "x, line 2: '-2' is neither a time in whole milliseconds nor"),
+        ("hello\n", "x, line 1: 'hello' is neither"),
+        ("0\n0\n", "x: every time is 0"),
+    ],
+)
+def test_a_wrong_trace_is_refused_with_file_line_and_reason(text, reason):
+    with pytest.raises(ConfigError) as caught:
+        parse_trace(text, "x")
+    assert str(caught.value).startswith(reason)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.csv: cannot be read: No such file"):
+        read_trace(tmp_path / "none.csv")
+    (tmp_path / "picture").write_bytes(b"\xff\xd8\xff\x00")
+    with pytest.raises(ConfigError, match="picture: is not a text file"):
+        read_trace(tmp_path / "picture")
