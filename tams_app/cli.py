@@ -106,6 +106,10 @@ def run(
     )
     if arm and not settings.rig.enabled:
         raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
+    if not settings.rig.enabled:
+        raise ConfigError(
+            "this version has no drivers for the VR controller and the cameras yet: use --sim"
+        )
     from tams_app.console.app import run_session
 
     raise typer.Exit(run_session(settings, arm_at_once=arm))
@@ -132,7 +136,7 @@ def network(
     name: Annotated[str, typer.Argument(help="A condition of the configuration: s1, s2, s3.")],
     interface: Annotated[str, typer.Option(help="The network interface the video leaves by.")],
     action: Annotated[
-        str, typer.Option(help="print, apply or remove; only print changes nothing.")
+        str, typer.Option(help="print, apply, rate (apply the rate only), show or remove.")
     ] = "print",
     config: ConfigOption = None,
 ) -> None:

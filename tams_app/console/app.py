@@ -21,6 +21,7 @@ from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import TamsError
 from tams_app.recording import read_log
+from tams_app.session.build import check_names
 from tams_app.session.folder import create_session_folder
 from tams_app.session.recorders import LOG_NAME
 from tams_app.session.session import Session
@@ -36,6 +37,7 @@ FIGURE_NAME = "bitrates.png"
 def run_session(config: Config, arm_at_once: bool) -> int:
     """Run one session to its end; the exit code. Everything it leaves is in its own folder."""
     console = Console()
+    check_names(config)
     folder = create_session_folder(config)
     session = Session(config, MonotonicClock(), folder, arm_at_once)
     with _signals(session):

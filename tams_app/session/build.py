@@ -17,7 +17,14 @@ from tams_app.policy.phases import PhaseParameters, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.loop import Teleop
+from tams_app.video.networks import resolve_network
 from tams_app.video.repair import RepairRule
+
+
+def check_names(config: Config) -> None:
+    """ConfigError for a strategy or network that does not exist, before anything is made."""
+    make_strategy(config.strategy, config.policy)
+    resolve_network(config, config.network)
 
 
 def servo(config: Config) -> ServoMode:

@@ -71,12 +71,11 @@ class SimulatedRig:
             update={"host": LOOPBACK, "control_port": control_port, "report_port": report_port}
         )
 
-    def controller(self) -> Controller:
-        """The virtual controller in the scripted operator's hand."""
+    def controller(self, confirms: bool) -> Controller:
+        """The virtual controller in the scripted operator's hand; does he confirm the arming?"""
         config = self._config
-        operator = Operator(
-            config.hand, config.rig.operator, TruePerception(self.truth), config.seed
-        )
+        perception = TruePerception(self.truth)
+        operator = Operator(config.hand, config.rig.operator, perception, config.seed, confirms)
         return VirtualController(operator, config.rig.operator, config.seed)
 
     def cameras(self) -> list[Camera]:

@@ -129,7 +129,7 @@ class Session:
         self._arm.connect()
         self._guarding.wait_ready()
         self._helpers["guard"] = self._guarding.process
-        self._controller = self._rig.controller()
+        self._controller = self._rig.controller(confirms=not self._arm_at_once)
         self._stack.callback(self._controller.close)
         self._controller.start()
 
@@ -157,7 +157,7 @@ class Session:
             self._run(f"capture-{camera.view}", capture.run)
         self._run("load", LoadMonitor(clock, self._helper_pids(), self._record).run)
         self._run("trial", self._build_trial().run)
-        self._run("control", lambda stop: self._control_thread(control, stop))
+        self._control = self._run("control", lambda stop: self._control_thread(control, stop))
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
@@ -197,10 +197,11 @@ class Session:
             ended=lambda: self.end("the trial is over"),
         )
 
-    def _run(self, name: str, body: Callable[[threading.Event], None]) -> None:
+    def _run(self, name: str, body: Callable[[threading.Event], None]) -> Worker:
         worker = Worker(name, body, self._on_worker_failure)
         self._stack.callback(worker.stop)
         worker.start()
+        return worker
 
     def _control_thread(self, control: ControlLoop, stop: threading.Event) -> None:
         scheduler = use_fifo(self.config.control.realtime_priority)
@@ -266,6 +267,7 @@ class Session:
 
     def close(self) -> Outcome:
         """Stop the arm, then everything else in the reverse order of its start."""
+        self._control.request_stop()  # else it would take our stop for a fault
         self._arm.stop()
         outcome = self._judge.outcome(self._end_reason)
         self._record(outcome)

@@ -1,0 +1,140 @@
+"""The renderer of the simulated cameras, a helper process of low priority.
+
+Specification: memory_name, seed, views fps, nice, noise_sigma. Ready facts: memory_name.
+Each view has a fixed time grid, a third of a period apart from the next view's; an instant that
+passes before the renderer gets to it, up to the next, is left out: a gap in the index.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+from hw.sim.frame_memory import FrameGrid, FrameShape, FrameWriter
+from hw.sim.layout import draw_layout
+from hw.sim.scene import VIEWS
+from hw.sim.scene_renderer import HEIGHT, WIDTH, SceneRenderer
+from hw.sim.sensor_noise import SensorNoise
+from hw.sim.world_memory import WorldReader, WorldSnapshot
+from tams_app.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
+from tams_app.errors import TamsError
+from tams_app.process import HelperSide
+
+_START_DELAY_NS = 50 * NS_PER_MS
+_STALE_NS = 200 * NS_PER_MS  # a world that has stopped has cameras that have stopped
+_POLL_NS = 20 * NS_PER_MS
+
+
+@dataclass(slots=True)
+class _Camera:
+    """One view's place in time."""
+
+    view: str
+    grid: FrameGrid
+    next_index: int
+    skipped: int = 0
+
+    @property
+    def due_ns(self) -> int:
+        return self.grid.start_ns + self.next_index * self.grid.period_ns
+
+    def drop_missed(self, now_ns: int) -> None:
+        """Leave out the instants that a later one has followed."""
+        missed = (now_ns - self.due_ns) // self.grid.period_ns
+        if missed > 0:
+            self.next_index += missed
+            self.skipped += missed
+
+
+class CameraSchedule:
+    """Which view is due next; the grids of `writer` are taken over after a restart."""
+
+    def __init__(self, writer: FrameWriter, fps: int, now_ns: int) -> None:
+        period_ns = NS_PER_S // fps
+        self._cameras = []
+        for place, view in enumerate(VIEWS):
+            grid, next_index = writer.grid(view), 0
+            if grid.start_ns == 0 or grid.period_ns != period_ns:
+                offset_ns = place * period_ns // len(VIEWS)
+                grid = FrameGrid(now_ns + _START_DELAY_NS + offset_ns, period_ns)
+                writer.set_grid(view, grid)
+            elif now_ns > grid.start_ns:
+                next_index = (now_ns - grid.start_ns) // period_ns + 1
+            self._cameras.append(_Camera(view, grid, next_index))
+
+    def next(self, now_ns: int) -> _Camera:
+        """The camera whose instant comes first, instants long past left out."""
+        for camera in self._cameras:
+            camera.drop_missed(now_ns)
+        return min(self._cameras, key=lambda camera: camera.due_ns)
+
+
+def run(
+    renderer: SceneRenderer,
+    world: WorldReader,
+    writer: FrameWriter,
+    noises: dict[str, SensorNoise],
+    fps: int,
+    clock: Clock,
+    stop: threading.Event,
+) -> None:
+    """Render each view at its instants until `stop` is set."""
+    schedule = CameraSchedule(writer, fps, clock.now_ns())
+    while not stop.is_set():
+        camera = schedule.next(clock.now_ns())
+        clock.sleep_until_ns(camera.due_ns)
+        snapshot = world.read()
+        if snapshot is None or clock.now_ns() - snapshot.t_ns > _STALE_NS:
+            clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
+            continue
+        image = renderer.render(camera.view, snapshot.state.qpos)
+        noises[camera.view].apply(image, camera.next_index)
+        writer.publish(camera.view, camera.next_index, snapshot.t_ns, image, camera.skipped)
+        camera.next_index += 1
+
+
+def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> WorldSnapshot | None:
+    """The first snapshot; None if `stop` is set before."""
+    while not stop.is_set():
+        snapshot = world.read()
+        if snapshot is not None:
+            return snapshot
+        clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
+    return None
+
+
+def main() -> None:
+    side = HelperSide()
+    specification: dict[str, Any] = side.specification
+    os.nice(int(specification["nice"]))
+    try:
+        _serve(side, specification)
+    except TamsError as error:
+        side.fail(str(error))
+        raise SystemExit(error.exit_code) from error
+
+
+def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
+    name, seed = str(specification["memory_name"]), int(specification["seed"])
+    sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
+    world = WorldReader(name)
+    renderer = SceneRenderer(draw_layout(seed))
+    writer = FrameWriter(name, FrameShape(VIEWS, WIDTH, HEIGHT))
+    try:
+        noises = {view: SensorNoise(seed, view, sigma, HEIGHT, WIDTH) for view in VIEWS}
+        side.ready(memory_name=name)
+        if wait_for_world(world, clock, side.stop_requested) is not None:
+            run(
+                renderer, world, writer, noises, int(specification["fps"]), clock,
+                side.stop_requested,
+            )  # fmt: skip
+    finally:
+        renderer.close()
+        writer.close()
+        world.close()
+
+
+if __name__ == "__main__":
+    main()

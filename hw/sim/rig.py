@@ -1,0 +1,84 @@
+"""The simulated rig's world and arm controller, a helper process of its own.
+
+Specification: memory_name, seed, host, control_port, report_port, start_joints_deg.
+Ready facts: memory_name, control_port, report_port, scheduler ("fifo" or "other").
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+import numpy as np
+
+from hw.sim.controller_model import ControllerModel
+from hw.sim.controller_server import ControllerServer
+from hw.sim.layout import draw_layout
+from hw.sim.published_world import PublishedWorld
+from hw.sim.world import World
+from hw.sim.world_memory import WorldWriter
+from tams_app.clock import MonotonicClock
+from tams_app.errors import TamsError
+from tams_app.process import HelperSide
+
+_FIFO_PRIORITY = 1  # before all that is not real time, after the application's control loop
+
+
+def main() -> None:
+    side = HelperSide()
+    try:
+        failure = _serve(side, side.specification)
+    except TamsError as error:
+        side.fail(str(error))
+        raise SystemExit(error.exit_code) from error
+    if failure is not None:
+        raise failure
+
+
+def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | None:
+    """Run until told to stop; what ended a thread of the server, if anything did."""
+    name = str(specification["memory_name"])
+    start_joints = np.radians(np.array(specification["start_joints_deg"], float))
+    clock = MonotonicClock()
+    world = World(draw_layout(int(specification["seed"])), start_joints)
+    writer = WorldWriter(name)
+    plant = PublishedWorld(world, writer, clock)
+    server = ControllerServer(
+        ControllerModel(plant, start_joints),
+        str(specification["host"]),
+        int(specification["control_port"]),
+        int(specification["report_port"]),
+        clock,
+        on_failure=lambda *_: side.stop_requested.set(),
+    )
+    scheduler = _prefer_real_time()
+    try:
+        server.start()
+        ports = server.ports
+        side.ready(
+            memory_name=name,
+            control_port=ports.control,
+            report_port=ports.report,
+            scheduler=scheduler,
+        )
+        side.stop_requested.wait()
+    finally:
+        server.close()
+        writer.close()
+    return server.failure
+
+
+def _prefer_real_time() -> str:
+    """Ask for SCHED_FIFO, which the threads started afterwards inherit; the scheduler in use."""
+    if not sys.platform.startswith("linux"):
+        return "other"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_FIFO_PRIORITY))
+    except PermissionError:
+        return "other"
+    return "fifo"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""The command line: what it prints, what it refuses, with which exit code."""
+
+import csv
+import io
+import json
+
+import pytest
+
+from tams_app import __version__
+from tams_app.cli import _main
+
+
+def run(capsys, *arguments):
+    code = _main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_allocate_prints_whole_kbits_as_json(capsys):
+    code, out, _ = run(
+        capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 5520, "--json"
+    )  # 150 + w (5520 - 450)
+    assert code == 0
+    assert json.loads(out) == {"eih": 3192, "gt": 1164, "gs": 1164}
+
+
+def test_allocate_takes_strategy_and_floor(capsys):
+    options = ("--strategy", "static", "--floor-kbps", 0, "--json")
+    _, out, _ = run(capsys, "allocate", "--phase", "REACH", "--budget-kbps", 1000, *options)
+    assert json.loads(out) == {"eih": 500, "gt": 250, "gs": 250}
+
+
+def test_phases_labels_a_file_and_writes_where_told(capsys, tmp_path):
+    table = tmp_path / "speeds.csv"
+    table.write_text(
+        "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n" + "".join(f"{i / 10},0,0,-50,0\n" for i in range(6))
+    )
+    target = tmp_path / "labelled.csv"
+    assert run(capsys, "phases", table, "--no-smoothing", "--out", target)[0] == 0
+    rows = list(csv.DictReader(io.StringIO(target.read_text())))
+    assert [row["phase"] for row in rows] == ["REACH"] * 3 + ["ALIGN"] * 3
+    _, out, _ = run(capsys, "phases", table, "--no-smoothing", "--align-dwell-s", 0.1)
+    assert [row["phase"] for row in csv.DictReader(io.StringIO(out))][1] == "ALIGN"
+
+
+def test_the_version_is_told(capsys):
+    assert run(capsys, "--version") == (0, f"TAMS {__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["bogus"], "No such command 'bogus'"),
+        (["allocate", "--phase", "ALIGN"], "Missing option '--budget-kbps'"),
+        (["allocate", "--phase", "LUNCH", "--budget-kbps", 1], "'LUNCH' is none of REACH"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", "inf"], "--budget-kbps"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", "nan"], "--budget-kbps"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", -1], "--budget-kbps"),
+        (
+            ["allocate", "--phase", "ALIGN", "--budget-kbps", 9, "--strategy", "best"],
+            "'best' is none of equal, static, tams",
+        ),
+        (["phases", "missing.csv"], "missing.csv: cannot be read"),
+        (["run", "--network", "s9"], "'s9' is neither one of s1, s2, s3, none nor a trace"),
+        (["run", "--strategy", "best"], "'best' is none of equal, static, tams"),
+        (["run", "--budget", "guess"], "policy.budget.mode"),
+        (["run", "--seconds", 0], "seconds"),
+        (["run", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
+        (["--seed", -1], "seed"),
+        (["network", "s2", "--interface", "lo"], "lo"),
+    ],
+)
+def test_wrong_use_is_one_sentence_and_exit_code_two(capsys, tmp_path, arguments, sentence):
+    is_run = arguments[0] in ("run", "--seed")
+    code, out, err = run(capsys, *arguments, *(("--out", tmp_path) if is_run else ()))
+    assert code == 2
+    assert out == ""
+    assert sentence in err
+    assert len(err.splitlines()) == 1
+
+
+def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
+    trace = tmp_path / "bad.csv"
+    trace.write_text("t_ms,kbps\n0,1000\nsoon,1000\n")
+    code, _, err = run(capsys, "run", "--network", trace, "--out", tmp_path)
+    assert code == 2
+    assert str(trace) in err
+    assert "line 3" in err
+
+
+def test_hardware_alone_is_refused_in_a_sentence(capsys, tmp_path):
+    config = tmp_path / "hardware.yaml"
+    from tams_app.config import CONFIG_DIRECTORY
+
+    names = [str(CONFIG_DIRECTORY / name) for name in ("networks.yaml", "weights.yaml")]
+    config.write_text(f"version: 1\ninclude: {json.dumps(names)}\nrig: {{enabled: false}}\n")
+    code, _, err = run(capsys, "run", "--config", config, "--out", tmp_path)
+    assert code == 2
+    assert "--sim" in err
+
+
+def test_debug_shows_where_it_came_from():
+    from tams_app.errors import ConfigError
+
+    with pytest.raises(ConfigError):
+        _main(["--debug", "allocate", "--phase", "LUNCH", "--budget-kbps", "1"])
