@@ -15,9 +15,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.guard import HeartbeatWatch, Watch
-from hw.guard_link import GuardLink, GuardMessage, Heartbeat, decode_heartbeat
+from hw.guard_link import (
+    GuardLink,
+    GuardMessage,
+    Heartbeat,
+    decode_heartbeat,
+    guard_specification,
+)
 from hw.sim.controller_codes import Mode, State
 from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.config import ArmConfig
 from tams_app.errors import HelperError
 from tams_app.process import HelperProcess
 
@@ -86,7 +93,7 @@ def test_a_late_disarm_of_an_older_arming_does_not_end_the_newer_one() -> None:
     watch = HeartbeatWatch(TIMEOUT_NS)
     watch.hear(0, beat(1, 1))
     watch.hear(1, beat(2, 3))
-    watch.hear(2, disarm(1, 2))
+    watch.hear(2, disarm(1, 4))
     assert watch.watch is Watch.ARMED
 
 
@@ -205,12 +212,7 @@ class GuardedArm:
         self.process = HelperProcess(
             "guard",
             "hw.guard",
-            {
-                "host": config.host,
-                "control_port": config.control_port,
-                "reply_timeout_s": config.reply_timeout_s,
-                "heartbeat_timeout_ms": 300.0,  # generous: the beats come from a busy machine
-            },
+            guard_specification(config) | {"heartbeat_timeout_ms": 300.0},  # a busy machine
             None,
         )
         self.process.start()
@@ -314,12 +316,7 @@ def test_a_killed_guard_is_noticed(guarded: GuardedArm) -> None:
 def test_a_guard_without_an_arm_says_so() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
-        specification = {
-            "host": "127.0.0.1",
-            "control_port": unused.getsockname()[1],
-            "reply_timeout_s": 0.1,
-            "heartbeat_timeout_ms": 100.0,
-        }
+        specification = guard_specification(ArmConfig(control_port=unused.getsockname()[1]))
         process = HelperProcess("guard", "hw.guard", specification, None)
         process.start()
         with pytest.raises(HelperError, match="No arm answers"):

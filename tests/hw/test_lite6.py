@@ -45,8 +45,9 @@ def make_arm(config: ArmConfig, control_rate_hz: float = 120.0) -> Lite6:
 
 @pytest.fixture
 def arm(rig: ControllerRig) -> Iterator[Lite6]:
-    """Connected and enabled, with the reply time-out of the default configuration."""
-    made = make_arm(rig.config(ArmConfig().reply_timeout_s))
+    """Connected and enabled."""
+    rig.model.settings.self_collision_check = False
+    made = make_arm(rig.config(reply_timeout_s=0.25))
     made.connect()
     made.enable(ServoMode.VELOCITY)
     yield made
@@ -68,13 +69,13 @@ def test_the_controller_holds_the_configured_settings_once_enabled(
     rig: ControllerRig, arm: Lite6
 ) -> None:
     config, settings = ArmConfig(), rig.model.settings
+    assert settings.self_collision_check
     wanted = [*config.tcp_offset_mm_deg[:3], *map(math.radians, config.tcp_offset_mm_deg[3:])]
     np.testing.assert_allclose(settings.tcp_offset, wanted, rtol=1e-6)
     np.testing.assert_allclose(
         settings.load, [config.tcp_load_kg, *config.tcp_load_centre_mm], rtol=1e-6
     )
     assert settings.collision_sensitivity == config.collision_sensitivity
-    assert settings.self_collision_check
 
 
 def test_a_setting_that_does_not_come_back_is_refused(
@@ -93,8 +94,10 @@ def test_connecting_stops_what_somebody_left_moving(rig: ControllerRig) -> None:
         rig.model.enable(True)
         rig.model.set_state(0)
         rig.model.move_joints(rig.model.joints + 0.5, 0.1, 1.0)
+    changes = record_changes(rig)
     arm = make_arm(rig.config())
     arm.connect()
+    assert changes[0] == (Register.SET_STATE, bytes([State.STOPPED]))  # before anything else
     with rig.server.lock:
         assert rig.model.commands_waiting == 0
         assert rig.model.state == State.STOPPED
@@ -168,7 +171,7 @@ def test_two_arms_with_ports_of_their_own_live_in_one_process(rig: ControllerRig
 
 
 def test_connecting_prints_nothing_and_leaves_other_sockets_time_outs_alone(
-    arm: Lite6, capfd: pytest.CaptureFixture[str]
+    capfd: pytest.CaptureFixture[str], arm: Lite6
 ) -> None:
     arm.stop()
     arm.clear_errors()
@@ -297,6 +300,33 @@ def test_a_gripper_that_does_not_do_as_it_was_told_is_a_failure(
     state = arm.state()
     assert state is not None
     assert state.gripper_closed is None
+
+
+def test_an_error_is_known_from_a_reply_before_a_report_tells_of_it(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    with rig.server.lock:
+        rig.model.reports_frozen = True
+        rig.model.raise_error(31)
+    assert send_until(arm, "C31")
+    state = arm.state()
+    assert state is not None
+    assert state.error_code == 31
+
+
+def record_changes(rig: ControllerRig) -> list[tuple[int, bytes]]:
+    """The requests from now on that change something, in order, while they come in."""
+    changes: list[tuple[int, bytes]] = []
+    handle = rig.model.handle
+    queries = {Register.GET_VERSION, Register.GET_STATE, Register.GET_ERROR}
+
+    def recorded(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register not in queries:
+            changes.append((register, payload))
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = recorded  # type: ignore[method-assign]
+    return changes
 
 
 def ignore(rig: ControllerRig, ignored: Register) -> None:

@@ -1,0 +1,161 @@
+"""The heartbeat between the control loop and the guard: datagrams on loopback, both ways.
+
+A beat keeps the guard from stopping the arm; every beat is answered, so that a guard that is gone
+or cannot reach the arm is seen as well.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # the guard itself starts without the configuration's libraries
+    from tams_app.config import ArmConfig
+
+LOOPBACK = "127.0.0.1"
+_DATAGRAM = struct.Struct("!4sBBIQ")  # magic, kind, status bits, arming, sequence
+_MAGIC = b"TAMG"
+_STATUS_LATCHED = 1
+_STATUS_ARM_LOST = 2
+_MAX_ACKNOWLEDGEMENTS_PER_BEAT = 4
+
+
+def guard_specification(config: ArmConfig) -> dict[str, Any]:
+    """What the process `hw.guard` is started with."""
+    return {
+        "host": config.host,
+        "control_port": config.control_port,
+        "reply_timeout_s": config.reply_timeout_s,
+        "heartbeat_timeout_ms": config.guard.heartbeat_timeout_ms,
+    }
+
+
+class GuardMessage(IntEnum):
+    """What a datagram says."""
+
+    BEAT = 1
+    DISARM = 2
+    ACKNOWLEDGEMENT = 3
+
+
+_MESSAGES = {message.value: message for message in GuardMessage}
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """One datagram; `latched` and `arm_lost` are the guard's and only in acknowledgements.
+
+    `arming` counts the times the arm was armed, `sequence` the beats since the link was made.
+    """
+
+    message: GuardMessage
+    arming: int
+    sequence: int
+    latched: bool = False  # the guard stopped the arm and waits for a new arming
+    arm_lost: bool = False  # the guard's own connection to the arm does not answer
+
+    def encode(self) -> bytes:
+        status = _STATUS_LATCHED * self.latched | _STATUS_ARM_LOST * self.arm_lost
+        return _DATAGRAM.pack(_MAGIC, self.message, status, self.arming, self.sequence)
+
+
+def decode_heartbeat(data: bytes) -> Heartbeat | None:
+    """The heartbeat in a datagram, None if it is something else."""
+    if len(data) != _DATAGRAM.size:
+        return None
+    magic, kind, status, arming, sequence = _DATAGRAM.unpack(data)
+    message = _MESSAGES.get(kind)
+    if magic != _MAGIC or message is None:
+        return None
+    return Heartbeat(
+        message,
+        arming,
+        sequence,
+        latched=bool(status & _STATUS_LATCHED),
+        arm_lost=bool(status & _STATUS_ARM_LOST),
+    )
+
+
+class GuardLink:
+    """The control loop's side: `arm` once per arming, then `beat` every tick, then `disarm`.
+
+    For one thread. Nothing here blocks; a beat costs some 10 µs once the caches are warm.
+    """
+
+    def __init__(self, port: int, silence_ns: int) -> None:
+        """`port` is in the guard's ready line; no answer for `silence_ns` means it is gone."""
+        self._silence_ns = silence_ns
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.connect((LOOPBACK, port))
+        self._arming = 0
+        self._sequence = 0
+        self._armed = False
+        self._heard_ns: int | None = None
+        self.last_ack_ns: int | None = None
+        self.latched = False
+        self.arm_lost = False
+
+    @property
+    def armed(self) -> bool:
+        return self._armed
+
+    def arm(self) -> None:
+        """Begin a new arming: the next beat arms the guard, also after it has stopped the arm."""
+        self._arming += 1
+        self._armed = True
+        self._heard_ns = None
+        self.latched = False
+
+    def beat(self, now_ns: int) -> None:
+        """Say that the control loop runs, and take in the guard's answers; nothing if not armed."""
+        if not self._armed:
+            return
+        self._sequence += 1
+        if self._heard_ns is None:
+            self._heard_ns = now_ns
+        self._send(GuardMessage.BEAT)
+        self._receive(now_ns)
+
+    def disarm(self) -> None:
+        """End the watch without a stop; the caller sees to it that the arm stands."""
+        if self._armed:
+            self._armed = False
+            self._sequence += 1
+            self._send(GuardMessage.DISARM)
+
+    def alive(self, now_ns: int) -> bool:
+        """While armed: beats are answered and the guard could stop the arm. True if not armed."""
+        if not self._armed or self._heard_ns is None:
+            return True
+        return not self.arm_lost and now_ns - self._heard_ns <= self._silence_ns
+
+    def close(self) -> None:
+        """Disarm and let go; may be called twice."""
+        if self._socket.fileno() >= 0:
+            self.disarm()
+            self._socket.close()
+
+    def _send(self, message: GuardMessage) -> None:
+        try:
+            self._socket.send(Heartbeat(message, self._arming, self._sequence).encode())
+        except OSError:  # a dead guard refuses datagrams: its silence is what `alive` reports
+            return
+
+    def _receive(self, now_ns: int) -> None:
+        for _ in range(_MAX_ACKNOWLEDGEMENTS_PER_BEAT):
+            try:
+                answer = decode_heartbeat(self._socket.recv(64))
+            except OSError:  # nothing there, or the guard is gone: see `_send`
+                return
+            if answer is None or answer.arming != self._arming:
+                continue
+            self.last_ack_ns = now_ns
+            self._heard_ns = now_ns
+            self.latched = answer.latched
+            self.arm_lost = answer.arm_lost
+            if answer.sequence >= self._sequence - 1:  # up to date: save a system call
+                return

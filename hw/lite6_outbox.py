@@ -1,0 +1,77 @@
+"""What waits for the wire to the arm: the control loop puts, the sender thread takes."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+
+from hw.arm import ServoMode
+from tams_app.records import Pose, Twist
+
+GRIPPER_QUEUE = 4  # when full, the oldest command gives way
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What to send next, and for which opening of the outbox it was left there."""
+
+    opening: int
+    motion: Twist | Pose | None
+    gripper_closed: bool | None
+
+
+class Outbox:
+    """The newest motion command and a few gripper commands; shut unless a servo is enabled."""
+
+    def __init__(self) -> None:
+        self._news = threading.Condition()
+        self._servo: ServoMode | None = None
+        self._opening = 0
+        self._motion: Twist | Pose | None = None
+        self._gripper: deque[bool] = deque(maxlen=GRIPPER_QUEUE)
+
+    @property
+    def servo(self) -> ServoMode | None:
+        """The servo whose commands are taken; None while shut."""
+        return self._servo
+
+    def open(self, servo: ServoMode) -> None:
+        """Take commands for `servo` from now on."""
+        with self._news:
+            self._servo = servo
+            self._opening += 1
+
+    def shut(self) -> None:
+        """Forget what waits and take nothing until opened."""
+        with self._news:
+            self._servo = None
+            self._opening += 1
+            self._motion = None
+            self._gripper.clear()
+            self._news.notify()
+
+    def is_current(self, opening: int) -> bool:
+        """Whether the outbox was neither shut nor opened anew since `opening`."""
+        return opening == self._opening
+
+    def put_motion(self, motion: Twist | Pose) -> None:
+        with self._news:
+            if self._servo is not None:
+                self._motion = motion
+                self._news.notify()
+
+    def put_gripper(self, closed: bool) -> None:
+        with self._news:
+            if self._servo is not None:
+                self._gripper.append(closed)
+                self._news.notify()
+
+    def take(self, timeout_s: float) -> Work:
+        """The newest motion and the oldest gripper command; neither after `timeout_s` or a shut."""
+        with self._news:
+            if self._motion is None and not self._gripper:
+                self._news.wait(timeout_s)
+            motion, self._motion = self._motion, None
+            gripper = self._gripper.popleft() if self._gripper else None
+            return Work(self._opening, motion, gripper)

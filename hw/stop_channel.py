@@ -1,0 +1,123 @@
+"""The arm's emergency stop: its own connection, and a thread that repeats until acknowledged."""
+
+from __future__ import annotations
+
+import threading
+
+from hw.lite6_codes import State
+from hw.uxbus import GET_STATE, SET_STATE, STATUS_INVALID, UxbusClient
+from tams_app.errors import DeviceError
+from tams_app.worker import Worker
+
+RETRY_PAUSE_S = 0.01
+RECONNECT_TIMEOUT_S = 0.2
+KEEPALIVE_PERIOD_S = 0.5  # also how long a dead connection may go unnoticed
+KEEPALIVE_MISSES = 2
+
+
+class StopChannel:
+    """Sends controller state 4 when asked, again and again until the controller acknowledges it.
+
+    A request during a stop is served by that stop. A broken connection is made anew for a stop.
+    Between stops a keep-alive shows whether the channel would work: see `failure`.
+    """
+
+    def __init__(self, host: str, port: int, reply_timeout_s: float, name: str) -> None:
+        self._client = UxbusClient(host, port)
+        self._where = f"{host}:{port}"
+        self._reply_timeout_s = reply_timeout_s
+        self._wake = threading.Condition()
+        self._requested = 0
+        self._acknowledged = 0
+        self._failure = ""
+        self._native_id: int | None = None
+        self._worker = Worker(name, self._run, self._on_death)
+
+    def start(self) -> None:
+        """Connect and start the thread; DeviceError if the arm does not answer."""
+        self._client.connect()
+        try:
+            self._client.request(GET_STATE, b"", timeout_s=1.0)
+        except OSError as error:
+            self._client.close()
+            raise DeviceError(
+                f"The arm at {self._where} accepts connections but does not answer; "
+                "restart its control box."
+            ) from error
+        self._worker.start()
+
+    @property
+    def failure(self) -> str:
+        """Why a stop would not get through at the moment, in one sentence; "" if it would."""
+        return self._failure
+
+    @property
+    def native_id(self) -> int | None:
+        """The kernel's id of the thread, for real-time scheduling; None before it runs."""
+        return self._native_id
+
+    @property
+    def pending(self) -> bool:
+        """A stop was asked for and is not acknowledged yet."""
+        return self._acknowledged < self._requested
+
+    def request_stop(self) -> None:
+        """Stop the arm; does not block, may be called from any thread and any number of times."""
+        with self._wake:
+            self._requested += 1
+            self._wake.notify_all()
+
+    def wait_acknowledged(self, timeout_s: float) -> bool:
+        """Wait until every stop asked for so far is acknowledged; False if `timeout_s` passed."""
+        with self._wake:
+            return self._wake.wait_for(lambda: not self.pending, timeout_s)
+
+    def close(self) -> None:
+        """End the thread and hang up; may be called twice."""
+        self._worker.request_stop()
+        with self._wake:
+            self._wake.notify_all()
+        self._worker.stop()
+        self._client.close()
+
+    def _run(self, stop: threading.Event) -> None:
+        self._native_id = threading.get_native_id()
+        misses = 0
+        while not stop.is_set():
+            with self._wake:
+                self._wake.wait_for(lambda: self.pending or stop.is_set(), KEEPALIVE_PERIOD_S)
+            if self.pending:
+                self._stop_until_acknowledged(stop)
+            elif not stop.is_set():
+                misses = 0 if self._answers(GET_STATE, b"") else misses + 1
+                self._failure = self._sentence() if misses >= KEEPALIVE_MISSES else ""
+
+    def _stop_until_acknowledged(self, stop: threading.Event) -> None:
+        requested = self._requested
+        while not self._answers(SET_STATE, bytes([State.STOPPED])):
+            self._failure = self._sentence()
+            if stop.wait(RETRY_PAUSE_S):
+                return
+        self._failure = ""
+        with self._wake:
+            self._acknowledged = requested
+            self._wake.notify_all()
+
+    def _answers(self, register: int, payload: bytes) -> bool:
+        """One attempt at a request, over a new connection if the old one is gone."""
+        try:
+            if not self._client.connected:
+                self._client.connect(RECONNECT_TIMEOUT_S)
+            reply = self._client.request(register, payload, self._reply_timeout_s)
+        except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
+            return False
+        return not reply.status & STATUS_INVALID
+
+    def _sentence(self) -> str:
+        return (
+            f"The stop connection to the arm at {self._where} does not answer; "
+            "use the emergency stop button and check the network."
+        )
+
+    def _on_death(self, name: str, failure: BaseException) -> None:
+        self._failure = f"The thread {name} ended ({failure}); use the emergency stop button."

@@ -1,0 +1,332 @@
+"""What every arm keeps to: the driver with the real SDK over TCP, and the in-process arm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hw.arm import Arm, ServoMode
+from hw.lite6_kinematics import offset_from_mm_deg, tcp_pose
+from hw.sim.plant import GripperDrive
+from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Pose, Twist
+
+from .conftest import READY_JOINTS, ArmRig
+
+COLLISION = 31
+STOPPED = 4
+SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
+
+
+def distance_mm(first: Pose, second: Pose) -> float:
+    return float(np.linalg.norm(first.position - second.position)) * 1000.0
+
+
+def position_of(rig: ArmRig, arm: Arm) -> Pose:
+    return rig.next_state(arm).tcp
+
+
+# --- connecting ---------------------------------------------------------------------------------
+
+
+def test_before_connecting_nothing_moves_and_nothing_breaks(unconnected: Arm) -> None:
+    unconnected.send_twist(SIDEWAYS)
+    unconnected.send_pose(Pose(np.zeros(3), Rotation.identity()))
+    unconnected.set_gripper(True)
+    unconnected.stop()
+    assert unconnected.state() is None
+    assert "connect" in unconnected.link().failure
+    with pytest.raises(DeviceError, match="connect"):
+        unconnected.enable(ServoMode.VELOCITY)
+
+
+def test_connecting_leaves_the_arm_stopped_where_it_is(rig: ArmRig, arm: Arm) -> None:
+    state = rig.next_state(arm)
+    assert state.state >= STOPPED
+    assert state.error_code == 0
+    np.testing.assert_allclose(state.joints, READY_JOINTS, atol=1e-6)
+    assert arm.link().failure == ""
+
+
+def test_the_reported_tcp_is_the_tool_centre_point_of_the_configuration(
+    rig: ArmRig, arm: Arm
+) -> None:
+    state = rig.next_state(arm)
+    expected = tcp_pose(state.joints, offset_from_mm_deg(ArmConfig().tcp_offset_mm_deg))
+    assert distance_mm(state.tcp, expected) < 1e-2
+    assert (state.tcp.rotation.inv() * expected.rotation).magnitude() < 1e-5
+
+
+def test_connecting_to_an_arm_in_an_error_says_what_it_is_and_lets_it_be_cleared(
+    rig: ArmRig, unconnected: Arm
+) -> None:
+    with rig.model_lock:
+        rig.model.raise_error(COLLISION)
+    with pytest.raises(DeviceError, match="C31"):
+        unconnected.connect()
+    unconnected.clear_errors()
+    unconnected.connect()
+    assert rig.next_state(unconnected).error_code == 0
+
+
+def test_connecting_refuses_a_controller_that_only_pretends_to_move(
+    rig: ArmRig, unconnected: Arm
+) -> None:
+    with rig.model_lock:
+        rig.model.set_simulation_robot(True)
+    with pytest.raises(DeviceError, match="simulation mode"):
+        unconnected.connect()
+
+
+def test_closing_twice_is_fine_and_one_may_connect_again(rig: ArmRig, enabled: Arm) -> None:
+    rig.stream(enabled, SIDEWAYS, 0.1)
+    enabled.close()
+    enabled.close()
+    assert enabled.state() is None
+    with rig.model_lock:
+        assert rig.model.state == STOPPED
+    enabled.connect()
+    enabled.enable(ServoMode.VELOCITY)
+    before = position_of(rig, enabled)
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    assert distance_mm(before, position_of(rig, enabled)) > 1.0
+
+
+# --- the velocity servo -------------------------------------------------------------------------
+
+
+def test_enabling_does_not_move_the_arm(rig: ArmRig, arm: Arm) -> None:
+    before = position_of(rig, arm)
+    for servo in (ServoMode.VELOCITY, ServoMode.POSE, ServoMode.VELOCITY):
+        arm.enable(servo)
+        rig.advance(0.05)
+    assert distance_mm(before, position_of(rig, arm)) < 1e-3
+
+
+def test_a_twist_moves_the_tcp_with_its_velocity(rig: ArmRig, enabled: Arm) -> None:
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    first = enabled.state()
+    rig.stream(enabled, SIDEWAYS, 0.5)
+    second = enabled.state()
+    assert first is not None
+    assert second is not None
+    seconds = (second.received_ns - first.received_ns) / 1e9
+    velocity = (second.tcp.position - first.tcp.position) / seconds
+    np.testing.assert_allclose(velocity, SIDEWAYS.linear, atol=0.015)
+    assert abs(velocity[0]) < 1e-3
+    assert abs(velocity[2]) < 1e-3
+    assert enabled.link().failure == ""
+    assert enabled.link().sent > 60
+
+
+def test_a_twist_turns_the_tcp_about_the_axis_told_in_the_base_frame(
+    rig: ArmRig, enabled: Arm
+) -> None:
+    before = rig.next_state(enabled).tcp
+    rig.stream(enabled, Twist(np.zeros(3), np.array([0.0, 0.0, 0.4])), 0.5)
+    after = position_of(rig, enabled)
+    turn = (after.rotation * before.rotation.inv()).as_rotvec()
+    assert 0.1 < turn[2] < 0.3
+    np.testing.assert_allclose(turn[:2], 0.0, atol=1e-3)
+    assert distance_mm(before, after) < 0.1
+
+
+def test_the_arm_stops_by_itself_when_commands_cease(rig: ArmRig, enabled: Arm) -> None:
+    rig.stream(enabled, SIDEWAYS, 0.3)
+    rig.advance(ArmConfig().velocity_deadman_s + 0.2)
+    at_rest = position_of(rig, enabled)
+    rig.advance(0.2)
+    np.testing.assert_array_equal(position_of(rig, enabled).position, at_rest.position)
+    assert enabled.link().failure == ""
+
+
+def test_a_zero_twist_holds_the_arm_exactly_where_it_is(rig: ArmRig, enabled: Arm) -> None:
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    rig.stream(enabled, Twist.zero(), 0.3)
+    at_rest = position_of(rig, enabled)
+    rig.stream(enabled, Twist.zero(), 0.3)
+    np.testing.assert_array_equal(position_of(rig, enabled).position, at_rest.position)
+
+
+def test_a_twist_that_no_arm_may_follow_is_refused_and_nothing_moves_until_enabled_again(
+    rig: ArmRig, enabled: Arm
+) -> None:
+    before = position_of(rig, enabled)
+    for impossible in (
+        Twist(np.array([0.0, np.nan, 0.0]), np.zeros(3)),
+        Twist(np.array([0.0, 0.6, 0.0]), np.zeros(3)),
+        Twist(np.zeros(3), np.array([0.0, 0.0, 4.0])),
+    ):
+        enabled.send_twist(impossible)
+        assert rig.until(lambda: "refused" in enabled.link().failure)
+        rig.stream(enabled, SIDEWAYS, 0.1)
+        assert distance_mm(before, position_of(rig, enabled)) < 1e-3
+        enabled.enable(ServoMode.VELOCITY)
+        assert enabled.link().failure == ""
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    assert distance_mm(before, position_of(rig, enabled)) > 1.0
+
+
+# --- the pose servo -----------------------------------------------------------------------------
+
+
+def test_poses_are_followed(rig: ArmRig, arm: Arm) -> None:
+    arm.enable(ServoMode.POSE)
+    start = rig.next_state(arm).tcp
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.002])
+    pose = start
+    for _ in range(40):
+        pose = Pose(pose.position + np.array([0.0, 0.0005, 0.0]), turn * pose.rotation)
+        arm.send_pose(pose)
+        rig.advance(1 / 120)
+    assert rig.until(lambda: distance_mm(position_of(rig, arm), pose) < 0.05)
+    assert (position_of(rig, arm).rotation.inv() * pose.rotation).magnitude() < 1e-3
+    assert arm.link().failure == ""
+
+
+def test_a_pose_too_far_away_is_refused(rig: ArmRig, arm: Arm) -> None:
+    arm.enable(ServoMode.POSE)
+    before = rig.next_state(arm).tcp
+    arm.send_pose(Pose(before.position + np.array([0.0, 0.012, 0.0]), before.rotation))
+    assert rig.until(lambda: "step" in arm.link().failure)
+    assert distance_mm(before, position_of(rig, arm)) < 1e-3
+
+
+def test_commands_of_the_other_servo_are_refused(rig: ArmRig, arm: Arm) -> None:
+    arm.enable(ServoMode.POSE)
+    before = position_of(rig, arm)
+    arm.send_twist(SIDEWAYS)
+    assert rig.until(lambda: "pose servo" in arm.link().failure)
+    arm.enable(ServoMode.VELOCITY)
+    arm.send_pose(before)
+    assert rig.until(lambda: "velocity servo" in arm.link().failure)
+
+
+# --- going somewhere ----------------------------------------------------------------------------
+
+
+def test_moving_to_joints_arrives_and_leaves_no_servo_enabled(rig: ArmRig, arm: Arm) -> None:
+    goal = READY_JOINTS + np.radians([6.0, -4.0, -4.0, 3.0, 5.0, -6.0])
+    arm.move_to_joints(goal.tolist(), 0.8, 20.0)
+    state = rig.next_state(arm)
+    np.testing.assert_allclose(state.joints, goal, atol=0.006)
+    assert state.mode == 0
+    sent = arm.link().sent
+    rig.stream(arm, SIDEWAYS, 0.1)
+    assert arm.link().sent == sent
+
+
+def test_joints_out_of_reach_are_refused(arm: Arm) -> None:
+    with pytest.raises(DeviceError, match="limits"):
+        arm.move_to_joints([0.0, 3.0, 0.0, 0.0, 0.0, 0.0], 0.5, 5.0)
+
+
+def test_a_move_that_takes_too_long_is_stopped(rig: ArmRig, arm: Arm) -> None:
+    goal = READY_JOINTS + np.radians([40.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(DeviceError, match=r"within 0\.3 s"):
+        arm.move_to_joints(goal.tolist(), 0.2, 0.3)
+    assert rig.until(lambda: rig.next_state(arm).state == STOPPED)
+
+
+# --- the gripper --------------------------------------------------------------------------------
+
+
+def test_gripper_commands_are_done_acknowledged_and_reported(rig: ArmRig, enabled: Arm) -> None:
+    assert rig.next_state(enabled).gripper_closed is None
+    for closed, drive in ((True, GripperDrive.CLOSE), (False, GripperDrive.OPEN)):
+        enabled.set_gripper(closed)
+        assert rig.until(lambda closed=closed: rig.next_state(enabled).gripper_closed is closed)
+        with rig.model_lock:
+            assert rig.model.gripper is drive
+    rig.advance(0.4)
+    assert enabled.link().failure == ""
+
+
+def test_connecting_reads_the_gripper_back_and_leaves_it_alone(rig: ArmRig, enabled: Arm) -> None:
+    enabled.set_gripper(True)
+    assert rig.until(lambda: rig.next_state(enabled).gripper_closed is True)
+    enabled.close()
+    enabled.connect()
+    assert rig.next_state(enabled).gripper_closed is True
+    with rig.model_lock:
+        assert rig.model.gripper is GripperDrive.CLOSE
+
+
+# --- stopping and errors ------------------------------------------------------------------------
+
+
+def test_stop_stops_and_nothing_moves_until_enabled(rig: ArmRig, enabled: Arm) -> None:
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    enabled.stop()
+    enabled.stop()
+    assert rig.until(lambda: rig.next_state(enabled).state == STOPPED)
+    rig.advance(0.2)
+    at_rest = position_of(rig, enabled)
+    sent = enabled.link().sent
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    enabled.set_gripper(True)
+    rig.advance(0.1)
+    np.testing.assert_array_equal(position_of(rig, enabled).position, at_rest.position)
+    assert rig.next_state(enabled).gripper_closed is None
+    assert enabled.link().sent == sent
+    assert enabled.link().failure == ""
+    enabled.enable(ServoMode.VELOCITY)
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    assert distance_mm(at_rest, position_of(rig, enabled)) > 1.0
+
+
+def test_an_error_shows_in_state_and_link_with_its_code(rig: ArmRig, enabled: Arm) -> None:
+    rig.stream(enabled, SIDEWAYS, 0.1)
+    with rig.model_lock:
+        rig.model.raise_error(COLLISION)
+    assert rig.until(lambda: rig.next_state(enabled).error_code == COLLISION)
+    rig.stream(enabled, SIDEWAYS, 0.1)
+    assert rig.until(lambda: "C31" in enabled.link().failure)
+    with pytest.raises(DeviceError, match="C31"):
+        enabled.enable(ServoMode.VELOCITY)
+
+
+def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> None:
+    with rig.model_lock:
+        rig.model.raise_error(COLLISION)
+    rig.stream(enabled, SIDEWAYS, 0.1)
+    assert rig.until(lambda: rig.next_state(enabled).error_code == COLLISION)
+    before = position_of(rig, enabled)
+    enabled.clear_errors()
+    state = rig.next_state(enabled)
+    assert state.error_code == 0
+    assert state.state == STOPPED
+    assert enabled.link().failure == ""
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    assert distance_mm(before, position_of(rig, enabled)) < 1e-3
+    enabled.enable(ServoMode.VELOCITY)
+    rig.stream(enabled, SIDEWAYS, 0.2)
+    assert distance_mm(before, position_of(rig, enabled)) > 1.0
+
+
+def test_a_pressed_emergency_stop_cannot_be_cleared(rig: ArmRig, enabled: Arm) -> None:
+    with rig.model_lock:
+        rig.model.press_emergency_stop()
+    assert rig.until(lambda: rig.next_state(enabled).error_code == 2)
+    with pytest.raises(DeviceError, match="release it"):
+        enabled.clear_errors()
+    with rig.model_lock:
+        rig.model.release_emergency_stop()
+    enabled.clear_errors()
+    enabled.enable(ServoMode.VELOCITY)
+
+
+def test_frozen_reports_show_as_a_state_that_ages(rig: ArmRig, enabled: Arm) -> None:
+    rig.next_state(enabled)
+    with rig.model_lock:
+        rig.model.reports_frozen = True
+    rig.stream(enabled, Twist.zero(), 0.1)
+    frozen = enabled.state()
+    rig.stream(enabled, Twist.zero(), 0.3)
+    later = enabled.state()
+    assert frozen is not None
+    assert later is not None
+    assert later.received_ns == frozen.received_ns
+    assert enabled.link().failure == ""

@@ -1,0 +1,28 @@
+"""The controller's numbers in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from hw.lite6_codes import (
+    CONTROLLER_ERRORS,
+    Code,
+    controller_error_sentence,
+    return_code_sentence,
+)
+
+
+@pytest.mark.parametrize("code", [*CONTROLLER_ERRORS, 99])
+def test_every_controller_error_is_one_sentence_with_its_number(code: int) -> None:
+    sentence = controller_error_sentence(code)
+    assert f"C{code}:" in sentence
+    assert sentence.endswith(".")
+    assert sentence.count(".") == 1 + sentence.count("limits.max")
+
+
+def test_return_codes_say_which_call_and_tell_lost_silent_and_refused_apart() -> None:
+    codes = (Code.DISCONNECTED, Code.TIMEOUT, Code.NOT_READY, Code.ERROR, 10)
+    sentences = [return_code_sentence(code, "a motion command") for code in codes]
+    assert len(set(sentences)) == len(codes)
+    assert all("a motion command" in sentence for sentence in sentences)
+    assert return_code_sentence(Code.NOT_SENT, "x") == return_code_sentence(Code.DISCONNECTED, "x")
