@@ -50,6 +50,12 @@ def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
 # --- the arm and the hand -----------------------------------------------------------------------
 
 
+class GuardConfig(Section):
+    """The helper process that stops the arm when the control loop falls silent."""
+
+    heartbeat_timeout_ms: Annotated[float, Field(ge=20, le=1000)] = 100.0
+
+
 class ArmConfig(Section):
     """The Lite 6 and how it is reached."""
 
@@ -66,6 +72,7 @@ class ArmConfig(Section):
     ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)  # TCP (350, 0, 180) mm, gripper down
     ready_speed_deg_s: Annotated[float, Field(gt=0, le=60)] = 20.0
     pose_gain_per_s: Positive = 4.0  # outer P-loop of the velocity servo
+    guard: GuardConfig = GuardConfig()
 
 
 class ClutchConfig(Section):
@@ -139,8 +146,8 @@ class StopProfileConfig(ProfileConfig):
 
     acceleration_m_s2: Positive = 5.0
     jerk_m_s3: Positive = 100.0
-    acceleration_rad_s2: Positive = 10.0
-    jerk_rad_s3: Positive = 200.0
+    acceleration_rad_s2: Positive = 12.0
+    jerk_rad_s3: Positive = 250.0  # also from 0.5 rad/s while it still speeds up
 
 
 class LimitsConfig(Section):
@@ -168,6 +175,9 @@ class LimitsConfig(Section):
             raise ValueError("box_min_mm must be below box_max_mm on every axis")
         if self.radius_min_mm >= self.radius_max_mm:
             raise ValueError("radius_min_mm must be smaller than radius_max_mm")
+        for key in ProfileConfig.model_fields:
+            if getattr(self.stop, key) < getattr(self.motion, key):
+                raise ValueError(f"stop.{key} must not be below motion.{key}")
         linear = stop_time_s(
             self.max_speed_mm_s / 1000, self.stop.acceleration_m_s2, self.stop.jerk_m_s3
         )
@@ -284,8 +294,8 @@ class VideoConfig(Section):
     """The same settings for all views and strategies."""
 
     views: tuple[str, ...] = ("eih", "gt", "gs")
-    width: Annotated[int, Field(ge=160, le=1920)] = 640
-    height: Annotated[int, Field(ge=120, le=1080)] = 480
+    width: Annotated[int, Field(ge=160, le=1920, multiple_of=4)] = 640  # rows without padding
+    height: Annotated[int, Field(ge=120, le=1080, multiple_of=2)] = 480
     fps: Annotated[int, Field(ge=5, le=60)] = 30
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
     vbv_ms: Positive = 33.0
@@ -309,6 +319,12 @@ class Network(Section):
     queue_ms: Positive = 150.0
     queue_min_bytes: Annotated[int, Field(ge=1500)] = 30_000
 
+    @model_validator(mode="after")
+    def _possible_bursts(self) -> Self:
+        if self.loss < 1 and 1 < self.loss_burst < self.loss / (1 - self.loss):
+            raise ValueError(f"loss {self.loss:g} cannot come in bursts of {self.loss_burst:g}")
+        return self
+
 
 # --- rig, trial, recording ----------------------------------------------------------------------
 
@@ -329,6 +345,7 @@ class RigConfig(Section):
 
     enabled: bool = True
     render_nice: Annotated[int, Field(ge=0, le=19)] = 10
+    camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5  # grey levels of 255
     operator: OperatorConfig = OperatorConfig()
 
 

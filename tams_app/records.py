@@ -220,12 +220,21 @@ class PacketRecord:
 
     view: str
     kind: PacketKind
-    sequence: int  # RTP sequence number; 0 for RTCP
+    sequence: int  # RTP sequence of the media packet carried; REPAIR: the original's; RTCP: 0
     size_bytes: int
     entered_ns: int
     departed_ns: int  # left the bottleneck; 0 if it overflowed
     delivered_ns: int  # 0 if it was not delivered
     fate: PacketFate
+    rtp_timestamp: int = 0  # 90 kHz; capture index = rtp_timestamp / 3000 at 30 fps; 0 for RTCP
+
+
+@dataclass(frozen=True, slots=True)
+class LinkCapacity:
+    """What the uplink truly carries from `t_ns` on; infinite where there is no bottleneck."""
+
+    t_ns: int
+    capacity_kbps: float
 
 
 # --- the trial ----------------------------------------------------------------------------------

@@ -1,0 +1,171 @@
+"""GStreamer as TAMS uses it: loaded on first use, its elements checked, its bus polled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from tams_app.errors import SetupError
+
+# The Debian package that brings each element.
+_BASE = "gstreamer1.0-plugins-base"
+_GOOD = "gstreamer1.0-plugins-good"
+_BAD = "gstreamer1.0-plugins-bad"
+_UGLY = "gstreamer1.0-plugins-ugly"
+ELEMENT_PACKAGES = {
+    "appsrc": _BASE,
+    "appsink": _BASE,
+    "videoconvert": _BASE,
+    "x264enc": _UGLY,
+    "h264parse": _BAD,
+    "rtph264pay": _GOOD,
+    "rtph264depay": _GOOD,
+    "rtpsession": _GOOD,
+    "rtprtxsend": _GOOD,
+    "rtprtxreceive": _GOOD,
+    "rtpssrcdemux": _GOOD,
+    "rtpptdemux": _GOOD,
+    "rtpjitterbuffer": _GOOD,
+    "udpsrc": _GOOD,
+    "udpsink": _GOOD,
+    "avdec_h264": "gstreamer1.0-libav",
+    "nvh264dec": _BAD,
+    "vah264dec": _BAD,
+    "autovideosink": _GOOD,
+    "ximagesink": "gstreamer1.0-x",
+}
+_OPTIONAL = ("nvh264dec", "vah264dec", "autovideosink", "ximagesink")
+STREAMING_ELEMENTS = tuple(name for name in ELEMENT_PACKAGES if name not in _OPTIONAL)
+DECODERS_BY_PREFERENCE = ("nvh264dec", "vah264dec", "avdec_h264")
+
+
+@dataclass(frozen=True, slots=True)
+class GStreamer:
+    """The modules of GObject introspection that TAMS uses (untyped at run time)."""
+
+    Gst: Any
+    GstVideo: Any
+    GLib: Any
+    Gio: Any
+
+
+@dataclass(frozen=True, slots=True)
+class MissingElement:
+    """A GStreamer element this machine lacks and the Debian package that brings it."""
+
+    name: str
+    package: str
+
+
+@cache
+def load() -> GStreamer:
+    """Import and initialise GStreamer once; SetupError with the command that installs it."""
+    try:
+        import gi
+
+        # GstApp only for its side effect: appsrc and appsink get their methods from it
+        for module, version in (("Gst", "1.0"), ("GstApp", "1.0"), ("GstVideo", "1.0")):
+            gi.require_version(module, version)
+        from gi.repository import Gio, GLib, Gst, GstApp, GstVideo  # noqa: F401
+    except (ImportError, ValueError) as error:
+        raise SetupError(
+            "GStreamer's Python bindings are missing; run `apt-get install gir1.2-gstreamer-1.0 "
+            f"gir1.2-gst-plugins-base-1.0` and `pip install PyGObject` ({error})"
+        ) from error
+    Gst.init(None)
+    return GStreamer(Gst, GstVideo, GLib, Gio)
+
+
+def missing_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> list[MissingElement]:
+    """Which of `names` cannot be made here, each with the package to install."""
+    find = load().Gst.ElementFactory.find
+    return [
+        MissingElement(name, ELEMENT_PACKAGES.get(name, "the plugin that provides it"))
+        for name in names
+        if find(name) is None
+    ]
+
+
+def require_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> None:
+    """SetupError in one sentence if any of `names` is missing."""
+    missing = missing_elements(names)
+    if missing:
+        elements = ", ".join(element.name for element in missing)
+        packages = " ".join(sorted({element.package for element in missing}))
+        raise SetupError(f"GStreamer lacks {elements}; install {packages}")
+
+
+def choose_decoder(name: str) -> str:
+    """The H.264 decoder element to use: `name`, or for `auto` the best one this machine has.
+
+    SetupError if it is not there or decodes something else.
+    """
+    gst = load().Gst
+    candidates = DECODERS_BY_PREFERENCE if name == "auto" else (name,)
+    h264 = gst.Caps.from_string("video/x-h264")
+    for candidate in candidates:
+        factory = gst.ElementFactory.find(candidate)
+        if factory is None:
+            continue
+        is_decoder = factory.list_is_type(gst.ELEMENT_FACTORY_TYPE_DECODER)
+        if is_decoder and factory.can_sink_any_caps(h264):
+            return candidate
+        raise SetupError(f"video.decoder: {candidate} does not decode H.264; use auto")
+    package = ELEMENT_PACKAGES.get(name, ELEMENT_PACKAGES["avdec_h264"])
+    raise SetupError(
+        f"GStreamer has no decoder {name}; install {package} or set video.decoder: auto"
+    )
+
+
+def parse_pipeline(description: str) -> Any:
+    """A pipeline from its launch description; SetupError if it cannot be built."""
+    modules = load()
+    try:
+        return modules.Gst.parse_launch(description)
+    except modules.GLib.Error as error:
+        raise SetupError(f"GStreamer cannot build a pipeline: {error.message}") from error
+
+
+def set_playing(pipeline: Any, what: str) -> None:
+    """Set a pipeline in motion; SetupError with the reason if it refuses."""
+    gst = load().Gst
+    if pipeline.set_state(gst.State.PLAYING) == gst.StateChangeReturn.FAILURE:
+        reason = poll_bus(pipeline) or "no reason given"
+        raise SetupError(f"{what} could not start: {reason}")
+
+
+def poll_bus(pipeline: Any) -> str:
+    """The first error on the pipeline's bus as a sentence, "" if there is none."""
+    message = pipeline.get_bus().pop_filtered(load().Gst.MessageType.ERROR)
+    if message is None:
+        return ""
+    error, _ = message.parse_error()
+    return f"{message.src.get_name()}: {error.message}"
+
+
+def shut_down(pipeline: Any) -> None:
+    """Take a pipeline to NULL and wait until its threads have ended; may be called twice."""
+    gst = load().Gst
+    pipeline.set_state(gst.State.NULL)
+    pipeline.get_state(gst.CLOCK_TIME_NONE)
+    pipeline.get_bus().set_flushing(True)
+
+
+def raw_buffer(data: bytes, pts_ns: int, duration_ns: int) -> Any:
+    """A buffer that holds `data`; GLib.Bytes because wrapping a memoryview is 400 times slower."""
+    modules = load()
+    buffer = modules.Gst.Buffer.new_wrapped_bytes(modules.GLib.Bytes.new(data))
+    buffer.pts = pts_ns
+    buffer.duration = duration_ns
+    return buffer
+
+
+def buffers_of(probe: Any) -> Iterator[Any]:
+    """The buffers a pad probe carries, single or as a list (payloaders and udpsinks use lists)."""
+    if probe.type & load().Gst.PadProbeType.BUFFER_LIST:
+        buffers = probe.get_buffer_list()
+        yield from (buffers.get(number) for number in range(buffers.length()))
+    else:
+        yield probe.get_buffer()

@@ -1,0 +1,128 @@
+"""The launch descriptions of the video chains, in pieces.
+
+`encoder_chain` and `decoder_chain` are the paper's chains without their ends. `live_sender` and
+`live_receiver` put an appsrc or appsink, an rtpsession and UDP around them; a run in virtual time
+puts app elements around the same pieces. Settings and their reasons: FINDINGS 2 and 3.
+"""
+
+from __future__ import annotations
+
+from tams_app.config import VideoConfig
+from tams_app.video.ports import (
+    MEDIA_PAYLOAD_TYPE,
+    REPAIR_PAYLOAD_TYPE,
+    ViewPorts,
+    media_ssrc,
+    repair_ssrc,
+)
+from tams_app.video.repair import RepairRule
+from tams_app.video.shells import udp_sink, udp_source
+
+RTCP_CAPS = "application/x-rtcp"
+# AVPF (RFC 4585) lets NACK and PLI leave early, but only one in each regular interval, which is
+# 5 % of the session's bandwidth: estimated from one view it is so long that NACKs came 400 ms late.
+_SESSION = "rtpsession name=session rtp-profile=avpf bandwidth=10000000"
+_RECEIVER_RTCP_NS = 20_000_000
+_SENDER_RTCP_NS = 500_000_000  # nothing of its is urgent, and it shares the uplink with the video
+_RTX_HISTORY_MS = 1000
+
+
+def raw_caps(config: VideoConfig) -> str:
+    """Caps of the pictures that enter and leave: BGR."""
+    return (
+        f"video/x-raw,format=BGR,width={config.width},height={config.height},"
+        f"framerate={config.fps}/1"
+    )
+
+
+def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
+    """Caps of the RTP stream with `payload_type`, asking for NACK and PLI."""
+    common = f"application/x-rtp,media=video,clock-rate=90000,payload={payload_type}"
+    if payload_type == REPAIR_PAYLOAD_TYPE:
+        return f"{common},encoding-name=RTX"
+    return f"{common},encoding-name=H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true"
+
+
+def rtx_payload_types() -> str:
+    """The structure that maps the media payload type to the repair one."""
+    return f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAIR_PAYLOAD_TYPE};"
+
+
+def rtx_ssrcs(config: VideoConfig, view: str) -> str:
+    """The structure that maps a view's media SSRC to its repair SSRC."""
+    media, repair = media_ssrc(config, view), repair_ssrc(config, view)
+    return f"application/x-rtp-ssrc-map,{media}=(uint){repair};"
+
+
+def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
+    """BGR pictures in, RTP packets out.
+
+    threads=1: anything else is not deterministic. aud=false saves a fifth of the packets.
+    """
+    return (
+        "videoconvert n-threads=1 ! video/x-raw,format=I420 "
+        f"! x264enc name=encoder tune=zerolatency threads=1 speed-preset={config.preset} "
+        f"bitrate={encoder_kbps} vbv-buf-capacity={round(config.vbv_ms)} "
+        f"key-int-max={config.keyframe_interval} aud=false "
+        "! video/x-h264,profile=high,stream-format=byte-stream,alignment=au ! h264parse "
+        f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, view)} "
+        f"mtu={config.mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
+        "timestamp-offset=0 seqnum-offset=0"
+    )
+
+
+def decoder_chain(rule: RepairRule, decoder: str) -> str:
+    """RTP packets in, BGR pictures out.
+
+    mode=none keeps PTS an exact linear function of the RTP timestamp (see frame_identity); its
+    deadlines then count from running time 0 unless `ts-offset` is set to the first arrival.
+    rtx-next-seqnum=false: else a packet not yet sent is asked for, and given up when `latency` is
+    less than a frame. rtx-delay=0: the link does not reorder, so a gap is a loss.
+    """
+    threads = " max-threads=1" if decoder == "avdec_h264" else ""
+    return (
+        f"rtpjitterbuffer name=jitterbuffer mode=none latency={rule.latency_ms} do-lost=true "
+        f"do-retransmission={'true' if rule.rtx else 'false'} rtx-next-seqnum=false rtx-delay=0 "
+        f'! rtpptdemux name=ptdemux ignored-payload-types="<{REPAIR_PAYLOAD_TYPE}>" '
+        "! rtph264depay name=depayloader request-keyframe=true ! h264parse "
+        f"! {decoder} name=decoder{threads} ! videoconvert n-threads=1 ! video/x-raw,format=BGR"
+    )
+
+
+def live_sender(
+    config: VideoConfig, view: str, rtx: bool, encoder_kbps: int, link: ViewPorts
+) -> str:
+    """The whole sender of a view: appsrc `pictures`, udpsink `rtp_out`, udpsrc `feedback_in`.
+
+    max-buffers=4: with two the first frames are lost while x264 starts.
+    """
+    history = f"! rtprtxsend name=rtx max-size-time={_RTX_HISTORY_MS} " if rtx else ""
+    return (
+        f"{_SESSION} rtcp-min-interval={_SENDER_RTCP_NS} update-ntp64-header-ext=false "
+        "appsrc name=pictures is-live=true format=time block=false max-buffers=4 "
+        f'leaky-type=downstream caps="{raw_caps(config)}" '
+        f"! {encoder_chain(config, view, encoder_kbps)} {history}! session.send_rtp_sink "
+        f"session.send_rtp_src ! {udp_sink('rtp_out', config.bind_host, link.host, link.rtp)} "
+        "session.send_rtcp_src "
+        f"! {udp_sink('reports_out', config.bind_host, link.host, link.reports)} "
+        f"{udp_source('feedback_in', RTCP_CAPS)} ! session.recv_rtcp_sink"
+    )
+
+
+def live_receiver(
+    config: VideoConfig, view: str, rule: RepairRule, decoder: str, link: ViewPorts
+) -> str:
+    """The whole receiver of a view: udpsrcs `rtp_in` and `reports_in`, appsink `pictures`.
+
+    Without async=false a live appsink never leaves PAUSED. Only the view's own SSRC is linked on.
+    """
+    resent = "! rtprtxreceive name=rtx " if rule.rtx else ""
+    return (
+        f"{_SESSION} rtcp-min-interval={_RECEIVER_RTCP_NS} {udp_source('rtp_in', rtp_caps())} ! session.recv_rtp_sink "
+        f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
+        f"ssrcdemux.src_{media_ssrc(config, view)} ! {decoder_chain(rule, decoder)} "
+        "! appsink name=pictures async=false sync=false emit-signals=true max-buffers=4 drop=true "
+        f"{udp_source('reports_in', RTCP_CAPS)} ! session.recv_rtcp_sink "
+        "session.send_rtcp_src "
+        f"! {udp_sink('feedback_out', config.bind_host, link.host, link.feedback)}"
+    )

@@ -1,0 +1,129 @@
+"""A sender and a receiver joined over loopback, and the pictures an undamaged stream decodes to."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from zlib import crc32
+
+from tams_app.clock import MonotonicClock
+from tams_app.config import VideoConfig
+from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
+from tams_app.video import gst
+from tams_app.video.ports import ViewPorts
+from tams_app.video.receiver import VideoReceiver
+from tams_app.video.repair import RepairRule
+from tams_app.video.sender import VideoSender
+from tests.video.lossy_link import LossyLink
+from tests.video.scenes import frame
+
+PATIENT = RepairRule(rtx=True, latency_ms=400, pli_interval_ms=300.0)
+UNREPAIRED = RepairRule(rtx=False, latency_ms=20, pli_interval_ms=300.0)
+
+
+class Stream:
+    """What went through one sender and one receiver."""
+
+    def __init__(self, config: VideoConfig, rule: RepairRule, kbps: float) -> None:
+        self.clock = MonotonicClock()
+        self.encoded: list[EncodedFrame] = []
+        self.dropped: list[DroppedFrame] = []
+        self.shown: list[ShownFrame] = []
+        self._arrived = threading.Condition()
+        self.receiver = VideoReceiver("eih", config, rule, self.clock, self._note)
+        self.sender = VideoSender(
+            "eih", config, rule.rtx, self.clock, kbps, 80.0,
+            self.encoded.append, self.dropped.append,
+        )  # fmt: skip
+        self.exits = ViewPorts(
+            "127.0.0.1",
+            self.receiver.rtp_port,
+            self.receiver.reports_port,
+            self.sender.feedback_port,
+        )
+        self._pushed = 0
+        self._period_s = 1.0 / config.fps
+
+    def push(self, indices: range) -> None:
+        """Push frames at the camera's pace, or slower where the encoder does not keep up."""
+        pictures = [frame(index) for index in indices]
+        due = time.monotonic()
+        for each in pictures:
+            time.sleep(max(0.0, due - time.monotonic()))
+            self.sender.push(replace(each, capture_ns=self.clock.now_ns()))
+            self._pushed += 1
+            self._wait_for_encoder()
+            due = max(due + self._period_s, time.monotonic())
+            assert self.sender.poll() == ""
+            assert self.receiver.poll() == ""
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float = 20.0) -> bool:
+        """Wait for a condition that another picture may bring about."""
+        with self._arrived:
+            return self._arrived.wait_for(condition, timeout_s)
+
+    def shown_indices(self) -> list[int]:
+        return [each.index for each in self.shown]
+
+    def _wait_for_encoder(self) -> None:
+        deadline = time.monotonic() + 20
+        while len(self.encoded) + len(self.dropped) < self._pushed:
+            assert time.monotonic() < deadline, "the encoder is stuck"
+            time.sleep(0.001)
+
+    def _note(self, shown: ShownFrame) -> None:
+        with self._arrived:
+            self.shown.append(shown)
+            self._arrived.notify_all()
+
+
+@contextmanager
+def stream(
+    link: LossyLink | None = None,
+    rule: RepairRule = PATIENT,
+    kbps: float = 1500.0,
+    fps: int = 60,
+) -> Iterator[Stream]:
+    joined = Stream(VideoConfig(fps=fps), rule, kbps)
+    if link is not None:
+        link.start(joined.exits)
+    entrances = joined.exits if link is None else link.entrances
+    joined.receiver.start(entrances)
+    joined.sender.start(entrances)
+    try:
+        yield joined
+    finally:
+        joined.sender.close()
+        joined.receiver.close()
+        if link is not None:
+            link.close()
+
+
+def decoded_checksums(encoded: list[EncodedFrame]) -> dict[int, int]:
+    """What each frame looks like (CRC of its BGR bytes) when nothing was lost."""
+    Gst = gst.load().Gst
+    pipeline = gst.parse_pipeline(
+        "appsrc name=in format=time block=true max-buffers=8 "
+        'caps="video/x-h264,stream-format=byte-stream,alignment=au" '
+        "! h264parse ! avdec_h264 max-threads=1 ! videoconvert n-threads=1 "
+        "! video/x-raw,format=BGR ! appsink name=out sync=false"
+    )
+    gst.set_playing(pipeline, "the reference decoder")
+    source, sink = pipeline.get_by_name("in"), pipeline.get_by_name("out")
+    checksums = {}
+    for order, each in enumerate(encoded):
+        source.emit("push-buffer", gst.raw_buffer(each.data, order * Gst.MSECOND, Gst.MSECOND))
+    source.emit("end-of-stream")
+    while (sample := sink.emit("try-pull-sample", 20 * Gst.SECOND)) is not None:
+        buffer = sample.get_buffer()
+        pixels = buffer.extract_dup(0, buffer.get_size())
+        checksums[encoded[round(buffer.pts / Gst.MSECOND)].index] = crc32(pixels)
+    gst.shut_down(pipeline)
+    return checksums
+
+
+def checksum(shown: ShownFrame) -> int:
+    return crc32(shown.image.tobytes())

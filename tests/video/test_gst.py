@@ -1,0 +1,63 @@
+"""Loading GStreamer, and what it says when something is missing."""
+
+from __future__ import annotations
+
+import pytest
+
+from tams_app.errors import SetupError
+from tams_app.video import gst
+
+
+def test_a_machine_with_all_packages_lacks_nothing() -> None:
+    assert gst.missing_elements() == []
+
+
+def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(gst.ELEMENT_PACKAGES, "nosuchenc", "gstreamer1.0-imagined")
+    assert gst.missing_elements(["x264enc", "nosuchenc"]) == [
+        gst.MissingElement("nosuchenc", "gstreamer1.0-imagined")
+    ]
+    with pytest.raises(SetupError, match=r"lacks nosuchenc; install gstreamer1\.0-imagined"):
+        gst.require_elements(["x264enc", "nosuchenc"])
+
+
+def test_auto_takes_the_first_decoder_this_machine_has() -> None:
+    present = [name for name in gst.DECODERS_BY_PREFERENCE if not gst.missing_elements([name])]
+    assert gst.choose_decoder("auto") == present[0]
+
+
+def test_a_decoder_asked_for_by_name_is_taken() -> None:
+    assert gst.choose_decoder("avdec_h264") == "avdec_h264"
+
+
+@pytest.mark.parametrize("name", ["x264enc", "avdec_mpeg2video", "videoconvert"])
+def test_an_element_that_does_not_decode_h264_is_refused(name: str) -> None:
+    with pytest.raises(SetupError, match=r"does not decode H\.264"):
+        gst.choose_decoder(name)
+
+
+def test_an_unknown_decoder_is_refused_with_what_to_do() -> None:
+    with pytest.raises(SetupError, match=r"no decoder nosuchdec; install .* video\.decoder: auto"):
+        gst.choose_decoder("nosuchdec")
+
+
+def test_a_pipeline_that_cannot_be_built_is_a_setup_error() -> None:
+    with pytest.raises(SetupError, match="nosuchelement"):
+        gst.parse_pipeline("fakesrc ! nosuchelement ! fakesink")
+
+
+def test_a_failed_pipeline_tells_its_reason_once() -> None:
+    pipeline = gst.parse_pipeline("filesrc location=/nosuchfile ! fakesink")
+    with pytest.raises(SetupError, match="the probe could not start: filesrc"):
+        gst.set_playing(pipeline, "the probe")
+    gst.shut_down(pipeline)
+    gst.shut_down(pipeline)
+    assert gst.poll_bus(pipeline) == ""
+
+
+def test_a_critical_of_gstreamer_does_not_go_unnoticed(glib_complaints: list[str]) -> None:
+    Gst = gst.load().Gst
+    Gst.Pad.new("loose", Gst.PadDirection.SRC).push(Gst.Buffer.new())
+    Gst.Caps.from_string("video/x-raw").get_structure(0).set_name("not a name")
+    assert glib_complaints
+    glib_complaints.clear()

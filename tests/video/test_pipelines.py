@@ -1,0 +1,91 @@
+"""The chains' pieces joined without UDP, as a run in virtual time joins them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tams_app.clock import NS_PER_S
+from tams_app.config import VideoConfig
+from tams_app.video import gst, pipelines
+from tams_app.video.frame_identity import FrameIdentity, pts_of_index
+from tams_app.video.repair import RepairRule
+from tests.video.scenes import picture
+
+FPS = 30
+RULE = RepairRule(rtx=False, latency_ms=50, pli_interval_ms=300.0)
+_WAIT_NS = 20 * NS_PER_S
+
+
+def app_ended(chain: str, caps: str) -> Any:
+    """`chain` between an appsrc `in` and an appsink `out`."""
+    pipeline = gst.parse_pipeline(
+        f'appsrc name=in is-live=true format=time caps="{caps}" ! {chain} '
+        "! appsink name=out sync=false async=false"
+    )
+    gst.set_playing(pipeline, "the chain")
+    return pipeline
+
+
+def pulled(pipeline: Any, wait_ns: int) -> Iterator[Any]:
+    """What comes out next: a buffer, or the buffers of a list."""
+    sample = pipeline.get_by_name("out").emit("try-pull-sample", wait_ns)
+    if sample is None:
+        return
+    buffers = sample.get_buffer_list()
+    if buffers is None:
+        yield sample.get_buffer()
+    else:
+        yield from (buffers.get(number) for number in range(buffers.length()))
+
+
+def packets_of(encoder: Any, index: int) -> list[bytes]:
+    """All RTP packets of one frame: up to the marker bit."""
+    pixels = picture(index).tobytes()
+    buffer = gst.raw_buffer(pixels, pts_of_index(index, FPS), NS_PER_S // FPS)
+    encoder.get_by_name("in").emit("push-buffer", buffer)
+    packets: list[bytes] = []
+    while not packets or not packets[-1][1] & 0x80:
+        arrived = [each.extract_dup(0, each.get_size()) for each in pulled(encoder, _WAIT_NS)]
+        assert arrived, "the encoder chain gave no whole frame"
+        packets += arrived
+    return packets
+
+
+@pytest.fixture
+def encoder() -> Iterator[Any]:
+    config = VideoConfig()
+    pipeline = app_ended(pipelines.encoder_chain(config, "eih", 1500), pipelines.raw_caps(config))
+    yield pipeline
+    gst.shut_down(pipeline)
+
+
+def test_encoder_and_decoder_chains_join_without_udp(encoder: Any) -> None:
+    decoder = app_ended(pipelines.decoder_chain(RULE, "avdec_h264"), pipelines.rtp_caps())
+    indices: list[int] = []
+    identity: FrameIdentity | None = None
+    first_timestamp = None
+    for index in range(3, 33):
+        for packet in packets_of(encoder, index):
+            if first_timestamp is None:
+                first_timestamp = int.from_bytes(packet[4:8], "big")
+            rtp = gst.raw_buffer(packet, pts_of_index(index, FPS), 0)
+            rtp.dts = rtp.pts
+            decoder.get_by_name("in").emit("push-buffer", rtp)
+        for shown in pulled(decoder, _WAIT_NS):
+            assert shown.get_size() == 640 * 480 * 3
+            identity = identity or FrameIdentity(FPS, shown.pts, first_timestamp or 0)
+            indices.append(identity.index(shown.pts))
+    assert gst.poll_bus(decoder) == ""
+    gst.shut_down(decoder)
+    assert indices == list(range(3, 33))
+
+
+def test_the_same_pictures_give_the_same_packets(encoder: Any) -> None:
+    config = VideoConfig()
+    again = app_ended(pipelines.encoder_chain(config, "eih", 1500), pipelines.raw_caps(config))
+    for index in range(20):
+        assert packets_of(encoder, index) == packets_of(again, index)
+    gst.shut_down(again)

@@ -1,0 +1,227 @@
+"""The receiver over real sockets: identity, repair, keyframe requests, failures."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from random import Random
+
+import pytest
+
+from tams_app.clock import MonotonicClock
+from tams_app.config import VideoConfig
+from tams_app.errors import ConfigError, SetupError
+from tams_app.video.ports import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
+from tams_app.video.receiver import VideoReceiver
+from tests.video.lossy_link import LossyLink
+from tests.video.scenes import frame
+from tests.video.streams import PATIENT, UNREPAIRED, checksum, decoded_checksums, stream
+
+
+def is_media(datagram: bytes) -> bool:
+    return datagram[1] & 0x7F == MEDIA_PAYLOAD_TYPE
+
+
+def lose(share: float, seed: int, after: int = 30) -> LossyLink:
+    """A link with independent loss after a clean start, jitter of up to half a frame, and a queue
+    that fills (0.4 ms a packet), which a jitter buffer that follows the clock would follow."""
+    random = Random(seed)
+    return LossyLink(
+        lambda ordinal, datagram: ordinal < after or random.random() >= share, 0.01, 0.008, 0.0004
+    )
+
+
+def count_requests(compounds: list[bytes], packet_type: int) -> int:
+    """RTCP packets of a type within compound packets: 205 NACK, 206 PLI."""
+    count = 0
+    for compound in compounds:
+        position = 0
+        while position < len(compound):
+            count += compound[position + 1] == packet_type
+            position += 4 * (int.from_bytes(compound[position + 2 : position + 4], "big") + 1)
+    return count
+
+
+def test_every_frame_of_a_clean_link_is_shown_bit_exact_under_its_own_index() -> None:
+    with stream() as joined:
+        joined.push(range(60))
+        assert joined.wait_until(lambda: len(joined.shown) == 60)
+        stats = joined.receiver.stats()
+        newest = joined.receiver.mailbox.latest()
+    references = decoded_checksums(joined.encoded)
+    assert {each.index: checksum(each) for each in joined.shown} == references
+    assert newest is joined.shown[-1]
+    assert (stats.frames_shown, stats.packets_lost, stats.pli_sent) == (60, 0, 0)
+
+
+def test_a_stream_that_begins_late_keeps_its_indices() -> None:
+    with stream() as joined:
+        joined.push(range(5000, 5020))
+        assert joined.wait_until(lambda: len(joined.shown) == 20)
+    assert joined.shown_indices() == list(range(5000, 5020))
+
+
+def test_a_gap_in_the_captures_stays_a_gap() -> None:
+    with stream() as joined:
+        joined.push(range(10))
+        joined.push(range(45, 55))
+        assert joined.wait_until(lambda: len(joined.shown) == 20)
+    assert joined.shown_indices() == [*range(10), *range(45, 55)]
+
+
+def test_identity_is_exact_under_loss_and_jitter() -> None:
+    with stream(lose(0.03, seed=3), UNREPAIRED) as joined:
+        joined.push(range(180))
+        assert joined.wait_until(lambda: joined.shown[-1].index >= 178)
+        stats = joined.receiver.stats()
+    references = decoded_checksums(joined.encoded)
+    assert len(set(references.values())) == len(references)  # no two pictures alike
+    index_of = {reference: index for index, reference in references.items()}
+    recognised = [
+        (each.index, index_of[checksum(each)])
+        for each in joined.shown
+        if checksum(each) in index_of
+    ]
+    assert stats.packets_lost > 5
+    assert len(recognised) > 30  # damaged pictures are like none of the references
+    assert any(said > 60 for said, _ in recognised)
+    assert all(said == true for said, true in recognised)
+    assert joined.shown_indices() == sorted(set(joined.shown_indices()))
+
+
+def test_lost_packets_are_sent_again_and_the_pictures_stay_whole() -> None:
+    with stream(lose(0.03, seed=5)) as joined:
+        joined.push(range(120))
+        assert joined.wait_until(lambda: len(joined.shown) == 120)
+        stats, sent = joined.receiver.stats(), joined.sender.stats()
+    assert {each.index: checksum(each) for each in joined.shown} == decoded_checksums(
+        joined.encoded
+    )
+    assert stats.rtx_requested >= stats.rtx_received > 0
+    assert sent.rtx_packets >= stats.rtx_received
+    assert (stats.packets_lost, stats.pli_sent) == (0, 0)
+
+
+def test_a_receiver_that_waited_for_its_sender_still_waits_for_repair() -> None:
+    # with mode=none the jitter buffer's clock runs from the receiver's start
+    lost = []
+
+    def lose_one(ordinal: int, datagram: bytes) -> bool:
+        first_time = is_media(datagram) and ordinal == 50
+        lost.extend([ordinal] if first_time else [])
+        return not first_time
+
+    with stream(LossyLink(lose_one), PATIENT) as joined:
+        threading.Event().wait(0.6)  # longer than the jitter buffer's latency
+        joined.push(range(40))
+        assert joined.wait_until(lambda: len(joined.shown) == 40)
+        stats = joined.receiver.stats()
+    assert lost == [50]
+    assert (stats.rtx_received, stats.packets_lost) == (1, 0)
+
+
+def test_an_unrepaired_loss_brings_one_keyframe_request_and_a_whole_picture() -> None:
+    link = LossyLink(lambda ordinal, datagram: ordinal not in (40, 44, 48))
+    with stream(link, UNREPAIRED) as joined:
+        joined.push(range(60))
+        assert joined.wait_until(lambda: joined.shown[-1].index == 59)
+        stats = joined.receiver.stats()
+    references = decoded_checksums(joined.encoded)
+    assert stats.packets_lost == 3
+    assert 1 <= stats.pli_sent <= 3  # 60 frames are one second: at most one each 300 ms
+    assert count_requests(link.feedback, 206) == stats.pli_sent
+    assert [each.keyframe for each in joined.encoded].count(True) >= 2
+    assert checksum(joined.shown[-1]) == references[59]
+
+
+def test_a_lost_first_keyframe_is_asked_for_again() -> None:
+    with stream(LossyLink(lambda ordinal, datagram: ordinal >= 8), UNREPAIRED) as joined:
+        joined.push(range(60))
+        assert joined.wait_until(lambda: bool(joined.shown) and joined.shown[-1].index == 59)
+        stats = joined.receiver.stats()
+    assert stats.pli_sent >= 1
+    assert checksum(joined.shown[-1]) == decoded_checksums(joined.encoded)[59]
+
+
+def test_a_request_for_the_first_keyframe_that_gets_lost_is_repeated() -> None:
+    link = LossyLink(
+        lambda ordinal, datagram: ordinal >= 8,
+        keep_feedback=lambda ordinal, datagram: (
+            count_requests([datagram], 206) == 0 or count_requests(link.feedback, 206) > 1
+        ),
+    )
+    with stream(link, UNREPAIRED) as joined:
+        joined.push(range(60))
+        assert joined.wait_until(lambda: bool(joined.shown) and joined.shown[-1].index == 59)
+    assert count_requests(link.feedback, 206) >= 2
+
+
+def test_a_request_that_gets_lost_is_repeated() -> None:
+    requests: list[int] = []
+
+    def lose_the_first_request(ordinal: int, datagram: bytes) -> bool:
+        requests.extend([ordinal] * count_requests([datagram], 206))
+        return len(requests) != 1 or count_requests([datagram], 206) == 0
+
+    link = LossyLink(lambda ordinal, datagram: ordinal != 40, keep_feedback=lose_the_first_request)
+    with stream(link, UNREPAIRED) as joined:
+        joined.push(range(75))
+        assert joined.wait_until(lambda: joined.shown[-1].index == 74)
+    assert len(requests) == 2
+    assert checksum(joined.shown[-1]) == decoded_checksums(joined.encoded)[74]
+
+
+def test_repair_packets_stay_away_without_rtx() -> None:
+    link = lose(0.05, seed=2)
+    with stream(link, UNREPAIRED) as joined:
+        joined.push(range(60))
+    assert all(datagram[1] & 0x7F != REPAIR_PAYLOAD_TYPE for datagram in link.rtp)
+    assert count_requests(link.feedback, 205) == 0
+
+
+@pytest.mark.parametrize("payload_type", [96, 97, 122])
+def test_packets_of_strangers_do_not_end_the_stream(payload_type: int) -> None:
+    def intrude(first: int) -> None:
+        for sequence in range(first, first + 20):
+            header = bytes([0x80, payload_type]) + sequence.to_bytes(2, "big") + b"\0\0\0\1"
+            for ssrc in range(1, 13):
+                packet = header + ssrc.to_bytes(4, "big") + b"\x41" * 50
+                stranger.sendto(packet, ("127.0.0.1", joined.receiver.rtp_port))
+            stranger.sendto(b"not RTP at all", ("127.0.0.1", joined.receiver.rtp_port))
+
+    with stream() as joined, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        intrude(0)
+        joined.push(range(10))
+        intrude(20)
+        joined.push(range(10, 30))
+        assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [29])
+    assert joined.shown_indices() == list(range(30))
+
+
+def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        reports = taken.getsockname()[1]
+        config = VideoConfig(first_port=reports - 1)
+        with pytest.raises(ConfigError, match=f"UDP port {reports} on 127.0.0.1"):
+            VideoReceiver("eih", config, PATIENT, MonotonicClock(), lambda shown: None)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_again:
+            free_again.bind(("127.0.0.1", reports - 1))
+
+
+def test_an_unknown_decoder_is_refused_before_anything_is_bound() -> None:
+    config = VideoConfig(decoder="nosuchdec")
+    with pytest.raises(SetupError, match="no decoder nosuchdec"):
+        VideoReceiver("eih", config, PATIENT, MonotonicClock(), lambda shown: None)
+
+
+def test_an_exception_of_the_consumer_is_told_to_the_owner() -> None:
+    with stream() as joined:
+        joined.receiver._on_shown = lambda shown: 1 / 0
+        joined.sender.push(frame(0))
+        failed = threading.Event()
+        for _ in range(200):
+            if joined.receiver.poll():
+                break
+            failed.wait(0.05)
+        assert "the receiver of view eih failed: ZeroDivisionError" in joined.receiver.poll()

@@ -1,0 +1,96 @@
+"""The repair rules per network, and the rationing of keyframe requests."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.clock import NS_PER_MS
+from tams_app.config import Network
+from tams_app.video.repair import KeyframeRequests, RepairRule, repair_rule
+
+
+@pytest.mark.parametrize(
+    ("network", "rule"),
+    [
+        (Network(latency_ms=15, jitter_ms=2), RepairRule(True, 60, 300.0)),
+        (Network(latency_ms=40, jitter_ms=8), RepairRule(True, 132, 300.0)),
+        (Network(latency_ms=80, jitter_ms=15), RepairRule(False, 50, 300.0)),
+        (Network(latency_ms=200, jitter_ms=0), RepairRule(False, 20, 400.0)),
+        (Network(latency_ms=75, jitter_ms=0), RepairRule(True, 200, 300.0)),
+    ],
+)
+def test_the_paper_networks_get_their_rule(network: Network, rule: RepairRule) -> None:
+    assert repair_rule(network, 300.0) == rule
+
+
+@given(st.floats(0, 500), st.floats(0, 100))
+def test_the_jitter_buffer_never_waits_longer_than_repair_is_worth(
+    latency_ms: float, jitter_ms: float
+) -> None:
+    rule = repair_rule(Network(latency_ms=latency_ms, jitter_ms=jitter_ms), 300.0)
+    assert rule.latency_ms >= 2 * jitter_ms + 20
+    assert not rule.rtx or 1.2 * 2 * latency_ms <= rule.latency_ms <= 200
+
+
+def test_the_first_loss_asks_at_once_and_the_next_waits_its_turn() -> None:
+    requests = KeyframeRequests(300.0)
+    assert requests.request(0)
+    assert not requests.request(100 * NS_PER_MS)
+    assert not requests.due(299 * NS_PER_MS)
+    assert requests.due(300 * NS_PER_MS)
+    assert not requests.due(700 * NS_PER_MS)
+    assert requests.sent == 2
+
+
+def test_a_request_that_was_lost_itself_is_repeated_until_a_keyframe_comes() -> None:
+    requests = KeyframeRequests(300.0)
+    assert requests.request(0)
+    assert not requests.due(599 * NS_PER_MS)
+    assert requests.due(600 * NS_PER_MS)
+    assert requests.due(1200 * NS_PER_MS)
+    requests.keyframe(damaged=False)
+    assert not requests.due(5000 * NS_PER_MS)
+
+
+def test_a_clean_keyframe_answers_a_waiting_request() -> None:
+    requests = KeyframeRequests(300.0)
+    requests.request(0)
+    requests.request(50 * NS_PER_MS)
+    requests.keyframe(damaged=False)
+    assert not requests.due(400 * NS_PER_MS)
+
+
+def test_a_damaged_keyframe_answers_nothing() -> None:
+    requests = KeyframeRequests(300.0)
+    requests.request(0)
+    requests.request(50 * NS_PER_MS)
+    requests.keyframe(damaged=True)
+    assert requests.due(400 * NS_PER_MS)
+
+
+@given(st.lists(st.tuples(st.integers(0, 100), st.booleans()), max_size=200))
+def test_there_is_never_more_than_one_request_per_interval(steps: list[tuple[int, bool]]) -> None:
+    requests = KeyframeRequests(300.0)
+    now_ms, sent_ms = 0, []
+    for wait_ms, lost in steps:
+        now_ms += wait_ms
+        asked = requests.request if lost else requests.due
+        if asked(now_ms * NS_PER_MS):
+            sent_ms.append(now_ms)
+    assert all(later - earlier >= 300 for earlier, later in pairwise(sent_ms))
+
+
+@given(st.lists(st.integers(0, 500), min_size=1, max_size=50))
+def test_no_loss_goes_unanswered(losses_ms: list[int]) -> None:
+    requests = KeyframeRequests(300.0)
+    answers = []
+    for loss_ms in sorted(losses_ms):
+        if requests.request(loss_ms * NS_PER_MS):
+            answers.append(loss_ms)
+    if requests.due(2000 * NS_PER_MS):
+        answers.append(2000)
+    assert answers[-1] >= max(losses_ms)

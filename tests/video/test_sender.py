@@ -1,0 +1,154 @@
+"""The sender over real sockets: what it tells of each frame, drops, keyframes, a clean end."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from itertools import pairwise
+
+import pytest
+
+from tams_app.clock import MonotonicClock
+from tams_app.config import VideoConfig
+from tams_app.errors import ConfigError
+from tams_app.records import EncodedFrame
+from tams_app.video.ports import ViewPorts, media_ssrc
+from tams_app.video.sender import VideoSender
+from tests.video.lossy_link import LossyLink
+from tests.video.scenes import frame
+from tests.video.streams import PATIENT, Stream, decoded_checksums, stream
+
+
+def test_each_encoded_frame_keeps_its_index_and_capture_time() -> None:
+    with stream() as joined:
+        joined.push(range(7, 37))
+        assert joined.wait_until(lambda: len(joined.shown) == 30)
+        stats = joined.sender.stats()
+    encoded = joined.encoded
+    assert [each.index for each in encoded] == list(range(7, 37))
+    assert all(0 < each.capture_ns < each.encoded_ns for each in encoded)
+    assert all(before.capture_ns < after.capture_ns for before, after in pairwise(encoded))
+    assert [each.keyframe for each in encoded] == [True] + [False] * 29
+    assert (stats.frames_encoded, stats.keyframes, stats.frames_lost) == (30, 1, 0)
+
+
+def test_the_bitstream_handed_over_decodes_by_itself() -> None:
+    with stream() as joined:
+        joined.push(range(12))
+        assert joined.wait_until(lambda: len(joined.shown) == 12)
+    assert joined.encoded[0].data.startswith(b"\0\0\0\1")
+    assert set(decoded_checksums(joined.encoded)) == set(range(12))
+
+
+def test_packets_carry_the_fixed_numbers_of_their_view() -> None:
+    link = LossyLink(lambda ordinal, datagram: True)
+    with stream(link) as joined:
+        joined.push(range(10))
+        assert joined.wait_until(lambda: len(joined.shown) == 10)
+    headers = [datagram[:12] for datagram in link.rtp]
+    assert {header[1] & 0x7F for header in headers} == {96}
+    assert {int.from_bytes(header[8:12], "big") for header in headers} == {
+        media_ssrc(VideoConfig(), "eih")
+    }
+    sequence = [int.from_bytes(header[2:4], "big") for header in headers]
+    assert sequence == list(range(len(headers)))
+    assert max(len(datagram) for datagram in link.rtp) <= VideoConfig().mtu_bytes
+
+
+def test_a_starving_target_drops_whole_frames_and_tells_which() -> None:
+    with stream(kbps=40.0) as joined:
+        joined.push(range(20))
+        assert joined.wait_until(lambda: len(joined.shown) == 10)
+        stats = joined.sender.stats()
+    assert [each.index for each in joined.dropped] == list(range(1, 20, 2))
+    assert joined.shown_indices() == list(range(0, 20, 2))
+    assert (stats.frames_dropped, stats.frames_encoded, stats.frames_lost) == (10, 10, 0)
+
+
+def test_frames_overrun_in_front_of_the_encoder_are_counted() -> None:
+    with stream() as joined:
+        for index in range(60):
+            joined.sender.push(frame(index))  # far faster than x264
+        assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [59])
+        stats = joined.sender.stats()
+    assert stats.frames_lost > 0
+    assert stats.frames_lost + stats.frames_encoded == 60
+
+
+def test_a_failing_hand_over_is_told_to_the_owner() -> None:
+    def refuse(encoded: EncodedFrame) -> None:
+        raise RuntimeError("the recorder is gone")
+
+    sender = VideoSender(
+        "eih", VideoConfig(), True, MonotonicClock(), 1000.0, 80.0, refuse, lambda dropped: None
+    )
+    sender.start(ViewPorts("127.0.0.1", sender.feedback_port, sender.feedback_port, 0))
+    sender.push(frame(0))
+    for _ in range(200):
+        if sender.poll():
+            break
+        threading.Event().wait(0.05)
+    assert "the sender of view eih failed: RuntimeError('the recorder is gone')" in sender.poll()
+    sender.close()
+
+
+def test_a_feedback_port_in_use_is_refused() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        config = VideoConfig(first_port=taken.getsockname()[1] - 2)
+        with pytest.raises(ConfigError, match="the sender of view eih cannot use UDP port"):
+            VideoSender(
+                "eih", config, True, MonotonicClock(), 1000.0, 80.0,
+                lambda encoded: None, lambda dropped: None,
+            )  # fmt: skip
+
+
+def test_closing_ends_all_threads_and_frees_all_ports() -> None:
+    with stream() as joined:  # GStreamer starts some threads once for the whole process
+        joined.push(range(3))
+    before = _threads()
+    with stream() as joined:
+        joined.push(range(10))
+        during = _threads()
+    joined.sender.close()
+    joined.receiver.close()
+    deadline = time.monotonic() + 10
+    while _threads() > before and time.monotonic() < deadline:
+        time.sleep(0.02)  # GStreamer's pool lets idle threads go by itself
+    assert during > before
+    assert _threads() <= before
+    for port in (joined.exits.rtp, joined.exits.reports, joined.exits.feedback):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
+            again.bind(("127.0.0.1", port))
+
+
+def test_a_stream_that_never_started_frees_its_ports() -> None:
+    joined = Stream(VideoConfig(), PATIENT, 1000.0)
+    joined.sender.close()
+    joined.receiver.close()
+    for port in (joined.exits.rtp, joined.exits.reports, joined.exits.feedback):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
+            again.bind(("127.0.0.1", port))
+
+
+def test_the_ssrc_stays_fixed_when_rtcp_came_before_the_first_picture() -> None:
+    link = LossyLink(lambda ordinal, datagram: True)
+    with stream(link) as joined, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for sequence in range(5):  # so that the receiver has something to report
+            header = b"\x80\x60\0" + bytes([sequence]) + b"\0\0\0\1\0\0\0\7"
+            stranger.sendto(header + b"\x41" * 20, ("127.0.0.1", joined.receiver.rtp_port))
+        deadline = time.monotonic() + 20
+        while len(link.feedback) < 3 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        joined.push(range(5))
+        assert joined.wait_until(lambda: len(joined.shown) == 5)
+    assert len(link.feedback) >= 3
+    assert {int.from_bytes(each[8:12], "big") for each in link.rtp} == {
+        media_ssrc(VideoConfig(), "eih")
+    }
+
+
+def _threads() -> int:
+    return len(os.listdir("/proc/self/task"))

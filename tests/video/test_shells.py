@@ -1,0 +1,61 @@
+"""The UDP ends: bound where asked, refused in one sentence, counted exactly."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from tams_app.errors import ConfigError
+from tams_app.video import gst
+from tams_app.video.ports import ViewPorts
+from tams_app.video.shells import UdpSocket, udp_sink, wire_bytes_sent
+
+
+def test_a_free_port_is_told_and_belongs_to_the_host_asked_for() -> None:
+    bound = UdpSocket("127.0.0.1", 0, "receiver of view eih")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as elsewhere:
+        elsewhere.bind(("127.0.0.2", bound.port))
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as here,
+        pytest.raises(OSError, match="in use"),
+    ):
+        here.bind(("127.0.0.1", bound.port))
+    bound.close()
+    bound.close()
+
+
+def test_a_port_in_use_is_one_sentence_that_names_the_keys() -> None:
+    first = UdpSocket("127.0.0.1", 0, "receiver of view eih")
+    with pytest.raises(ConfigError, match=r"receiver of view gt .* port \d+ .*video\.first_port"):
+        UdpSocket("127.0.0.1", first.port, "receiver of view gt")
+    first.close()
+
+
+def test_a_host_that_is_no_address_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"video\.bind_host: 'nowhere'"):
+        UdpSocket("nowhere", 0, "receiver of view eih")
+
+
+def test_a_freed_port_can_be_bound_again() -> None:
+    first = UdpSocket("127.0.0.1", 0, "receiver of view eih")
+    first.close()
+    again = UdpSocket("127.0.0.1", first.port, "receiver of view eih")
+    again.close()
+
+
+def test_wire_bytes_are_datagrams_with_their_ip_and_udp_headers() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as target:
+        target.bind(("127.0.0.1", 0))
+        target.settimeout(5)
+        port = target.getsockname()[1]
+        sink = udp_sink("out", "127.0.0.1", "127.0.0.1", port)
+        pipeline = gst.parse_pipeline(f"fakesrc num-buffers=5 sizetype=2 sizemax=100 ! {sink}")
+        gst.set_playing(pipeline, "the sink")
+        datagrams = [target.recv(2048) for _ in range(5)]
+        messages = pipeline.get_bus()
+        messages.timed_pop_filtered(5 * gst.load().Gst.SECOND, gst.load().Gst.MessageType.EOS)
+        ports = ViewPorts("127.0.0.1", port, 0, 0)
+        sent = wire_bytes_sent(pipeline.get_by_name("out"), ports)
+        gst.shut_down(pipeline)
+    assert sent == sum(len(data) + 28 for data in datagrams) == 5 * 128
