@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hw.guard_link import GuardLink
+from hw.guard_link import GuardLink, guard_specification
 from tams_app.clock import NS_PER_MS
 from tams_app.config import ArmConfig
 from tams_app.process import HelperProcess
@@ -20,12 +20,7 @@ class Guarding:
     """Starts the guard, beats it from the control loop, and turns its silence into a fault."""
 
     def __init__(self, arm: ArmConfig, log_directory: Path, signals: Signals) -> None:
-        specification = {
-            "host": arm.host,
-            "control_port": arm.control_port,
-            "reply_timeout_s": arm.reply_timeout_s,
-            "heartbeat_timeout_ms": arm.guard.heartbeat_timeout_ms,
-        }
+        specification = guard_specification(arm)
         self.process = HelperProcess("guard", "hw.guard", specification, log_directory)
         self._signals = signals
         self._link: GuardLink | None = None

@@ -1,0 +1,134 @@
+"""From finished sessions to figures; each function measures one room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from benchmarks.figures import Figure
+from benchmarks.runs import Run
+from tams_app.summary.tables import FrameTable, PacketTable, Targets
+from tams_app.summary.tracking import settling_time_s, steps, windows
+
+
+def start_figures(runs: list[Run]) -> list[Figure]:
+    """From the command to the arm's first motion."""
+    times = [run.first_motion_s for run in runs if run.first_motion_s is not None]
+    value = max(times) if times else None
+    return [Figure("start", "command to first motion, worst", value, "s", at_most=10)]
+
+
+def control_figures(runs: list[Run], idle: dict[str, Any]) -> list[Figure]:
+    """Punctuality over all sessions together, tick cost, SDK round trip."""
+    started = [np.array([tick.started_ns for tick in run.log.ticks]) for run in runs]
+    period_ns = 1e9 / runs[0].log.header.control_rate_hz
+    errors = np.concatenate([np.abs(np.diff(each) - period_ns) for each in started]) / 1e6
+    cost = np.concatenate(
+        [[tick.finished_ns - tick.started_ns for tick in run.log.ticks] for run in runs]
+    )
+    late = sum(run.summary["control"]["late"] for run in runs)
+    due = sum(run.summary["control"]["ticks"] + run.summary["control"]["skipped"] for run in runs)
+    seconds = sum(len(run.log.ticks) for run in runs) * period_ns / 1e9
+    trips = [run.summary["arm"]["round_trip_ms"] for run in runs]
+
+    def figure(name: str, value: float | None, unit: str = "ms", **others: float) -> Figure:
+        return Figure("control", name, value, unit, **others)
+
+    return [
+        figure("time measured", seconds, "s", at_least=60),
+        figure("late", 100 * late / due, "%", at_most=0.5, idle=100 * idle["late_fraction"]),
+        figure("period error p99", _rank(errors, 99), idle=idle["period_error_p99_ms"]),
+        figure(
+            "period error p99.9", _rank(errors, 99.9), at_most=3, idle=idle["period_error_p99_9_ms"]
+        ),
+        figure("tick cost p50", _rank(cost / 1e6, 50)),
+        figure("tick cost p99", _rank(cost / 1e6, 99)),
+        figure("SDK round trip p50", _maximum(trip["p50"] for trip in trips),
+               idle=idle["round_trip_p50_ms"]),
+        figure("SDK round trip p99", _maximum(trip["p99"] for trip in trips),
+               idle=idle["round_trip_p99_ms"]),
+    ]  # fmt: skip
+
+
+def video_figures(runs: list[Run]) -> list[Figure]:
+    """How well the measured rate meets the target, and how soon after a phase change."""
+    errors = [
+        view["tracking_error"]
+        for run in runs
+        for view in run.summary["views"].values()
+        if view["tracking_error"] is not None
+    ]
+    settled = [time for run in runs for time in _settling_times_s(run)]
+    known = [time for time in settled if time is not None]
+    return [
+        Figure("video", "tracking error, mean", 100 * float(np.mean(errors)) if errors else None,
+               "%", at_most=5),
+        Figure("video", "settling after a step, median", _median_ms(known), "ms", at_most=270),
+        Figure("video", "steps settled", 100 * len(known) / len(settled) if settled else None, "%"),
+    ]  # fmt: skip
+
+
+def latency_figures(run: Run) -> list[Figure]:
+    """Capture to mailbox with nothing but loopback in between; the worst view."""
+    views = run.summary["views"].values()
+    return [
+        Figure("latency", "capture to mailbox p50", _maximum(v["latency_ms"]["p50"] for v in views),
+               "ms", at_most=8),
+        Figure("latency", "capture to mailbox p99", _maximum(v["latency_ms"]["p99"] for v in views),
+               "ms", at_most=20),
+    ]  # fmt: skip
+
+
+def rig_figures(runs: list[Run]) -> list[Figure]:
+    """Pictures per second, and the load of every process [% of one core]."""
+    rates = [_frame_rate(run, view) for run in runs for view in run.log.header.views]
+    samples = [sample for run in runs for sample in run.log.system]
+    names = sorted({name for sample in samples for name in sample.helper_cpu_percent})
+    load = [
+        Figure("load", name, _mean(one.helper_cpu_percent.get(name, 0.0) for one in samples), "%")
+        for name in names
+    ]
+    app = _mean(sample.app_cpu_percent for sample in samples)
+    return [
+        Figure("rig", "pictures per second, worst view", min(rates), "/s", at_least=29.5),
+        Figure("load", "application", app, "%"),
+        *load,
+    ]
+
+
+def _settling_times_s(run: Run) -> list[float | None]:
+    """One per target step of a view that has 500 ms to settle in."""
+    packets, targets = PacketTable.of(run.log), Targets.of(run.log)
+    times: list[float | None] = []
+    for view in run.log.header.views:
+        frames = FrameTable.of(run.log, view)
+        found = windows(run.log, view, frames, packets, targets)
+        at = steps(targets, view)
+        for begin, end in pairwise([*at, found.end_ns[-1]]):
+            if end - begin >= 1_000_000_000 and begin != at[0]:
+                times.append(settling_time_s(found, int(begin), int(end)))
+    return times
+
+
+def _frame_rate(run: Run, view: str) -> float:
+    captures = sorted(frame.capture_ns for frame in run.log.captured if frame.view == view)
+    return (len(captures) - 1) / ((captures[-1] - captures[0]) / 1e9)
+
+
+def _rank(values: np.ndarray, rank: float) -> float:
+    return float(np.percentile(values, rank))
+
+
+def _median_ms(seconds: list[float]) -> float | None:
+    return 1000 * float(np.median(seconds)) if seconds else None
+
+
+def _maximum(values: Iterable[float | None]) -> float | None:
+    return max((value for value in values if value is not None), default=None)
+
+
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))

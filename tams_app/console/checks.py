@@ -1,0 +1,258 @@
+"""What TAMS needs of a machine: one small function per need, all listed in `CHECKS`."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
+
+from tams_app.config import Config
+from tams_app.errors import SetupError
+from tams_app.session.realtime import use_fifo
+from tams_app.video import gst
+from tams_app.video.ports import requested_ports
+
+RENDER_TIMEOUT_S = 60
+SHARED_BYTES = 8_000_000  # frames and world state of the rig
+_RENDER = (
+    "from hw.sim.layout import draw_layout; from hw.sim.scene_renderer import SceneRenderer; "
+    "SceneRenderer(draw_layout(0)).close()"
+)
+_WINDOW_SINKS = ("ximagesink", "xvimagesink", "glimagesink", "waylandsink")
+_LIBRARIES = {  # module: what pip calls it
+    "gi": "PyGObject",
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "cv2": "opencv-python-headless",
+    "ruckig": "ruckig",
+    "xarm": "xArm-Python-SDK",
+    "openvr": "openvr",
+    "yaml": "PyYAML",
+    "pydantic": "pydantic",
+    "typer": "typer",
+    "rich": "rich",
+    "psutil": "psutil",
+    "matplotlib": "matplotlib",
+    "foxglove": "foxglove-sdk",
+    "mcap": "mcap",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing looked at: whether it is there, if TAMS runs without it, and what mends it."""
+
+    what: str
+    ok: bool
+    detail: str = ""
+    fix: str = ""
+    essential: bool = True
+
+
+Check = Callable[[Config], Iterator[Finding]]
+
+
+def libraries(config: Config) -> Iterator[Finding]:
+    """The Python libraries, and MuJoCo for the simulated rig."""
+    wanted = dict(_LIBRARIES)
+    if config.rig.enabled:
+        wanted["mujoco"] = "mujoco"
+    missing = [package for module, package in wanted.items() if not _importable(module)]
+    detail = f"missing: {', '.join(missing)}" if missing else f"{len(wanted)} found"
+    fix = "make setup, or pip install " + " ".join(missing)
+    yield Finding("Python libraries", not missing, detail, fix)
+
+
+def gstreamer(_: Config) -> Iterator[Finding]:
+    """Each GStreamer element of the video pipelines."""
+    try:
+        missing = gst.missing_elements()
+    except SetupError as error:
+        yield Finding("GStreamer", False, "", str(error))
+        return
+    if not missing:
+        version = gst.load().Gst.version_string()
+        yield Finding("GStreamer elements", True, f"{len(gst.STREAMING_ELEMENTS)}, {version}")
+    for element in missing:
+        yield Finding(
+            f"GStreamer element {element.name}", False, "", f"apt-get install {element.package}"
+        )
+
+
+def rendering(config: Config) -> Iterator[Finding]:
+    """Off-screen OpenGL for the rig's cameras, in a child: a broken driver may abort."""
+    if not config.rig.enabled:
+        return
+    fix = "apt-get install libegl1 libgl1-mesa-dri libosmesa6"
+    try:
+        result = subprocess.run(
+            [sys.executable, "-c", _RENDER],
+            cwd=Path(__file__).resolve().parents[2],
+            capture_output=True,
+            text=True,
+            timeout=RENDER_TIMEOUT_S,
+        )
+    except subprocess.TimeoutExpired:
+        yield Finding("MuJoCo rendering", False, f"no picture within {RENDER_TIMEOUT_S} s", fix)
+        return
+    last_words = result.stderr.strip().splitlines()[-1:] or [f"ended with {result.returncode}"]
+    ok = result.returncode == 0
+    yield Finding("MuJoCo rendering", ok, "" if ok else last_words[0], fix)
+
+
+def realtime(config: Config) -> Iterator[Finding]:
+    """Whether the control loop may run under SCHED_FIFO; tried in a thread of its own."""
+    granted: list[str] = []
+    priority = config.control.realtime_priority
+    thread = threading.Thread(target=lambda: granted.append(use_fifo(priority)), name="try-fifo")
+    thread.start()
+    thread.join()
+    yield Finding(
+        "Real-time priority",
+        granted[0] == "fifo" or priority == 0,
+        granted[0],
+        "add the line `@realtime - rtprio 98` to /etc/security/limits.d/realtime.conf, "
+        "join the group realtime and log in again",
+        essential=False,
+    )
+
+
+def ports(config: Config) -> Iterator[Finding]:
+    """The fixed video ports of the configuration; 0 takes any, so there is nothing to check."""
+    if config.video.first_port == 0:
+        return
+    wanted = [requested_ports(config.video, view) for view in config.video.views]
+    taken = [
+        port
+        for view in wanted
+        for port in (view.rtp, view.reports, view.feedback)
+        if not _udp_port_is_free(view.host, port)
+    ]
+    yield Finding(
+        "Video ports",
+        not taken,
+        f"in use: {', '.join(map(str, taken))}" if taken else f"from {config.video.first_port}",
+        "change video.first_port, or end the program that has them",
+    )
+
+
+def disk(config: Config) -> Iterator[Finding]:
+    """The log folder: writable, with enough room."""
+    folder = _existing(Path(config.recording.directory).expanduser())
+    writable = os.access(folder, os.W_OK)
+    yield Finding(
+        "Log folder", writable, str(folder), "choose another with --out or recording.directory"
+    )
+    free = shutil.disk_usage(folder).free / 1_000_000
+    wanted = config.recording.min_free_mb
+    yield Finding(
+        "Free disk space",
+        free >= wanted,
+        f"{free:.0f} MB, {wanted:.0f} MB wanted",
+        "delete old logs, or lower recording.min_free_mb",
+    )
+
+
+def home(_: Config) -> Iterator[Finding]:
+    """The home folder: the xArm SDK writes ~/.UFACTORY when it is imported."""
+    folder = Path.home()
+    yield Finding(
+        "Home folder", os.access(folder, os.W_OK), str(folder), "set HOME to a folder you may write"
+    )
+
+
+def shared_memory(_: Config) -> Iterator[Finding]:
+    """Shared memory between the session and its helpers."""
+    try:
+        block = SharedMemory(create=True, size=SHARED_BYTES)
+    except OSError as error:
+        fix = "make /dev/shm larger; in a container: --shm-size=64m"
+        yield Finding("Shared memory", False, error.strerror or str(error), fix)
+        return
+    block.close()
+    block.unlink()
+    yield Finding("Shared memory", True, f"{SHARED_BYTES // 1_000_000} MB")
+
+
+def display(config: Config) -> Iterator[Finding]:
+    """Somewhere to show windows; without it TAMS runs with --headless."""
+    if config.headless:
+        return
+    server = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    sinks = [name for name in _WINDOW_SINKS if not gst.missing_elements((name,))]
+    if server and not sinks:
+        fix = "apt-get install gstreamer1.0-x gstreamer1.0-gl"
+        yield Finding("Display", False, "no window sink", fix, essential=False)
+        return
+    yield Finding("Display", bool(server), server or "none", "run with --headless", essential=False)
+
+
+def network_emulation(_: Config) -> Iterator[Finding]:
+    """`tc` and netem, which only `run_tams.py network` on hardware needs."""
+    yield Finding(
+        "tc",
+        shutil.which("tc", path=f"{os.environ.get('PATH', '')}:/sbin:/usr/sbin") is not None,
+        "",
+        "apt-get install iproute2; only `run_tams.py network` needs it",
+        essential=False,
+    )
+    yield Finding(
+        "Kernel netem",
+        kernel_has_netem(Path("/")),
+        platform.release(),
+        "use a kernel with sch_netem; only `run_tams.py network` needs it",
+        essential=False,
+    )
+
+
+CHECKS: tuple[Check, ...] = (
+    libraries,
+    gstreamer,
+    rendering,
+    shared_memory,
+    ports,
+    disk,
+    home,
+    realtime,
+    display,
+    network_emulation,
+)
+
+
+def kernel_has_netem(root: Path) -> bool:
+    """Whether sch_netem is loaded, built in, or can be loaded."""
+    if (root / "sys/module/sch_netem").exists():
+        return True
+    modules = root / "lib/modules" / platform.release()
+    lists = (modules / "modules.builtin", modules / "modules.dep")
+    return any(path.exists() and "sch_netem" in path.read_text() for path in lists)
+
+
+def _importable(module: str) -> bool:
+    return importlib.util.find_spec(module) is not None
+
+
+def _udp_port_is_free(host: str, port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((host, port))
+        except OSError:
+            return False
+    return True
+
+
+def _existing(folder: Path) -> Path:
+    """`folder`, or the nearest parent that is there."""
+    folder = folder.resolve()
+    while not folder.exists():
+        folder = folder.parent
+    return folder

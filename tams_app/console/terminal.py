@@ -1,0 +1,131 @@
+"""The keys of the terminal: Enter confirms, space or Esc stops the arm, q ends the session."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import select
+import termios
+import threading
+import tty
+from collections.abc import Callable
+from enum import Enum
+
+from tams_app.errors import DeviceError
+
+POLL_S = 0.2
+_ESCAPE = 0x1B
+
+
+class Key(Enum):
+    """What the operator asks for."""
+
+    CONFIRM = "confirm"
+    EMERGENCY_STOP = "emergency stop"
+    QUIT = "quit"
+
+
+_KEYS = {
+    ord("\r"): Key.CONFIRM,
+    ord("\n"): Key.CONFIRM,
+    ord(" "): Key.EMERGENCY_STOP,
+    _ESCAPE: Key.EMERGENCY_STOP,
+    ord("q"): Key.QUIT,
+    ord("Q"): Key.QUIT,
+}
+
+
+def decode_keys(data: bytes) -> list[Key]:
+    """The keys in what was read at once; others mean nothing.
+
+    Arrow and function keys send Esc and more in one go: `ESC [` and `ESC O` are no emergency stop.
+    A sequence torn apart by a slow line reads as one: better a stop too many.
+    """
+    keys = []
+    at = 0
+    while at < len(data):
+        if data[at] == _ESCAPE and data[at + 1 : at + 2] in (b"[", b"O"):
+            at = _after_sequence(data, at + 2)
+            continue
+        key = _KEYS.get(data[at])
+        if key is not None:
+            keys.append(key)
+        at += 1
+    return keys
+
+
+def _after_sequence(data: bytes, at: int) -> int:
+    """Where a control sequence ends: parameters (0x20–0x3F), then one final byte (ECMA-48)."""
+    while at < len(data) and 0x20 <= data[at] <= 0x3F:
+        at += 1
+    return at + 1
+
+
+class TerminalKeys:
+    """Reads single keys from a terminal; where there is none, it does nothing.
+
+    The terminal is put back as it was by `close`, and at the end of the process in any case.
+    Ctrl-C keeps working.
+    """
+
+    def __init__(self, fd: int = 0) -> None:
+        self._fd = fd
+        self._before: list[int | list[bytes | int]] | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether keys are read."""
+        return self._before is not None
+
+    def open(self) -> None:
+        """Take keys one by one, without echo; what was typed before does not count."""
+        if self.active or not os.isatty(self._fd) or _in_background(self._fd):
+            return
+        self._before = termios.tcgetattr(self._fd)
+        atexit.register(self.close)
+        tty.setcbreak(self._fd, termios.TCSAFLUSH)
+
+    def close(self) -> None:
+        """Put the terminal back as it was; may be called twice."""
+        before, self._before = self._before, None
+        if before is None:
+            return
+        atexit.unregister(self.close)
+        with contextlib.suppress(termios.error):  # the terminal is gone: nothing to put back
+            termios.tcsetattr(self._fd, termios.TCSADRAIN, before)
+
+    def read(self, timeout_s: float) -> list[Key]:
+        """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
+        ready, _, _ = select.select([self._fd], [], [], timeout_s)
+        if not ready:
+            return []
+        try:
+            data = os.read(self._fd, 1024)
+        except OSError as error:
+            raise DeviceError("The terminal is gone; start TAMS again from a new one.") from error
+        if not data:
+            raise DeviceError("The terminal was closed; start TAMS again from a new one.")
+        return decode_keys(data)
+
+    def body(self, on_key: Callable[[Key], None]) -> Callable[[threading.Event], None]:
+        """A worker's body that hands every key to `on_key` until it is told to stop."""
+
+        def run(stop: threading.Event) -> None:
+            self.open()
+            try:
+                while self.active and not stop.is_set():
+                    for key in self.read(POLL_S):
+                        on_key(key)
+            finally:
+                self.close()
+
+        return run
+
+
+def _in_background(fd: int) -> bool:
+    """Whether touching the terminal would suspend the whole session (SIGTTOU)."""
+    try:
+        return os.tcgetpgrp(fd) != os.getpgrp()
+    except OSError:
+        return False  # not our controlling terminal: no job control, nothing to fear

@@ -1,0 +1,28 @@
+"""The session log: written live by `Recorder`, read back by `read_log`."""
+
+from tams_app.recording.reader import SessionLog, read_log, read_video
+from tams_app.recording.reference import ReferenceRecorder, read_reference
+from tams_app.recording.topics import (
+    Facts,
+    FrameCaptured,
+    FrameSent,
+    FrameShown,
+    Header,
+    Recordable,
+)
+from tams_app.recording.writer import Recorder
+
+__all__ = [
+    "Facts",
+    "FrameCaptured",
+    "FrameSent",
+    "FrameShown",
+    "Header",
+    "Recordable",
+    "Recorder",
+    "ReferenceRecorder",
+    "SessionLog",
+    "read_log",
+    "read_reference",
+    "read_video",
+]

@@ -1,0 +1,214 @@
+"""From frozen records to JSON and back, and their JSON schemas, all derived from the type hints.
+
+Enums become their values, arrays become lists, rotations quaternions (x, y, z, w). JSON has no
+NaN: a number that is not finite is written as null and read back as NaN.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from collections.abc import Callable
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+T = TypeVar("T")
+Convert = Callable[[Any], Any]
+
+_PLAIN = (int, bool, str)
+_SCHEMA_NAMES = {int: "integer", float: "number", bool: "boolean", str: "string"}
+
+
+class Codec(Generic[T]):
+    """Writes and reads records of one dataclass."""
+
+    def __init__(self, record_type: type[T]) -> None:
+        self.record_type = record_type
+        self._encode = _record_encoder(record_type)
+        self._decode = _record_decoder(record_type)
+
+    def schema(self) -> bytes:
+        """The JSON schema of the record."""
+        return json.dumps(
+            {"title": self.record_type.__name__, **_schema(self.record_type)}
+        ).encode()
+
+    def encode(self, record: T) -> bytes:
+        """One JSON object."""
+        tree = self._encode(record)
+        try:
+            return _dump(tree)
+        except ValueError:
+            return _dump(_finite(tree))
+
+    def decode(self, data: bytes) -> T:
+        """Raises KeyError, TypeError or ValueError if `data` is not such a record."""
+        record: T = self._decode(json.loads(data))
+        return record
+
+
+def _dump(tree: Any) -> bytes:
+    text = json.dumps(tree, separators=(",", ":"), allow_nan=False, default=_numpy_scalar)
+    return text.encode()
+
+
+def _numpy_scalar(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a {type(value).__name__} cannot be recorded")
+
+
+def _finite(tree: Any) -> Any:
+    if isinstance(tree, dict):
+        return {key: _finite(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [_finite(value) for value in tree]
+    if isinstance(tree, float | np.floating) and not math.isfinite(tree):
+        return None
+    return tree
+
+
+def _hints(record_type: type) -> list[tuple[str, Any]]:
+    hints = typing.get_type_hints(record_type)
+    return [(field.name, hints[field.name]) for field in dataclasses.fields(record_type)]
+
+
+def _optional(hint: Any) -> Any:
+    """X of a hint `X | None`, else None."""
+    if typing.get_origin(hint) not in (typing.Union, types.UnionType):
+        return None
+    (inner,) = (part for part in typing.get_args(hint) if part is not type(None))
+    return inner
+
+
+def _unless_none(convert: Convert | None) -> Convert | None:
+    return None if convert is None else lambda value: None if value is None else convert(value)
+
+
+# --- encoding (None: the value goes out as it is) -----------------------------------------------
+
+
+def _encoder(hint: Any) -> Convert | None:
+    if inner := _optional(hint):
+        return _unless_none(_encoder(inner))
+    origin = typing.get_origin(hint)
+    if origin is dict:
+        return _dict_encoder(*typing.get_args(hint))
+    if origin is tuple:
+        convert = _encoder(typing.get_args(hint)[0])
+        return None if convert is None else lambda value: [convert(item) for item in value]
+    if origin is np.ndarray:
+        return lambda value: value.tolist()
+    if hint is Rotation:
+        return lambda value: value.as_quat().tolist()
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return lambda value: value.value
+    if dataclasses.is_dataclass(hint):
+        return _record_encoder(typing.cast(type, hint))
+    if hint in (*_PLAIN, float, Any):
+        return None
+    raise TypeError(f"no encoding for {hint}")
+
+
+def _record_encoder(record_type: type) -> Convert:
+    plan = [(name, _encoder(hint)) for name, hint in _hints(record_type)]
+    return lambda record: {
+        name: getattr(record, name) if convert is None else convert(getattr(record, name))
+        for name, convert in plan
+    }
+
+
+def _dict_encoder(key_hint: Any, value_hint: Any) -> Convert | None:
+    convert_key, convert = _encoder(key_hint), _encoder(value_hint)
+    if convert_key is None and convert is None:
+        return None
+    return lambda value: {
+        convert_key(key) if convert_key else key: convert(item) if convert else item
+        for key, item in value.items()
+    }
+
+
+# --- decoding -----------------------------------------------------------------------------------
+
+
+def _decoder(hint: Any) -> Convert | None:
+    if inner := _optional(hint):
+        return _unless_none(_decoder(inner))
+    origin = typing.get_origin(hint)
+    if origin is dict:
+        return _dict_decoder(*typing.get_args(hint))
+    if origin is tuple:
+        convert = _decoder(typing.get_args(hint)[0])
+        return tuple if convert is None else lambda tree: tuple(map(convert, tree))
+    if origin is np.ndarray:
+        return lambda tree: np.array(tree, dtype=np.float64)  # null becomes NaN
+    if hint is Rotation:
+        return _decode_rotation
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return hint
+    if dataclasses.is_dataclass(hint):
+        return _record_decoder(typing.cast(type, hint))
+    if hint is float:
+        return lambda tree: math.nan if tree is None else float(tree)
+    return None
+
+
+def _dict_decoder(key_hint: Any, value_hint: Any) -> Convert | None:
+    convert_key, convert = _decoder(key_hint), _decoder(value_hint)
+    if convert_key is None and convert is None:
+        return None
+    return lambda tree: {
+        convert_key(key) if convert_key else key: convert(item) if convert else item
+        for key, item in tree.items()
+    }
+
+
+def _decode_rotation(tree: list[float | None]) -> Rotation:
+    """A rotation that was not finite when recorded cannot be represented: identity stands in."""
+    if None in tree:
+        return Rotation.identity()
+    return Rotation.from_quat(tree)
+
+
+def _record_decoder(record_type: type) -> Convert:
+    plan = [(name, _decoder(hint)) for name, hint in _hints(record_type)]
+
+    def decode(tree: dict[str, Any]) -> Any:
+        # a field added since the log was written takes its default
+        return record_type(
+            **{
+                name: tree[name] if convert is None else convert(tree[name])
+                for name, convert in plan
+                if name in tree
+            }
+        )
+
+    return decode
+
+
+# --- schema -------------------------------------------------------------------------------------
+
+
+def _schema(hint: Any) -> dict[str, Any]:
+    if inner := _optional(hint):
+        return _schema(inner)  # viewers do not understand unions; null stays allowed in practice
+    origin = typing.get_origin(hint)
+    if origin is dict:
+        return {"type": "object", "additionalProperties": _schema(typing.get_args(hint)[1])}
+    if origin is tuple:
+        return {"type": "array", "items": _schema(typing.get_args(hint)[0])}
+    if origin is np.ndarray or hint is Rotation:
+        return {"type": "array", "items": {"type": "number"}}
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        values = [member.value for member in hint]
+        return {"type": _SCHEMA_NAMES[type(values[0])], "enum": values}
+    if dataclasses.is_dataclass(hint):
+        fields = _hints(typing.cast(type, hint))
+        return {"type": "object", "properties": {name: _schema(field) for name, field in fields}}
+    return {"type": _SCHEMA_NAMES[hint]} if hint in _SCHEMA_NAMES else {}

@@ -1,0 +1,89 @@
+"""The file under a recorder: never raises into the encoder, keeps its error, checks free space."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+from tams_app.errors import LogError
+
+BYTES_PER_MB = 1_000_000
+RESERVE_FRACTION = 0.1  # of the free space asked for at the start: below it recording ends
+
+
+def free_mb(directory: Path) -> float:
+    """Free space [MB] for an ordinary user on the disk of `directory`."""
+    return shutil.disk_usage(directory).free / BYTES_PER_MB
+
+
+def require_free_space(directory: Path, min_free_mb: float) -> None:
+    """LogError if the disk of `directory` has less than `min_free_mb` [MB] free."""
+    try:
+        free = free_mb(directory)
+    except OSError as error:
+        raise LogError(
+            f"The log folder {directory} cannot be used ({error.strerror}); choose another."
+        ) from error
+    if free < min_free_mb:
+        raise LogError(
+            f"Only {free:.0f} MB are free for {directory}, {min_free_mb:.0f} MB are wanted; "
+            "delete old logs or lower recording.min_free_mb."
+        )
+
+
+class LogFile:
+    """A new file in the shape the MCAP writers want: `write`, `seek`, `flush`, `tell`.
+
+    An error of the disk is kept and what follows goes nowhere, so that the writer on top can be
+    closed in good order; the owner asks `check`, and on an error `give_up`s before `close`.
+    Unbuffered on purpose: what was written survives a kill of this process, and os.write releases
+    the GIL, so a slow disk never holds up the control loop.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._error: OSError | None = None
+        self._complete_bytes = 0
+        try:
+            self._file = path.open("xb", buffering=0)
+        except OSError as error:
+            raise LogError(
+                f"The log {path} cannot be created ({error.strerror}); choose another folder."
+            ) from error
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Write all of `data`."""
+        view = memoryview(data)
+        while view and self._error is None:
+            try:
+                view = view[self._file.write(view) :]
+            except OSError as error:
+                self._error = error
+        if self._error is None:
+            self._complete_bytes += len(data)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Nothing is buffered."""
+
+    def check(self) -> None:
+        """LogError if anything could not be written."""
+        if self._error is not None:
+            raise LogError(
+                f"The log {self.path} cannot be written any more ({self._error.strerror}); "
+                "what was written before is readable."
+            )
+
+    def give_up(self) -> None:
+        """Cut off what did not fit: both writers hand over whole records, so whole ones stay."""
+        self._file.truncate(self._complete_bytes)
+
+    def close(self) -> None:
+        self._file.close()

@@ -1,0 +1,146 @@
+"""Reading a session log back, also one that a crash cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tams_app.errors import LogError
+from tams_app.recording import wire
+from tams_app.recording.mcap_stream import McapStream
+from tams_app.recording.topics import (
+    PROFILE,
+    SCHEMA,
+    TOPICS,
+    VIDEO_PREFIX,
+    Facts,
+    FrameCaptured,
+    FrameSent,
+    FrameShown,
+    Header,
+    OutcomeGiven,
+    PacketBatch,
+)
+from tams_app.records import (
+    Allocation,
+    DroppedFrame,
+    EncodedFrame,
+    LinkCapacity,
+    Note,
+    Outcome,
+    PacketRecord,
+    PhaseChange,
+    SceneTruth,
+    StopRecord,
+    SystemSample,
+    Tick,
+)
+
+_VIDEO_DATA_FIELD = 3  # foxglove.CompressedVideo.data
+
+
+@dataclass(slots=True)
+class SessionLog:
+    """All records of one log in the order they were written (not always that of their times).
+
+    `facts` belongs to the header but was learned later; `ended_ns` is the newest time of any
+    record; `truncated`: the file has no proper end (the session was killed, or the disk was full).
+    """
+
+    header: Header
+    ended_ns: int
+    truncated: bool = False
+    facts: dict[str, str] = field(default_factory=dict)
+    ticks: list[Tick] = field(default_factory=list)
+    phases: list[PhaseChange] = field(default_factory=list)
+    allocations: list[Allocation] = field(default_factory=list)
+    capacities: list[LinkCapacity] = field(default_factory=list)
+    captured: list[FrameCaptured] = field(default_factory=list)
+    sent: list[FrameSent] = field(default_factory=list)
+    dropped: list[DroppedFrame] = field(default_factory=list)
+    shown: list[FrameShown] = field(default_factory=list)
+    packets: list[PacketRecord] = field(default_factory=list)
+    stops: list[StopRecord] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
+    system: list[SystemSample] = field(default_factory=list)
+    scene: list[SceneTruth] = field(default_factory=list)
+    outcome: Outcome | None = None
+
+    def add(self, record: Any) -> None:
+        """Put one record where its type belongs."""
+        if isinstance(record, PacketBatch):
+            self.packets.extend(record.packets())
+        elif isinstance(record, OutcomeGiven):
+            self.outcome = record.outcome
+        elif isinstance(record, Facts):
+            self.facts.update(record.values)
+        elif not isinstance(record, Header):
+            getattr(self, _LISTS[type(record)]).append(record)
+
+
+_LISTS: dict[type, str] = {
+    Tick: "ticks",
+    PhaseChange: "phases",
+    Allocation: "allocations",
+    LinkCapacity: "capacities",
+    FrameCaptured: "captured",
+    FrameSent: "sent",
+    DroppedFrame: "dropped",
+    FrameShown: "shown",
+    StopRecord: "stops",
+    Note: "notes",
+    SystemSample: "system",
+    SceneTruth: "scene",
+}
+_TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
+
+
+def read_log(path: Path) -> SessionLog:
+    """Everything but the video of the log at `path`; LogError if it is none of ours."""
+    log: SessionLog | None = None
+    stream = McapStream(path, PROFILE)
+    for name, message in stream:
+        topic = _TOPICS_BY_NAME.get(name)
+        if topic is None:
+            continue  # video, transforms, and what a newer version may add
+        record = _decode(path, topic, message.data)
+        if isinstance(record, Header):
+            log = SessionLog(record, record.started_ns)
+        if log is None:
+            break
+        log.add(record)
+        log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
+    if log is None:
+        raise LogError(f"{path} holds no session header; the session ended before it began.")
+    log.truncated = not stream.complete
+    return log
+
+
+def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
+    """The bitstream of one view as it was sent, frame by frame; LogError as `read_log`."""
+    sent: FrameSent | None = None
+    for name, message in McapStream(path, PROFILE):
+        if name == TOPICS[FrameSent].name:
+            record = _decode(path, TOPICS[FrameSent], message.data)
+            sent = record if record.view == view else sent
+        elif name == VIDEO_PREFIX + view and sent is not None:
+            payload = wire.fields(message.data).get(_VIDEO_DATA_FIELD, b"")
+            assert isinstance(payload, bytes)
+            yield EncodedFrame(
+                view, sent.index, sent.capture_ns, sent.encoded_ns, sent.keyframe, payload
+            )
+
+
+def _decode(path: Path, topic: Any, data: bytes) -> Any:
+    try:
+        record = topic.codec.decode(data)
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(
+            f"{path}: {topic.name} is not as this version of TAMS writes it ({error}); "
+            "read it with the version named in its header."
+        ) from error
+    if isinstance(record, Header) and record.schema > SCHEMA:
+        raise LogError(f"{path} was written by the newer TAMS {record.version}; read it with that.")
+    return record

@@ -1,0 +1,145 @@
+"""The recorder: takes records from any thread without blocking, writes them in its own.
+
+Chunks go to the system at least every `FLUSH_NS`, so that a killed session loses less than a
+second.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.errors import LogError
+from tams_app.mailbox import BoundedQueue
+from tams_app.recording.disk import RESERVE_FRACTION, free_mb, require_free_space
+from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.topics import (
+    FrameCaptured,
+    FrameShown,
+    Header,
+    PacketBatch,
+    Recordable,
+)
+from tams_app.records import Frame, Note, PacketRecord, ShownFrame
+from tams_app.worker import Worker
+
+CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
+POLL_S = 0.05  # waking per record would cost a switch of threads each
+SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
+PAUSE_S = 0.0002  # ... for this long: a control tick never waits longer for it
+FLUSH_NS = 500 * NS_PER_MS
+SPACE_CHECK_NS = NS_PER_S
+
+
+class Recorder:
+    """Writes one session log.
+
+    `record` may be called from any thread and never blocks: what finds the queue full is dropped
+    and counted. `on_failure(thread name, LogError)` is called once, in the recorder's thread, when
+    the disk is full or fails; what was written stays readable.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        header: Header,
+        clock: Clock,
+        min_free_mb: float,
+        on_failure: Callable[[str, BaseException], None],
+    ) -> None:
+        """Create the file and write the header; LogError if there is no room or no folder."""
+        require_free_space(path.parent, min_free_mb)
+        self._clock = clock
+        self._directory = path.parent
+        self._reserve_mb = min_free_mb * RESERVE_FRACTION
+        self._queue: BoundedQueue[Recordable | FrameCaptured | FrameShown] = BoundedQueue(CAPACITY)
+        self._log = McapLog(path, header)
+        self._worker = Worker("recorder", self._run, on_failure)
+
+    def start(self) -> None:
+        self._worker.start()
+
+    def record(self, item: Recordable) -> None:
+        """Queue one record; a frame's pixels are let go at once."""
+        if self.failure is not None:
+            return
+        if isinstance(item, Frame | ShownFrame):
+            self._queue.put(_without_pixels(item))
+        else:
+            self._queue.put(item)
+
+    def record_all(self, items: Iterable[Recordable]) -> None:
+        """Queue several records, for example one batch of packet fates."""
+        for item in items:
+            self.record(item)
+
+    @property
+    def dropped(self) -> int:
+        """Records that found the queue full."""
+        return self._queue.dropped
+
+    @property
+    def failure(self) -> BaseException | None:
+        """Why recording ended early, None while all is well."""
+        return self._worker.failure
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write what is queued and finish the file; may be called twice."""
+        if self._worker.alive:
+            self._worker.stop(timeout_s)
+        self._log.close()  # closed by the thread already, unless it never ran
+
+    def _run(self, stop: threading.Event) -> None:
+        try:
+            next_flush_ns = next_check_ns = self._clock.now_ns()
+            while not stop.wait(POLL_S):
+                self._write_queued()
+                now_ns = self._clock.now_ns()
+                if now_ns >= next_flush_ns:
+                    self._log.flush()
+                    next_flush_ns = now_ns + FLUSH_NS
+                if now_ns >= next_check_ns:
+                    self._check_space()
+                    next_check_ns = now_ns + SPACE_CHECK_NS
+            self._write_queued()
+            self._note_dropped()
+            self._log.flush()
+        finally:
+            self._log.close()
+
+    def _write_queued(self) -> None:
+        packets: list[PacketRecord] = []
+        slice_end = time.perf_counter() + SLICE_S
+        for item in self._queue.take_all():
+            if isinstance(item, PacketRecord):
+                packets.append(item)
+                continue
+            self._log.write(item, self._clock.now_ns())
+            if time.perf_counter() > slice_end:
+                time.sleep(PAUSE_S)
+                slice_end = time.perf_counter() + SLICE_S
+        if packets:
+            self._log.write(PacketBatch.of(packets), self._clock.now_ns())
+
+    def _note_dropped(self) -> None:
+        if self.dropped:
+            now_ns = self._clock.now_ns()
+            text = f"The recorder was too slow: {self.dropped} records are missing from this log."
+            self._log.write(Note(now_ns, "warning", text), now_ns)
+
+    def _check_space(self) -> None:
+        free = free_mb(self._directory)
+        if free < self._reserve_mb:
+            raise LogError(
+                f"Only {free:.0f} MB are free for {self._directory}; recording ended. "
+                "Delete old logs; what was written before is readable."
+            )
+
+
+def _without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:
+    if isinstance(frame, Frame):
+        return FrameCaptured(frame.view, frame.index, frame.capture_ns)
+    return FrameShown(frame.view, frame.index, frame.shown_ns)

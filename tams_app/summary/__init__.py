@@ -1,0 +1,5 @@
+"""What a session amounts to: `summarise` turns a log into the numbers of summary.json."""
+
+from tams_app.summary.summarise import summarise
+
+__all__ = ["summarise"]

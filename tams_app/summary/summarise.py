@@ -1,0 +1,78 @@
+"""summary.json, computed from the log alone: the same for a live session and for `report LOG`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tams_app.clock import NS_PER_S
+from tams_app.recording import SessionLog
+from tams_app.summary.control import arm, control, phases
+from tams_app.summary.numbers import mean
+from tams_app.summary.tables import PacketTable, Span, Targets
+from tams_app.summary.uplink import uplink
+from tams_app.summary.views import SSIM_KINDS, view_summary
+
+SCHEMA = 1
+
+
+def summarise(log: SessionLog) -> dict[str, Any]:
+    """The content of summary.json; keys are fixed, what was not measured is null.
+
+    Definitions: DESIGN, What a session leaves behind. Means of rates are over the time in which
+    targets were given and frames captured; `t_s` counts from the start of the session.
+    """
+    header = log.header
+    packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
+    return {
+        "schema": SCHEMA,
+        "version": header.version,
+        "seed": header.seed,
+        "strategy": header.strategy,
+        "network": header.network,
+        "budget_mode": header.budget_mode,
+        "duration_s": round((log.ended_ns - header.started_ns) / NS_PER_S, 3),
+        "outcome": _outcome(log),
+        "control": control(log),
+        "arm": arm(log),
+        "phases": phases(log),
+        "uplink": uplink(log, packets, targets, span),
+        "views": {view: view_summary(log, view, packets, targets, span) for view in header.views},
+        "primary_view": {**dict.fromkeys(SSIM_KINDS), "by_phase": {}},
+        "system": _system(log),
+    }
+
+
+def _outcome(log: SessionLog) -> dict[str, Any]:
+    outcome = log.outcome
+    if outcome is None:
+        return {
+            "completed": None,
+            "success": None,
+            "completion_time_s": None,
+            "drops": None,
+            "reason": "",
+        }
+    return {
+        "completed": outcome.completed,
+        "success": outcome.success,
+        "completion_time_s": outcome.completion_time_s,
+        "drops": outcome.drops,
+        "reason": outcome.reason,
+    }
+
+
+def _system(log: SessionLog) -> dict[str, Any]:
+    """CPU in percent of one core, helpers summed."""
+    app = np.array([sample.app_cpu_percent for sample in log.system], dtype=np.float64)
+    helpers = np.array([_total(sample.helper_cpu_percent) for sample in log.system], dtype=float)
+    return {
+        "cpu_percent": {"app": mean(app), "helpers": mean(helpers)},
+        "peak_rss_mb": max((sample.rss_mb for sample in log.system), default=None),
+    }
+
+
+def _total(percent: Mapping[str, float]) -> float:
+    return sum(percent.values())

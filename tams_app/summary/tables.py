@@ -1,0 +1,119 @@
+"""The log's long lists as numpy columns, made once and used by every measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tams_app.recording import SessionLog
+from tams_app.records import PacketFate, PacketKind
+from tams_app.summary.numbers import Flags, Floats, Integers
+
+RTP_CLOCK_HZ = 90_000
+
+
+@dataclass(frozen=True, slots=True)
+class PacketTable:
+    """Uplink datagrams as columns of one length; `view` is the place in `header.views`."""
+
+    view: Integers
+    kind: Integers
+    sequence: Integers
+    size_bytes: Integers
+    entered_ns: Integers
+    departed_ns: Integers
+    delivered_ns: Integers
+    delivered: Integers  # 1 or 0
+    rtp_timestamp: Integers
+
+    @property
+    def is_video(self) -> Flags:
+        """Media and repair, not RTCP."""
+        return np.not_equal(self.kind, PacketKind.RTCP.value)
+
+    @staticmethod
+    def of(log: SessionLog) -> PacketTable:
+        places = {view: place for place, view in enumerate(log.header.views)}
+        rows = [
+            (
+                places.get(packet.view, -1),
+                packet.kind.value,
+                packet.sequence,
+                packet.size_bytes,
+                packet.entered_ns,
+                packet.departed_ns,
+                packet.delivered_ns,
+                packet.fate is PacketFate.DELIVERED,
+                packet.rtp_timestamp,
+            )
+            for packet in log.packets
+        ]
+        columns = np.array(rows, dtype=np.int64).reshape(len(rows), 9).T
+        return PacketTable(*columns)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTable:
+    """One view's captures in order of index, and when each was shown (0: never)."""
+
+    index: Integers
+    capture_ns: Integers
+    shown_ns: Integers
+
+    @staticmethod
+    def of(log: SessionLog, view: str) -> FrameTable:
+        captured = {one.index: one.capture_ns for one in log.captured if one.view == view}
+        shown: dict[int, int] = {}
+        for one in log.shown:
+            if one.view == view and one.index in captured:
+                shown[one.index] = min(one.shown_ns, shown.get(one.index, one.shown_ns))
+        index = np.array(sorted(captured), dtype=np.int64)
+        capture_ns = np.array([captured[number] for number in index], dtype=np.int64)
+        shown_ns = np.array([shown.get(number, 0) for number in index.tolist()], dtype=np.int64)
+        return FrameTable(index, capture_ns, shown_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """What the policy asked for, in order of time."""
+
+    t_ns: Integers
+    budget_kbps: Floats
+    kbps: dict[str, Floats]  # per view
+
+    @staticmethod
+    def of(log: SessionLog) -> Targets:
+        ordered = sorted(log.allocations, key=lambda one: one.t_ns)
+        return Targets(
+            np.array([one.t_ns for one in ordered], dtype=np.int64),
+            np.array([one.budget_kbps for one in ordered], dtype=np.float64),
+            {
+                view: np.array([one.target_kbps.get(view, 0) for one in ordered], dtype=np.float64)
+                for view in log.header.views
+            },
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """While video was asked for and captured [ns]: what the means of the rates are over."""
+
+    start_ns: int
+    end_ns: int
+
+    @property
+    def seconds(self) -> float:
+        return (self.end_ns - self.start_ns) / 1e9
+
+    @staticmethod
+    def of(log: SessionLog) -> Span | None:
+        """From the first allocation and capture to the end of the last capture; None without."""
+        if not log.captured or not log.allocations:
+            return None
+        first_capture_ns = min(frame.capture_ns for frame in log.captured)
+        first_target_ns = min(allocation.t_ns for allocation in log.allocations)
+        last_capture_ns = max(frame.capture_ns for frame in log.captured)
+        end_ns = last_capture_ns + round(1e9 / log.header.fps)
+        start_ns = max(first_capture_ns, first_target_ns)
+        return Span(start_ns, end_ns) if end_ns > start_ns else None

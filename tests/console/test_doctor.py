@@ -1,0 +1,133 @@
+"""The doctor: each need is looked at, each lack named with what mends it."""
+
+from __future__ import annotations
+
+import io
+import platform
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from tams_app.config import Config, load_config
+from tams_app.console import checks
+from tams_app.console.checks import Finding
+from tams_app.console.doctor import run_doctor
+from tams_app.video import gst
+
+
+def config(**overrides: Any) -> Config:
+    return load_config(None, {key.replace("__", "."): value for key, value in overrides.items()})
+
+
+def examine(*findings: Finding) -> tuple[int, list[str]]:
+    def check(_: Config) -> Iterator[Finding]:
+        yield from findings
+
+    output = io.StringIO()
+    code = run_doctor(config(), Console(file=output, width=80), [check])
+    return code, output.getvalue().splitlines()
+
+
+def test_a_lack_of_something_essential_fails_and_says_what_mends_it() -> None:
+    code, lines = examine(
+        Finding(
+            "GStreamer element x264enc", False, "", "apt-get install gstreamer1.0-plugins-ugly"
+        ),
+        Finding("tc", False, "", "apt-get install iproute2", essential=False),
+        Finding("Home folder", True, "[home]", "never shown"),
+    )
+    assert code == 1
+    assert lines == [
+        "MISSING GStreamer element x264enc: apt-get install gstreamer1.0-plugins-ugly",
+        "absent  tc: apt-get install iproute2",
+        "ok      Home folder ([home])",
+        "1 of these must be mended before TAMS can run.",
+    ]
+
+
+def test_what_tams_runs_without_does_not_fail() -> None:
+    code, lines = examine(Finding("Display", False, "none", "run with --headless", False))
+    assert code == 0
+    assert lines[-1] == "All that TAMS needs is here."
+
+
+def test_every_check_of_this_machine_gives_findings_with_a_fix() -> None:
+    for check in checks.CHECKS:
+        for finding in check(config(video__first_port=45120)):
+            assert finding.what
+            assert finding.ok or finding.fix
+
+
+def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    missing = [gst.MissingElement("x264enc", "gstreamer1.0-plugins-ugly")]
+    monkeypatch.setattr(gst, "missing_elements", lambda: missing)
+    (finding,) = checks.gstreamer(config())
+    assert not finding.ok
+    assert finding.what == "GStreamer element x264enc"
+    assert finding.fix == "apt-get install gstreamer1.0-plugins-ugly"
+
+
+def test_a_missing_library_is_named_as_pip_calls_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(checks._LIBRARIES, "no_such_module", "no-such-package")
+    (finding,) = checks.libraries(config())
+    assert not finding.ok
+    assert "no-such-package" in finding.detail
+
+
+def test_hardware_needs_neither_mujoco_nor_rendering() -> None:
+    hardware = config(rig__enabled=False)
+    assert not list(checks.rendering(hardware))
+
+
+def test_a_driver_that_aborts_is_a_finding_not_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checks, "_RENDER", "import os; os.abort()")
+    (finding,) = checks.rendering(config())
+    assert not finding.ok
+    assert "-6" in finding.detail
+
+
+def test_a_port_in_use_is_found() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        first = min(port, 65535 - 9)
+        (finding,) = checks.ports(config(video__first_port=first))
+    assert not finding.ok
+    assert str(port) in finding.detail
+    assert not list(checks.ports(config()))  # any free ports: nothing to check
+
+
+def test_too_little_space_is_found(tmp_path: Path) -> None:
+    folder, space = checks.disk(
+        config(recording__directory=str(tmp_path / "new"), recording__min_free_mb=1e9)
+    )
+    assert folder.ok
+    assert not space.ok
+    assert "1000000000 MB wanted" in space.detail
+
+
+def test_without_a_display_headless_is_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    (finding,) = checks.display(config())
+    assert not finding.ok
+    assert not finding.essential
+    assert "--headless" in finding.fix
+    assert not list(checks.display(config(headless=True)))
+
+
+def test_netem_is_found_where_it_can_be_loaded(tmp_path: Path) -> None:
+    assert not checks.kernel_has_netem(tmp_path)
+    modules = tmp_path / "lib/modules" / platform.release()
+    modules.mkdir(parents=True)
+    (modules / "modules.dep").write_text("kernel/net/sched/sch_netem.ko:\n")
+    assert checks.kernel_has_netem(tmp_path)
+
+
+def test_netem_is_found_where_it_is_loaded(tmp_path: Path) -> None:
+    (tmp_path / "sys/module/sch_netem").mkdir(parents=True)
+    assert checks.kernel_has_netem(tmp_path)

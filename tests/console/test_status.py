@@ -1,0 +1,78 @@
+"""The live line: what it says, and how it behaves on a terminal and in a file."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+from rich.console import Console
+
+from tams_app.console.status import StatusLine, StatusSnapshot, ViewStatus, status_lines
+
+SNAPSHOT = StatusSnapshot(
+    t_s=72.34,
+    arming="engaged",
+    deadman=True,
+    orientation_mode=False,
+    phase="ALIGN",
+    reason="",
+    views={"eih": ViewStatus(3000, 2950.4, 81.6), "gt": ViewStatus(None, None, None)},
+    link_kbps=5210.0,
+    capacity_kbps=6000.0,
+    queue_ms=12.2,
+)
+
+
+def test_the_line_says_all_an_operator_looks_for() -> None:
+    text = "\n".join(status_lines(SNAPSHOT))
+    for part in (
+        "1:12.3",
+        "ENGAGED",
+        "ALIGN",
+        "trigger held, translation",
+        "eih 2950/3000 kbit/s 82 ms",
+        "gt –/– kbit/s – ms",
+        "link 5210/6000 kbit/s, queue 12 ms",
+    ):
+        assert part in text
+    assert "last stop" not in text
+
+
+def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:
+    reason = "[stale video] let go of the trigger"
+    output = io.StringIO()
+    with StatusLine(Console(file=output, width=80)) as line:
+        line.update(replace(SNAPSHOT, reason=reason, arming="holding", deadman=False))
+    assert f"last stop: {reason}" in output.getvalue()
+    assert "HOLDING" in output.getvalue()
+    assert "trigger up" in output.getvalue()
+
+
+def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:
+    output = io.StringIO()
+    with StatusLine(Console(file=output, width=80)) as line:
+        for tenth in range(121):
+            line.update(replace(SNAPSHOT, t_s=tenth / 10))
+        line.say("the arm is ready: press Enter")
+    lines = output.getvalue().splitlines()
+    assert [one.split()[0] for one in lines[:3]] == ["0:00.0", "0:05.0", "0:10.0"]
+    assert lines[3:] == ["the arm is ready: press Enter"]
+    assert "\x1b" not in output.getvalue()
+
+
+def test_on_a_terminal_the_line_is_renewed_at_five_hertz_and_taken_away() -> None:
+    output = io.StringIO()
+    console = Console(file=output, width=100, force_terminal=True, color_system="standard")
+    with StatusLine(console) as line:
+        for step in range(100):
+            line.update(replace(SNAPSHOT, t_s=step / 100))
+        shown = output.getvalue().count("ENGAGED")
+    assert 5 <= shown <= 6
+    assert output.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in output.getvalue()
+
+
+def test_a_narrow_terminal_cuts_lines_instead_of_wrapping_them() -> None:
+    output = io.StringIO()
+    with StatusLine(Console(file=output, width=30, force_terminal=True)) as line:
+        line.update(SNAPSHOT)
+    assert "…" in output.getvalue()

@@ -1,0 +1,43 @@
+"""The summary as people see it."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from tams_app.console.table import summary_tables
+from tams_app.recording import SessionLog
+from tams_app.records import Outcome
+from tams_app.summary import summarise
+from tests.synthetic_session import START_NS, Synthetic, header
+
+
+def printed(log: SessionLog) -> str:
+    output = io.StringIO()
+    Console(file=output, width=110).print(summary_tables(summarise(log)))
+    return output.getvalue()
+
+
+def test_the_table_shows_the_numbers_of_the_summary() -> None:
+    text = printed(Synthetic(5.0, accuracy=0.9).log())
+    assert "tams on s2, 5.0 s: completed in 42.5 s, drops: 1, success (placed)" in text
+    assert "120 Hz, 600 ticks, late 0.00 %" in text
+    assert "stops: 1, longest 55 ms" in text
+    assert "4500 of 6000 kbit/s, used 75 %" in text
+    (row,) = (line.split() for line in text.splitlines() if line.strip().startswith("GT"))
+    assert row[:5] == ["GT", "2000", "1800", "10.0", "%"]
+    assert "150/150" in row
+
+
+def test_a_failed_trial_says_so() -> None:
+    log = Synthetic(1.0).log()
+    log.outcome = Outcome(False, False, None, 3, "time is over")
+    assert "not completed, drops: 3 (time is over)" in printed(log)
+
+
+def test_what_was_not_measured_is_a_dash_and_no_error() -> None:
+    text = printed(SessionLog(header(), START_NS))
+    assert "no verdict on the task" in text
+    assert "None" not in text
+    assert "–" in text

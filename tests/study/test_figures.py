@@ -1,0 +1,67 @@
+"""bitrates.png: what is drawn is what was sent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.text import Annotation
+
+from tams_app.clock import NS_PER_S
+from tams_app.recording import SessionLog
+from tams_app.records import Phase, PhaseChange
+from tams_app.study.figures import DPI, WIDTH_IN, bitrates_figure, measured_rate, save_bitrates
+from tams_app.summary.tables import PacketTable, Span
+from tests.synthetic_session import START_NS, Synthetic, header
+
+
+def test_the_measured_curve_is_the_rate_on_the_wire_without_a_saw() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    span = Span.of(log)
+    assert span is not None
+    curve = measured_rate(PacketTable.of(log), 0, span, log.header.fps, START_NS)
+    steady = (curve.t_s > 0.4) & (curve.t_s < 3.0)
+    np.testing.assert_allclose(curve.kbps[steady], 1000, rtol=0.02)
+    np.testing.assert_allclose(curve.kbps[curve.t_s > 3.4], 3000, rtol=0.02)
+    assert curve.t_s[0] == pytest.approx(0.25 + 0.025, abs=1e-6)  # never before a whole window
+
+
+def test_each_view_has_its_target_and_each_phase_its_dashed_line_and_name() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    figure = bitrates_figure(log)
+    assert len(figure.axes) == 3
+    target = figure.axes[0].lines[0]
+    times, kbps = np.asarray(target.get_xdata()), np.asarray(target.get_ydata())
+    assert kbps[times < 2.99].tolist() == [1.0] * np.sum(times < 2.99)
+    assert kbps[-1] == 3.0
+    for axis in figure.axes:
+        dashed = [line for line in axis.lines if line.get_linestyle() == "--"]
+        assert [float(np.asarray(line.get_xdata())[0]) for line in dashed] == [0.0, 3.0]
+    names = [text.get_text() for text in figure.axes[0].texts if isinstance(text, Annotation)]
+    assert names == ["REACH", "ALIGN"]
+
+
+def test_a_phase_too_short_for_its_name_keeps_its_line() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    log.phases.append(PhaseChange(START_NS + round(3.05 * NS_PER_S), Phase.GRASP, "closed"))
+    figure = bitrates_figure(log)
+    names = [text.get_text() for text in figure.axes[0].texts]
+    assert names == ["REACH", "GRASP"]
+    assert sum(line.get_linestyle() == "--" for line in figure.axes[2].lines) == 3
+
+
+def test_the_file_is_a_picture_for_print(tmp_path: Path) -> None:
+    save_bitrates(Synthetic(2.0).log(), tmp_path / "bitrates.png")
+    picture = cv2.imread(str(tmp_path / "bitrates.png"))
+    assert picture is not None
+    assert picture.shape[1] == round(WIDTH_IN * DPI)
+    assert picture.std() > 5
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.1])
+def test_a_session_without_video_leaves_a_figure_too(tmp_path: Path, seconds: float) -> None:
+    log = Synthetic(seconds).log() if seconds else SessionLog(header(), START_NS)
+    save_bitrates(log, tmp_path / "bitrates.png")
+    assert (tmp_path / "bitrates.png").stat().st_size > 0

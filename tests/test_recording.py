@@ -1,0 +1,435 @@
+"""The recorder and its readers: what goes in comes out, also after a crash and on a full disk."""
+
+from __future__ import annotations
+
+import math
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from scipy.spatial.transform import Rotation
+
+from tams_app.clock import NS_PER_S, MonotonicClock
+from tams_app.errors import LogError
+from tams_app.recording import (
+    Facts,
+    FrameCaptured,
+    FrameShown,
+    Recorder,
+    ReferenceRecorder,
+    disk,
+    read_log,
+    read_reference,
+    read_video,
+    writer,
+)
+from tams_app.recording.codec import Codec
+from tams_app.recording.mcap_log import McapLog
+from tams_app.records import (
+    Allocation,
+    DroppedFrame,
+    EncodedFrame,
+    Frame,
+    LinkCapacity,
+    Note,
+    Outcome,
+    PacketFate,
+    PacketKind,
+    PacketRecord,
+    Phase,
+    PhaseChange,
+    Pose,
+    SceneTruth,
+    ShownFrame,
+    StopRecord,
+    SystemSample,
+    Tick,
+)
+from tests.synthetic_session import START_NS, header, live_records, tick
+
+PROJECT = Path(__file__).resolve().parent.parent
+POSE = Pose(np.array([0.3, -0.1, 0.02]), Rotation.from_quat([0.0, 0.6, 0.0, 0.8]))
+
+
+def never_fails(thread: str, failure: BaseException) -> None:
+    raise AssertionError(f"{thread} failed") from failure
+
+
+def record_all(path: Path, items: list[Any], **changes: Any) -> None:
+    recorder = Recorder(path, header(**changes), MonotonicClock(), 0, never_fails)
+    recorder.start()
+    for item in items:
+        recorder.record(item)
+    recorder.close()
+    assert recorder.dropped == 0
+
+
+def one_of_each() -> list[Any]:
+    image = np.zeros((4, 6, 3), np.uint8)
+    t = START_NS
+    return [
+        tick(3),
+        PhaseChange(t, Phase.ALIGN, "line 7"),
+        Allocation(t, Phase.ALIGN, 6000.0, 5520.0, {"eih": 3000, "gt": 1260, "gs": 1260}),
+        LinkCapacity(t, 6000.0),
+        Frame("eih", 4, t + 1, image),
+        EncodedFrame("eih", 4, t + 1, t + 9, True, b"\0\0\0\1\x65abc"),
+        DroppedFrame("gs", 5, t + 2),
+        ShownFrame("eih", 4, t + 77, image),
+        PacketRecord(
+            "gt", PacketKind.REPAIR, 65535, 1228, t, t + 5, t + 9, PacketFate.DELIVERED, 12000
+        ),
+        PacketRecord("gt", PacketKind.RTCP, 0, 80, t, 0, 0, PacketFate.OVERFLOW),
+        StopRecord("pose frozen", t, None),
+        Note(t, "warning", "no real-time priority: run as described in the guide"),
+        SystemSample(t, 61.5, {"render": 30.0}, 412.0),
+        SceneTruth(t, POSE, POSE, POSE, 0.02, 0.016),
+        Facts(t, {"scheduler": "fifo"}),
+        Outcome(True, False, None, 2, "three drops"),
+    ]
+
+
+def same(left: Any, right: Any) -> bool:
+    """Equality of records with arrays and rotations in them, by their JSON."""
+    return type(left) is type(right) and Codec(type(left)).encode(left) == Codec(
+        type(right)
+    ).encode(right)
+
+
+def test_every_record_comes_back_as_it_went_in(tmp_path: Path) -> None:
+    items = one_of_each()
+    record_all(tmp_path / "session.mcap", items)
+    log = read_log(tmp_path / "session.mcap")
+    by_type = {type(item): item for item in items}
+    assert same(log.header, header())
+    assert same(log.ticks[0], by_type[Tick])
+    assert log.phases == [by_type[PhaseChange]]
+    assert log.allocations == [by_type[Allocation]]
+    assert log.capacities == [by_type[LinkCapacity]]
+    assert log.captured == [FrameCaptured("eih", 4, START_NS + 1)]
+    assert log.shown == [FrameShown("eih", 4, START_NS + 77)]
+    assert log.dropped == [by_type[DroppedFrame]]
+    assert log.packets == [item for item in items if isinstance(item, PacketRecord)]
+    assert log.stops == [by_type[StopRecord]]
+    assert log.notes == [by_type[Note]]
+    assert log.system == [by_type[SystemSample]]
+    assert same(log.scene[0], by_type[SceneTruth])
+    assert log.facts == {"scheduler": "fifo"}
+    assert log.outcome == by_type[Outcome]
+    assert not log.truncated
+    (sent,) = log.sent
+    assert (sent.index, sent.keyframe, sent.size_bytes) == (4, True, 8)
+    assert list(read_video(tmp_path / "session.mcap", "eih")) == [by_type[EncodedFrame]]
+
+
+def test_each_view_gives_back_its_own_bitstream(tmp_path: Path) -> None:
+    frames = [
+        EncodedFrame(
+            view, index, START_NS + index, START_NS + index + 5, index == 0, bytes([index]) * 9
+        )
+        for index in range(30)
+        for view in ("eih", "gt")
+    ]
+    record_all(tmp_path / "session.mcap", frames)
+    for view in ("eih", "gt"):
+        expected = [frame for frame in frames if frame.view == view]
+        assert list(read_video(tmp_path / "session.mcap", view)) == expected
+
+
+def test_any_mcap_reader_sees_dates_schemas_and_foxglove_video(tmp_path: Path) -> None:
+    record_all(tmp_path / "session.mcap", one_of_each())
+    with (tmp_path / "session.mcap").open("rb") as stream:
+        found = {
+            channel.topic: (schema, message)
+            for schema, channel, message in make_reader(stream).iter_messages()
+        }
+    schema, message = found["/tick"]
+    assert schema is not None
+    assert schema.encoding == "jsonschema"
+    assert message.log_time == tick(3).started_ns + header().wall_offset_ns
+    video_schema, _ = found["/video/eih"]
+    assert video_schema is not None
+    assert video_schema.name == "foxglove.CompressedVideo"
+    transform_schema, _ = found["/tf"]
+    assert transform_schema is not None
+    assert transform_schema.name == "foxglove.FrameTransform"
+
+
+def test_a_number_that_is_not_finite_stays_valid_json_and_reads_as_nan() -> None:
+    codec = Codec(Tick)
+    data = codec.encode(replace(tick(1), speed=math.inf, vertical_speed=math.nan))
+    assert b"Infinity" not in data
+    assert b"NaN" not in data
+    assert math.isnan(codec.decode(data).speed)
+    assert codec.decode(data).speed_scale == 1.0
+
+
+def test_two_recorders_of_one_process_do_not_mix(tmp_path: Path) -> None:
+    recorders = [
+        Recorder(tmp_path / f"{name}.mcap", header(name=name), MonotonicClock(), 0, never_fails)
+        for name in ("one", "two")
+    ]
+    for recorder in recorders:
+        recorder.start()
+    for number in range(100):
+        recorders[number % 2].record(tick(number))
+    for recorder in recorders:
+        recorder.close()
+    first, second = (read_log(tmp_path / f"{name}.mcap") for name in ("one", "two"))
+    assert (first.header.name, second.header.name) == ("one", "two")
+    assert [record.link.sent for record in first.ticks] == list(range(0, 100, 2))
+    assert [record.link.sent for record in second.ticks] == list(range(1, 100, 2))
+
+
+def test_a_killed_session_stays_readable_up_to_its_last_second(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    command = [sys.executable, "-m", "tests.recording_writer_process", str(path)]
+    with subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        handed_over = 0
+        for line in process.stdout:
+            handed_over = int(line)
+            if handed_over >= 240:
+                break
+        process.send_signal(signal.SIGKILL)
+        process.wait(timeout=20)
+    log = read_log(path)
+    assert log.truncated
+    # ten batches of 12 are handed over a second; on a busy machine a flush may come late
+    assert len(log.ticks) >= handed_over - 180
+    assert [record.link.sent for record in log.ticks] == list(range(len(log.ticks)))
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.55, 0.8, 0.99])
+def test_a_log_cut_anywhere_gives_what_is_before_the_cut(tmp_path: Path, kept: float) -> None:
+    whole = tmp_path / "whole.mcap"
+    written = McapLog(whole, header())
+    for number in range(600):
+        written.write(tick(number), 0)
+        if number % 100 == 99:
+            written.flush()
+    written.close()
+    data = whole.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: int(len(data) * kept)])
+    log = read_log(cut)
+    assert log.truncated
+    assert [record.link.sent for record in log.ticks] == list(range(len(log.ticks)))
+
+
+@contextmanager
+def file_size_limit(limit_bytes: int) -> Iterator[None]:
+    """The kernel refuses writes beyond the limit, as it does on a full disk."""
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+def ends_with_a_whole_record(path: Path) -> bool:
+    """Whether any MCAP tool can read to the very end (records: opcode, u64 length, content)."""
+    data = path.read_bytes()
+    at = 8  # the magic
+    while at < len(data):
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return at == len(data)
+
+
+def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    failures: list[BaseException] = []
+    failed = threading.Event()
+
+    def on_failure(thread: str, failure: BaseException) -> None:
+        failures.append(failure)
+        failed.set()
+
+    with file_size_limit(400_000):
+        recorder = Recorder(path, header(), MonotonicClock(), 0, on_failure)
+        recorder.start()
+        for item in live_records(4.0):
+            recorder.record(item)
+            if isinstance(item, Tick) and item.link.sent % 60 == 59:
+                time.sleep(0.1)  # so that there is a flush before the disk is full
+        assert failed.wait(20)
+        recorder.close()
+    (failure,) = failures
+    assert isinstance(failure, LogError)
+    assert "cannot be written any more" in str(failure)
+    assert "\n" not in str(failure)
+    assert recorder.failure is failure
+    log = read_log(path)
+    assert log.truncated
+    assert len(log.ticks) > 20  # a first chunk fits in any case
+    assert ends_with_a_whole_record(path)
+
+
+def test_recording_is_refused_when_too_little_space_is_free(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"MB are free .* recording\.min_free_mb"):
+        Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 1e9, never_fails)
+    assert not (tmp_path / "session.mcap").exists()
+
+
+def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failures: list[BaseException] = []
+    failed = threading.Event()
+
+    def on_failure(thread: str, failure: BaseException) -> None:
+        failures.append(failure)
+        failed.set()
+
+    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 100, on_failure)
+    monkeypatch.setattr(writer, "free_mb", lambda directory: 9.0)
+    recorder.record(tick(0))
+    recorder.start()
+    assert failed.wait(20)
+    recorder.close()
+    assert "Only 9 MB are free" in str(failures[0])
+    log = read_log(tmp_path / "session.mcap")
+    assert not log.truncated
+    assert len(log.ticks) == 1
+
+
+def test_a_folder_that_is_missing_or_a_log_that_exists_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="cannot be used"):
+        Recorder(tmp_path / "no" / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+    (tmp_path / "session.mcap").touch()
+    with pytest.raises(LogError, match="cannot be created"):
+        Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+
+
+def test_recording_never_blocks_and_counts_what_it_drops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "CAPACITY", 10)
+    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+    for number in range(25):
+        recorder.record(tick(number))  # the writer has not started
+    assert recorder.dropped == 15
+    recorder.start()
+    recorder.close()
+    log = read_log(tmp_path / "session.mcap")
+    assert [record.link.sent for record in log.ticks] == list(range(10))
+    assert "15 records are missing" in log.notes[0].text
+
+
+def test_a_recorder_that_never_started_leaves_its_header(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+    recorder.close()
+    recorder.close()
+    assert read_log(tmp_path / "session.mcap").header.seed == 7
+
+
+def _text(path: Path) -> None:
+    path.write_text("bitrates, but not a log")
+
+
+def _reference(path: Path) -> None:
+    recorder = ReferenceRecorder(path, 0, 0, never_fails)
+    recorder.close()
+
+
+@pytest.mark.parametrize("make", [_text, Path.touch, _reference, lambda path: None])
+def test_a_file_that_is_not_ours_is_told_in_one_sentence(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    make(tmp_path / "other.mcap")
+    with pytest.raises(LogError) as caught:
+        read_log(tmp_path / "other.mcap")
+    assert "other.mcap" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_log_of_a_newer_version_names_that_version(tmp_path: Path) -> None:
+    record_all(tmp_path / "session.mcap", [], schema=99, version="9.9.9")
+    with pytest.raises(LogError, match=r"newer TAMS 9\.9\.9"):
+        read_log(tmp_path / "session.mcap")
+
+
+def test_the_newest_time_of_any_record_ends_the_log(tmp_path: Path) -> None:
+    record_all(tmp_path / "session.mcap", [Note(START_NS + 9 * NS_PER_S, "info", ""), tick(0)])
+    assert read_log(tmp_path / "session.mcap").ended_ns == START_NS + 9 * NS_PER_S
+
+
+def test_reference_captures_are_lossless(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    frames = [
+        Frame(view, index, START_NS + index, random.integers(0, 256, (48, 64, 3), np.uint8))
+        for index in (0, 1, 3)
+        for view in ("eih", "gt")
+    ]
+    offset_ns = header().wall_offset_ns
+    recorder = ReferenceRecorder(tmp_path / "reference.mcap", offset_ns, 0, never_fails)
+    recorder.start()
+    for frame in frames:
+        recorder.record(frame)
+    recorder.close()
+    read = list(read_reference(tmp_path / "reference.mcap", offset_ns))
+    assert [(one.view, one.index, one.capture_ns) for one in read] == [
+        (one.view, one.index, one.capture_ns) for one in frames
+    ]
+    for written, back in zip(frames, read, strict=True):
+        np.testing.assert_array_equal(written.image, back.image)
+
+
+def test_a_full_disk_ends_the_reference_but_keeps_whole_frames(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, (100, 100, 3), np.uint8)  # 30 kB that do not shrink
+    failures: list[BaseException] = []
+    failed = threading.Event()
+
+    def on_failure(thread: str, failure: BaseException) -> None:
+        failures.append(failure)
+        failed.set()
+
+    path = tmp_path / "reference.mcap"
+    with file_size_limit(200_000):
+        recorder = ReferenceRecorder(path, 0, 0, on_failure)
+        for index in range(20):
+            recorder.record(Frame("eih", index, index, image))
+        recorder.start()
+        assert failed.wait(20)
+        recorder.close()
+    assert isinstance(failures[0], LogError)
+    read = list(read_reference(path, 0))
+    assert [frame.index for frame in read] == list(range(len(read)))
+    assert len(read) == 6
+    assert ends_with_a_whole_record(path)
+
+
+def test_a_short_write_is_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = disk.LogFile(tmp_path / "file")
+
+    class Slow:
+        """A file that takes at most three bytes at a time."""
+
+        def __init__(self, inner: Any) -> None:
+            self.inner = inner
+
+        def write(self, data: memoryview) -> int:
+            return int(self.inner.write(data[:3]))
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.inner, name)
+
+    monkeypatch.setattr(file, "_file", Slow(file._file))
+    assert file.write(b"0123456789") == 10
+    file.close()
+    assert (tmp_path / "file").read_bytes() == b"0123456789"
