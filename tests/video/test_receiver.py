@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 from random import Random
 
@@ -22,13 +23,19 @@ def is_media(datagram: bytes) -> bool:
     return datagram[1] & 0x7F == MEDIA_PAYLOAD_TYPE
 
 
-def lose(share: float, seed: int, after: int = 30) -> LossyLink:
-    """A link with independent loss after a clean start, jitter of up to half a frame, and a queue
-    that fills (0.4 ms a packet), which a jitter buffer that follows the clock would follow."""
-    random = Random(seed)
-    return LossyLink(
-        lambda ordinal, datagram: ordinal < after or random.random() >= share, 0.01, 0.008, 0.0004
-    )
+def lose(share: float, seed: int, frames: int) -> LossyLink:
+    """A link with independent loss between a clean start and a clean end of `frames`, jitter of up
+    to half a frame, and a queue that fills (0.4 ms a packet), which a jitter buffer that follows
+    the clock would follow. What is resent gets through: which packets are lost depends on their
+    numbers alone, not on the machine's timing."""
+    last_timestamp = (frames - 6) * 90_000 // 60
+
+    def keep(ordinal: int, datagram: bytes) -> bool:
+        sequence, timestamp = struct.unpack_from(">HI", datagram, 2)
+        open_to_loss = is_media(datagram) and sequence >= 30 and timestamp < last_timestamp
+        return not open_to_loss or Random(seed << 16 | sequence).random() >= share
+
+    return LossyLink(keep, 0.01, 0.008, 0.0004)
 
 
 def count_requests(compounds: list[bytes], packet_type: int) -> int:
@@ -70,7 +77,7 @@ def test_a_gap_in_the_captures_stays_a_gap() -> None:
 
 
 def test_identity_is_exact_under_loss_and_jitter() -> None:
-    with stream(lose(0.03, seed=3), UNREPAIRED) as joined:
+    with stream(lose(0.03, seed=3, frames=180), UNREPAIRED) as joined:
         joined.push(range(180))
         assert joined.wait_until(lambda: joined.shown[-1].index >= 178)
         stats = joined.receiver.stats()
@@ -90,7 +97,7 @@ def test_identity_is_exact_under_loss_and_jitter() -> None:
 
 
 def test_lost_packets_are_sent_again_and_the_pictures_stay_whole() -> None:
-    with stream(lose(0.03, seed=5)) as joined:
+    with stream(lose(0.03, seed=5, frames=120)) as joined:
         joined.push(range(120))
         assert joined.wait_until(lambda: len(joined.shown) == 120)
         stats, sent = joined.receiver.stats(), joined.sender.stats()
@@ -172,7 +179,7 @@ def test_a_request_that_gets_lost_is_repeated() -> None:
 
 
 def test_repair_packets_stay_away_without_rtx() -> None:
-    link = lose(0.05, seed=2)
+    link = lose(0.05, seed=2, frames=60)
     with stream(link, UNREPAIRED) as joined:
         joined.push(range(60))
     assert all(datagram[1] & 0x7F != REPAIR_PAYLOAD_TYPE for datagram in link.rtp)
