@@ -16,6 +16,7 @@ from hw.stop_channel import StopChannel
 from tams_app.clock import NS_PER_MS, Clock, MonotonicClock
 from tams_app.errors import TamsError
 from tams_app.process import HelperSide
+from tams_app.realtime import GUARD_PRIORITY, use_fifo
 
 POLL_S = 0.01
 FAREWELL_STOP_TIMEOUT_S = 2.0
@@ -126,6 +127,7 @@ class Guard:
 def main() -> None:
     """The process: set up, say ready, watch until told to end."""
     side = HelperSide()
+    use_fifo(GUARD_PRIORITY)
     specification = side.specification
     arm = StopChannel(
         specification["host"],

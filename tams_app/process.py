@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.errors import HelperError
+from tams_app.realtime import use_ordinary
 
 READY_TIMEOUT_S = 30.0
 PROJECT_DIRECTORY = Path(__file__).resolve().parent.parent
@@ -108,6 +109,7 @@ class HelperSide:
     """What a helper's main function needs: its specification, its ready line, its end."""
 
     def __init__(self) -> None:
+        use_ordinary()  # not the priority of the thread that happened to start us
         self.specification: dict[str, Any] = json.loads(sys.argv[1])
         self.stop_requested = threading.Event()
         signal.signal(signal.SIGINT, signal.SIG_IGN)

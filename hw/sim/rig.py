@@ -1,13 +1,11 @@
 """The simulated rig's world and arm controller, a helper process of its own.
 
 Specification: memory_name, seed, host, control_port, report_port, start_joints_deg.
-Ready facts: memory_name, control_port, report_port, scheduler ("fifo" or "other").
+Ready facts: memory_name, control_port, report_port, scheduler.
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import Any
 
 import numpy as np
@@ -21,8 +19,7 @@ from hw.sim.world_memory import WorldWriter
 from tams_app.clock import MonotonicClock
 from tams_app.errors import TamsError
 from tams_app.process import HelperSide
-
-_FIFO_PRIORITY = 1  # before all that is not real time, after the application's control loop
+from tams_app.realtime import RIG_PRIORITY, use_fifo
 
 
 def main() -> None:
@@ -52,7 +49,7 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | N
         clock,
         on_failure=lambda *_: side.stop_requested.set(),
     )
-    scheduler = _prefer_real_time()
+    scheduler = use_fifo(RIG_PRIORITY)  # which the threads started afterwards inherit
     try:
         server.start()
         ports = server.ports
@@ -67,17 +64,6 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | N
         server.close()
         writer.close()
     return server.failure
-
-
-def _prefer_real_time() -> str:
-    """Ask for SCHED_FIFO, which the threads started afterwards inherit; the scheduler in use."""
-    if not sys.platform.startswith("linux"):
-        return "other"
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_FIFO_PRIORITY))
-    except PermissionError:
-        return "other"
-    return "fifo"
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.errors import SetupError
-from tams_app.session.realtime import use_fifo
+from tams_app.realtime import use_fifo
 from tams_app.video import gst
 from tams_app.video.ports import requested_ports
 

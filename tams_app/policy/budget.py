@@ -24,7 +24,7 @@ class KnownCapacity(Protocol):
 
 
 class OracleBudget:
-    """The link's own rate, a trace's as the mean of its last window (no look-ahead), up to a maximum."""
+    """The link's own rate; of a trace the mean of its last window, without look-ahead."""
 
     def __init__(self, capacity: KnownCapacity, config: BudgetConfig) -> None:
         self._capacity = capacity

@@ -15,6 +15,7 @@ from tams_app.console.status import StatusSnapshot
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
 from tams_app.process import HelperProcess
+from tams_app.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.records import (
     Allocation,
     ArmState,
@@ -32,7 +33,6 @@ from tams_app.session.control import ControlHooks, ControlLoop, describe
 from tams_app.session.guarding import Guarding
 from tams_app.session.load import LoadMonitor
 from tams_app.session.policy_loop import PolicyLoop
-from tams_app.session.realtime import use_fifo
 from tams_app.session.recorders import Recorders
 from tams_app.session.rig import SimulatedRig
 from tams_app.session.signals import Signals
@@ -84,6 +84,9 @@ class Session:
 
     def _start(self) -> None:
         config, clock = self.config, self._clock
+        if config.control.realtime_priority:
+            use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
+            self._stack.callback(use_ordinary)
         helper_logs = self.folder / "helpers"
         helper_logs.mkdir()
         self._recorders = Recorders(config, clock, self.folder, self._on_worker_failure)
@@ -100,6 +103,8 @@ class Session:
         gc.collect()
         gc.freeze()  # what lives as long as the session need not be looked at again
         self._stack.callback(gc.unfreeze)
+        control = self._build_control()
+        self._control = self._run("control", lambda stop: self._control_thread(control, stop))
 
     def _start_uplink(self, helper_logs: Path) -> None:
         epoch_ns = self._clock.now_ns()
@@ -127,6 +132,9 @@ class Session:
         self._stack.callback(self._guarding.close)
         self._guarding.start()
         self._arm.connect()
+        if priority := self.config.control.realtime_priority:
+            for thread_id in self._arm.realtime_thread_ids.values():
+                use_fifo(priority - 1, thread_id)
         self._guarding.wait_ready()
         self._helpers["guard"] = self._guarding.process
         self._controller = self._rig.controller(confirms=not self._arm_at_once)
@@ -145,7 +153,6 @@ class Session:
             before_step=self._before_policy,
             apply=self._apply_allocation,
         )
-        control = self._build_control()
         self._run("arm-supervisor", self._supervisor.run)
         self._run("policy", self._policy_loop.run)
         for camera in self._rig.cameras():
@@ -157,7 +164,6 @@ class Session:
             self._run(f"capture-{camera.view}", capture.run)
         self._run("load", LoadMonitor(clock, self._helper_pids(), self._record).run)
         self._run("trial", self._build_trial().run)
-        self._control = self._run("control", lambda stop: self._control_thread(control, stop))
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}

@@ -8,12 +8,11 @@ bottleneck, feedback straight back. Killing this process is a network that went 
 from __future__ import annotations
 
 import heapq
-import os
 import select
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any
@@ -22,6 +21,7 @@ from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import Network
 from tams_app.errors import ConfigError
 from tams_app.process import HelperSide
+from tams_app.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketFate, PacketKind, PacketRecord
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
@@ -36,8 +36,6 @@ LATE_NS = NS_PER_MS
 _RECEIVE_BUFFER_BYTES = 4_000_000
 _LARGEST_DATAGRAM_BYTES = 65_536
 _READS_IN_A_ROW = 32  # then see what is due: a flood must not hold deliveries up
-_FIFO_PRIORITY = 20  # below the control loop
-_NICE = -10
 _SO_MEMINFO = 55  # Linux: nine 32-bit counters, the last are the datagrams dropped at the socket
 _MEMINFO_BYTES = 36
 
@@ -194,21 +192,6 @@ def _dropped_at(entrance: socket.socket) -> int:
     return int.from_bytes(counters[-4:], "little") if len(counters) == _MEMINFO_BYTES else 0
 
 
-def raise_priority() -> str:
-    """Ask for SCHED_FIFO, else for a better nice value; returns which of them was granted."""
-    if _granted(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_FIFO_PRIORITY))):
-        return "fifo"
-    return "nice" if _granted(lambda: os.nice(_NICE)) else "normal"
-
-
-def _granted(ask: Callable[[], object]) -> bool:
-    try:
-        ask()
-    except (PermissionError, AttributeError):  # AttributeError: this system has no SCHED_FIFO
-        return False
-    return True
-
-
 def build(specification: dict[str, Any], connection: socket.socket) -> Relay:
     """The relay that a specification asks for; OSError if an address cannot be used."""
     network = Network.model_validate(specification["network"])
@@ -229,7 +212,7 @@ def main() -> None:
         connection.close()
         side.fail(f"the link relay cannot start ({error}); check video.bind_host and the trace")
         return
-    scheduler = raise_priority()
+    scheduler = use_fifo(RELAY_PRIORITY)
     entrances = {view: asdict(ports) for view, ports in relay.entrances().items()}
     side.ready(entrances=entrances, scheduler=scheduler)
     try:

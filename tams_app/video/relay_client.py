@@ -54,7 +54,7 @@ class RelayClient:
         self.epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
         self.capacity: Capacity = network_capacity(network, self.epoch_ns)
         self.statistics = RelayStatistics()
-        self.scheduler = ""  # what the relay was granted: fifo, nice or normal
+        self.scheduler = ""  # what the relay was granted
         self._process: HelperProcess | None = None
         self._connection: socket.socket | None = None
         self._reader = Worker("relay-records", self._read, on_failure)

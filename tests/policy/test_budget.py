@@ -30,7 +30,8 @@ def test_the_oracle_sees_the_last_window_and_nothing_ahead():
 
 
 def test_without_a_bottleneck_the_oracle_gives_the_configured_maximum():
-    assert OracleBudget(UnlimitedCapacity(), BudgetConfig(max_kbps=20_000)).capacity_kbps(0) == 20_000
+    budget = OracleBudget(UnlimitedCapacity(), BudgetConfig(max_kbps=20_000))
+    assert budget.capacity_kbps(0) == 20_000
 
 
 def test_the_sender_budget_starts_as_configured_and_then_follows_what_was_sent():

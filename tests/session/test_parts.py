@@ -16,13 +16,13 @@ from tams_app.errors import ConfigError, LogError
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import OracleBudget
 from tams_app.policy.engine import Policy
+from tams_app.realtime import use_fifo
 from tams_app.records import ArmState, Frame, Phase, Pose, Twist
 from tams_app.session import build
 from tams_app.session.captures import Capture, CaptureTimes
 from tams_app.session.folder import create_session_folder
 from tams_app.session.load import LoadMonitor
 from tams_app.session.policy_loop import PolicyLoop
-from tams_app.session.realtime import use_fifo
 from tams_app.session.signals import Signals
 from tams_app.session.stops import StopWatch
 from tams_app.teleop.records import TeleopOutput

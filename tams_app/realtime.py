@@ -1,0 +1,59 @@
+"""Real-time priorities, where the system allows them.
+
+| what | policy | why |
+|---|---|---|
+| guard | FIFO 60 | it must run when the control loop spins |
+| control loop | FIFO, `control.realtime_priority` (50) | 120 Hz |
+| the arm driver's threads | one below the control loop | a command's way out and back |
+| link relay | FIFO 20 | its delays are what it is for |
+| all other threads of the application | round robin 1 | see below |
+| the rig's world | FIFO 1 | simulated time must keep up |
+| renderer | nice 10 | whatever is left |
+
+The application's threads share the GIL: one that is pushed off its core while it holds the GIL
+holds up the control loop, whatever that one's priority. So none of them runs below real time.
+"""
+
+from __future__ import annotations
+
+import os
+
+GUARD_PRIORITY = 60
+RELAY_PRIORITY = 20
+APPLICATION_PRIORITY = 1
+RIG_PRIORITY = 1
+
+NOT_ASKED_FOR = "other: not asked for"
+NOT_KNOWN = "other: this system has no real-time policies"
+NOT_PERMITTED = "other: not permitted (see run_tams.py doctor)"
+
+
+def use_fifo(priority: int, thread_id: int = 0) -> str:
+    """Put a thread (default: the calling one) under SCHED_FIFO at `priority`; 0 leaves it alone.
+
+    Returns "fifo", or why not ("other: ..."); TAMS runs without it too.
+    """
+    return _use("SCHED_FIFO", "fifo", priority, thread_id)
+
+
+def use_round_robin(priority: int) -> str:
+    """Put the calling thread, and all it will start, under SCHED_RR; see `use_fifo`."""
+    return _use("SCHED_RR", "rr", priority, 0)
+
+
+def use_ordinary() -> None:
+    """Give up what was inherited from a real-time parent; lowering oneself is always allowed."""
+    if hasattr(os, "sched_setscheduler"):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def _use(policy: str, name: str, priority: int, thread_id: int) -> str:
+    if priority == 0:
+        return NOT_ASKED_FOR
+    if not hasattr(os, policy):
+        return NOT_KNOWN
+    try:
+        os.sched_setscheduler(thread_id, getattr(os, policy), os.sched_param(priority))
+    except (PermissionError, ProcessLookupError):  # the latter: the thread has just ended
+        return NOT_PERMITTED
+    return name

@@ -1,0 +1,202 @@
+"""The engaged hand's way to a command: clutch anchor, target, P-loop, limits, shaping."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tams_app.clock import NS_PER_MS
+from tams_app.config import Config
+from tams_app.records import ArmState, ControllerSample, Pose, Twist, Vector
+from tams_app.teleop.limits import Limits
+from tams_app.teleop.motion import HandMotion
+from tams_app.teleop.quaternion import turn_between
+from tams_app.teleop.records import ArmModel
+from tams_app.teleop.safety import Reason
+from tams_app.teleop.servo import MAX_POSE_STEP_M, Target, Tcp, TcpPredictor
+
+_LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
+
+
+class Drive:
+    """Moves the commanded velocity, and in the pose servo the commanded pose.
+
+    After `engage` or `toggle_mode` the arm brakes first if it still moves; then hand and target are
+    anchored to this controller pose and the *measured* arm pose, so that nothing ever jumps.
+    """
+
+    def __init__(self, config: Config, model: ArmModel, ready: Rotation) -> None:
+        self._hand = HandMotion(config.hand, config.freshness.hold_pose_ms * NS_PER_MS)
+        self._limits = Limits(config, model, ready)
+        self._target = Target(config.limits)
+        self._predictor = TcpPredictor()
+        self._follows_velocity = config.arm.servo == "velocity"
+        self._gain_per_s = config.arm.pose_gain_per_s
+        self._leash_m = config.limits.leash_mm / 1000.0
+        self._anchored = False
+        self._limited_s = 0.0
+        self._limited_by: Reason | None = None
+        self.orientation_mode = False
+        self.joint_scale = 1.0
+        self.twist = Twist.zero()
+        self.commanded_pose: Pose | None = None
+
+    @property
+    def braking(self) -> bool:
+        """Whether the stop profile was in force for the last twist."""
+        return self._limits.used_stop_profile
+
+    @property
+    def fault(self) -> Reason | None:
+        """What the engaged hand or arm did that is a fault."""
+        if self._anchored and self._hand.impossible:
+            return Reason.HAND_TOO_FAST
+        if self._anchored and self._target.is_out_of_reach:
+            return Reason.FOLLOWING_ERROR
+        return None
+
+    @property
+    def hold(self) -> Reason | None:
+        """The limit that has left nothing of the hand's motion for a while."""
+        return self._limited_by if self._limited_s >= _LIMITED_FOR_S else None
+
+    def note_interval(self, now_ns: int, interval_s: float) -> None:
+        """The last command was in force for `interval_s` until now."""
+        self._predictor.sent(self.twist, now_ns, interval_s)
+
+    def observe(self, arm: ArmState) -> None:
+        """Look at a valid report: how far is the arm from where it should be?"""
+        if self._anchored:
+            self._target.watch(Tcp.of(arm.tcp))
+
+    def engage(self) -> None:
+        """Forget the past; `follow` brakes, and anchors as soon as the arm is at rest."""
+        self._forget()
+
+    def toggle_mode(self) -> None:
+        """Switch between translation and orientation; an arm that moves brakes first."""
+        self.orientation_mode = not self.orientation_mode
+        self.engage()
+
+    def reset(self) -> None:
+        """At rest at once, in translation mode: the arm is stopped by other means."""
+        self.halt()
+        self.orientation_mode = False
+        self.commanded_pose = None
+
+    def halt(self) -> None:
+        """At rest at once: the controller's deadman stopped the arm."""
+        self._limits.reset()
+        self._forget()
+        self.twist = Twist.zero()
+
+    def rest(self, arm: ArmState | None, interval_s: float) -> None:
+        """Not engaged: brake to exactly zero, and stay there. `arm` is None if not to be used."""
+        self._forget()
+        self.twist = self._limits.come_to_rest(interval_s)
+        self._carry_pose(interval_s)
+        if arm is not None and self._limits.at_rest:
+            self._settle_pose(arm.tcp)
+
+    def follow(
+        self,
+        sample: ControllerSample,
+        arm: ArmState,
+        delay_ns: int,
+        scale: float,
+        now_ns: int,
+        interval_s: float,
+    ) -> None:
+        """Engaged: one tick of hand to twist, `scale` for the picture's age."""
+        if not self._anchored:
+            self._brake_then_anchor(sample, arm, interval_s)
+            return
+        measured = Tcp.of(arm.tcp)
+        hand = self._gated(self._hand.update(sample, now_ns, interval_s))
+        tcp = self._target.tcp
+        if self._follows_velocity:
+            tcp = self._predictor.predict(measured, arm.received_ns, delay_ns)
+        correction = self._gated(self._correction(tcp))
+        wanted = Twist(hand.linear + correction.linear, hand.angular + correction.angular)
+        if not self._follows_velocity:
+            wanted = self._target.held_back(wanted, measured)
+        limited = self._limits.limit(wanted, tcp, arm.joints, scale)
+        self.joint_scale = limited.joint_scale
+        self._count_limited(limited.limited_by, interval_s)
+        self.twist = self._limits.shape(limited.twist, tcp, interval_s)
+        self._advance_target(measured, correction, scale * limited.joint_scale, interval_s)
+
+    def _advance_target(
+        self, measured: Tcp, correction: Twist, scale: float, interval_s: float
+    ) -> None:
+        """The target moves as the arm was told to, without what was told to catch up with it."""
+        if self._follows_velocity:
+            self._target.advance(
+                self.twist.linear - correction.linear * scale,
+                self.twist.angular - correction.angular * scale,
+                interval_s,
+            )
+            self._target.pull_back(measured)
+            return
+        self._carry_pose(interval_s)
+
+    def _brake_then_anchor(
+        self, sample: ControllerSample, arm: ArmState, interval_s: float
+    ) -> None:
+        self.twist = self._limits.come_to_rest(interval_s)
+        self._carry_pose(interval_s)
+        if self._limits.at_rest:
+            self._hand.anchor(sample)
+            self._target.anchor(Tcp.of(arm.tcp))
+            self.commanded_pose = None if self._follows_velocity else arm.tcp
+            self._anchored = True
+
+    def _correction(self, tcp: Tcp) -> Twist:
+        """The P-loop that takes the arm back to the target; a commanded pose needs none."""
+        if not self._follows_velocity:
+            return Twist.zero()
+        target = self._target.tcp
+        return Twist(
+            self._gain_per_s * (target.position - tcp.position),
+            self._gain_per_s * turn_between(tcp.rotation, target.rotation),
+        )
+
+    def _gated(self, twist: Twist) -> Twist:
+        """Translation has no ω, orientation no v."""
+        if self.orientation_mode:
+            return Twist(np.zeros(3), twist.angular)
+        return Twist(twist.linear, np.zeros(3))
+
+    def _count_limited(self, limited_by: Reason | None, interval_s: float) -> None:
+        self._limited_s = self._limited_s + interval_s if limited_by is not None else 0.0
+        self._limited_by = limited_by
+
+    def _forget(self) -> None:
+        self._anchored = False
+        self._limited_s = 0.0
+        self._limited_by = None
+        self.joint_scale = 1.0
+
+    # --- pose servo -----------------------------------------------------------------------------
+
+    def _carry_pose(self, interval_s: float) -> None:
+        """Move the commanded pose with the twist, at most one step that mode 1 takes."""
+        if self.commanded_pose is None:
+            return
+        speed = _norm(self.twist.linear)
+        step_s = min(interval_s, MAX_POSE_STEP_M / speed) if speed > 0.0 else interval_s
+        self._target.advance(self.twist.linear, self.twist.angular, step_s)
+        self.commanded_pose = self._target.tcp.to_pose()
+
+    def _settle_pose(self, measured: Pose) -> None:
+        """At rest, an arm that is elsewhere (moved by hand or to ready) is held where it is."""
+        if self._follows_velocity:
+            return
+        held = self.commanded_pose
+        if held is None or _norm(held.position - measured.position) > self._leash_m:
+            self._target.anchor(Tcp.of(measured))
+            self.commanded_pose = measured
+
+
+def _norm(vector: Vector) -> float:
+    return float(np.sqrt(vector @ vector))

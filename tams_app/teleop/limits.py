@@ -1,0 +1,165 @@
+"""What is left of a wanted twist: by norm, by picture age, by place, by posture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tams_app.config import Config, ProfileConfig
+from tams_app.records import Twist, Vector
+from tams_app.teleop.quaternion import Quaternion
+from tams_app.teleop.records import ArmModel
+from tams_app.teleop.safety import Reason
+from tams_app.teleop.servo import Tcp
+from tams_app.teleop.shaping import Admissible, Profile, VelocityShaper
+from tams_app.teleop.workspace import RotationCone, Workspace
+
+_DEMAND_M_S = 0.005  # below this the hand is at rest
+_DEMAND_RAD_S = 0.02
+_NOTHING_LEFT = 0.02  # of the wanted speed
+
+
+@dataclass(frozen=True, slots=True)
+class LimitedTwist:
+    """The twist that is allowed, and what took something away."""
+
+    twist: Twist
+    joint_scale: float  # 1 unless the posture is near a singularity
+    limited_by: Reason | None  # the limit that left next to nothing
+
+
+def linear_profile(config: ProfileConfig) -> Profile:
+    return Profile(config.acceleration_m_s2, config.jerk_m_s3)
+
+
+def angular_profile(config: ProfileConfig) -> Profile:
+    return Profile(config.acceleration_rad_s2, config.jerk_rad_s3)
+
+
+class Limits:
+    """Caps twists, and judges states by whether the arm could still brake in bounds."""
+
+    def __init__(self, config: Config, model: ArmModel, ready: Rotation) -> None:
+        limits = config.limits
+        deadman_s = config.arm.velocity_deadman_s
+        self._deadman_s = deadman_s
+        self._max_speed = limits.max_speed_mm_s / 1000.0
+        self._max_rotation = limits.max_rotation_rad_s
+        self._joint_share = limits.singularity_scale_from
+        self._model = model
+        self._workspace = Workspace(limits, linear_profile(limits.motion), deadman_s)
+        self._cone = RotationCone(limits, angular_profile(limits.motion), deadman_s, ready)
+        self.linear = VelocityShaper(
+            self._max_speed, linear_profile(limits.motion), linear_profile(limits.stop)
+        )
+        self.angular = VelocityShaper(
+            self._max_rotation, angular_profile(limits.motion), angular_profile(limits.stop)
+        )
+
+    def limit(self, wanted: Twist, tcp: Tcp, joints: Vector, scale: float) -> LimitedTwist:
+        """`wanted` at the TCP pose and `joints` [rad], all of it slowed by `scale` (0..1)."""
+        linear = clamp_norm(wanted.linear, self._max_speed) * scale
+        angular = clamp_norm(wanted.angular, self._max_rotation) * scale
+        inside = self._workspace.cap(linear, tcp.position) if linear.any() else linear
+        turning = angular
+        if angular.any():
+            turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
+        joint_scale = self._joint_scale(inside, turning, joints)
+        twist = Twist(
+            clamp_norm(inside, self._max_speed) * joint_scale,
+            clamp_norm(turning, self._max_rotation) * joint_scale,
+        )
+        stopped_by = _what_stopped(Twist(linear, angular), Twist(inside, turning), joint_scale)
+        return LimitedTwist(twist, joint_scale, stopped_by)
+
+    def shape(self, twist: Twist, tcp: Tcp, interval_s: float) -> Twist:
+        """Follow the limited `twist` smoothly, from a TCP that is at `tcp` now."""
+        linear = self.linear.step(twist.linear, interval_s, self._stays_inside(tcp.position))
+        angular = self.angular.step(twist.angular, interval_s, self._stays_in_cone(tcp.rotation))
+        return Twist(linear, angular)
+
+    def come_to_rest(self, interval_s: float) -> Twist:
+        """The next twist of braking, exactly zero once the arm is at rest."""
+        self.brake()
+        nowhere = np.zeros(3)
+        return Twist(
+            self.linear.step(nowhere, interval_s),
+            self.angular.step(nowhere, interval_s),
+        )
+
+    def brake(self) -> None:
+        self.linear.brake()
+        self.angular.brake()
+
+    def reset(self) -> None:
+        self.linear.reset()
+        self.angular.reset()
+
+    @property
+    def at_rest(self) -> bool:
+        return self.linear.at_rest and self.angular.at_rest
+
+    @property
+    def used_stop_profile(self) -> bool:
+        """Whether the last twist was shaped by the stop profile."""
+        return self.linear.used_stop_profile or self.angular.used_stop_profile
+
+    def _stays_inside(self, position: Vector) -> Admissible:
+        def admissible(velocity: Vector, acceleration: Vector) -> bool:
+            reach = self.linear.braking_reach(velocity, acceleration, self._deadman_s)
+            if self._workspace.is_far(position, reach):
+                return True
+            braking = self.linear.braking_plan(velocity, acceleration)
+            return self._workspace.admits(position, velocity, braking)
+
+        return admissible
+
+    def _stays_in_cone(self, rotation: Quaternion) -> Admissible:
+        def admissible(angular: Vector, acceleration: Vector) -> bool:
+            offset = self._cone.offset(rotation)
+            reach = self.angular.braking_reach(angular, acceleration, self._deadman_s)
+            if self._cone.is_far(offset, reach):
+                return True
+            braking = self.angular.braking_plan(angular, acceleration)
+            return self._cone.admits(offset, angular, braking)
+
+        return admissible
+
+    def _joint_scale(self, linear: Vector, angular: Vector, joints: Vector) -> float:
+        """Keeps the predicted largest joint speed within its share of the limit."""
+        if not (linear.any() or angular.any()):
+            return 1.0
+        try:
+            speeds = np.linalg.solve(
+                self._model.jacobian(joints), np.concatenate((linear, angular))
+            )
+        except np.linalg.LinAlgError:  # exactly singular: no joint speed gives this twist
+            return 0.0
+        share = float(np.max(np.abs(speeds) / self._model.joint_speed_limits))
+        if not math.isfinite(share):
+            return 0.0
+        return 1.0 if share <= self._joint_share else self._joint_share / share
+
+
+def clamp_norm(vector: Vector, bound: float) -> Vector:
+    """`vector` shortened to the norm `bound`, direction kept."""
+    size = math.sqrt(float(vector @ vector))
+    return vector if size <= bound else vector * (bound / size)
+
+
+def _what_stopped(wanted: Twist, left: Twist, joint_scale: float) -> Reason | None:
+    for demand, rest, least, bound in (
+        (wanted.linear, left.linear, _DEMAND_M_S, Reason.WORKSPACE),
+        (wanted.angular, left.angular, _DEMAND_RAD_S, Reason.ROTATION_LIMIT),
+    ):
+        demanded = math.sqrt(float(demand @ demand))
+        if demanded < least:
+            continue
+        if joint_scale <= _NOTHING_LEFT:
+            return Reason.SINGULARITY
+        if math.sqrt(float(rest @ rest)) <= _NOTHING_LEFT * demanded:
+            return bound
+    return None

@@ -1,0 +1,216 @@
+"""One tick of teleoperation: hand, arm and picture in, command and arming out."""
+
+from __future__ import annotations
+
+from scipy.spatial.transform import Rotation
+
+from tams_app.clock import NS_PER_S
+from tams_app.config import Config
+from tams_app.records import Haptic, Twist
+from tams_app.teleop.clutch import Clutch, Fingers
+from tams_app.teleop.drive import Drive
+from tams_app.teleop.records import ArmModel, TeleopInput, TeleopOutput
+from tams_app.teleop.safety import (
+    Arming,
+    ArmingEvents,
+    ArmingState,
+    Reason,
+    Request,
+    describe_arm_error,
+)
+from tams_app.teleop.shaping import TrajectoryError
+from tams_app.teleop.watch import STOPPED_STATE, Watch
+
+_PRECEDENCE = {reason: rank for rank, reason in enumerate(Reason)}
+
+
+class Teleop:
+    """From the operator's hand to the arm's command, one `step` per control period.
+
+    The menu button: while the arm is armed (ready, engaged, holding) its press is an emergency
+    stop at once. While it is disarmed or in fault, held 1 s it confirms and released before it is
+    an emergency stop. A press that stopped the arm never confirms, however long it lasts.
+
+    The gripper moves on the edges of A and B while engaged and never otherwise; a button that was
+    down before engaging does nothing.
+    """
+
+    def __init__(
+        self, config: Config, model: ArmModel, ready: Rotation, video_floor_ns: int = 0
+    ) -> None:
+        """`ready`: TCP rotation at the ready pose, the axis of the rotation cone.
+
+        `video_floor_ns`: one-way latency plus jitter buffer of the primary view; the picture's age
+        never slows or holds the arm below three times that.
+        """
+        self._clutch = Clutch(config.clutch, config.freshness.buttons_ms * 1e6)
+        self._watch = Watch(config, video_floor_ns)
+        self._drive = Drive(config, model, ready)
+        self._arming = Arming()
+        self._sends_velocity = config.arm.servo == "velocity"
+        self._stall_s = config.arm.velocity_deadman_s
+        self._last_ns: int | None = None
+        self._menu_is_void = False
+        self._fault_ns: int | None = None  # since then the arm has not yet reported that it stopped
+
+    def step(self, tick: TeleopInput) -> TeleopOutput:
+        """Take one tick in; never raises for what a device or an operator may do."""
+        interval_s = self._interval(tick.now_ns)
+        fingers = self._clutch.update(tick.sample, tick.now_ns)
+        before = self._arming.state
+        self._drive.note_interval(tick.now_ns, interval_s)
+        faults, holds = self._judge(tick, fingers, interval_s)
+        request = self._arming.step(
+            ArmingEvents(
+                now_ns=tick.now_ns,
+                faults=faults,
+                holds=holds,
+                arm_ready=tick.arm_ready and self._watch.servo_ready(tick.arm),
+                confirm=tick.confirm or self._menu_confirms(fingers),
+                press=fingers.press,
+                pressed=fingers.pressed,
+                released=fingers.released,
+            )
+        )
+        scale = self._watch.video_scale(tick.video_age_ns)
+        try:
+            self._move(tick, fingers, before, holds, scale, interval_s)
+        except TrajectoryError:
+            self._arming.trip(Reason.TRAJECTORY_ERROR)
+            self._drive.reset()
+        return self._output(tick, fingers, before, faults, request, scale)
+
+    def _interval(self, now_ns: int) -> float:
+        """Seconds since the last tick; 0 at the first and if time went back."""
+        last_ns, self._last_ns = self._last_ns, now_ns
+        return 0.0 if last_ns is None else max(0, now_ns - last_ns) / NS_PER_S
+
+    def _judge(
+        self, tick: TeleopInput, fingers: Fingers, interval_s: float
+    ) -> tuple[tuple[Reason, ...], tuple[Reason, ...]]:
+        """Faults and holds of this tick, most important first."""
+        state = self._arming.state
+        faults = self._watch.faults(tick, state)
+        holds = self._watch.holds(tick, state)
+        if tick.estop or self._menu_stops(fingers):
+            faults.append(Reason.EMERGENCY_STOP)
+        if state is ArmingState.ENGAGED:
+            if tick.arm is not None and Reason.ARM_STATE_INVALID not in holds:
+                self._drive.observe(tick.arm)
+            if self._drive.fault is not None:
+                faults.append(self._drive.fault)
+            if self._drive.hold is not None:
+                holds.append(self._drive.hold)
+            if interval_s > self._stall_s:
+                holds.append(Reason.CONTROL_STALLED)
+        return _ranked(faults), _ranked(holds)
+
+    def _menu_stops(self, fingers: Fingers) -> bool:
+        if self._arming.state.is_armed:
+            self._menu_is_void = self._menu_is_void or fingers.menu_down
+            return fingers.menu_down or fingers.menu_click
+        if fingers.menu_down:
+            self._menu_is_void = False
+        return fingers.menu_click and not self._menu_is_void
+
+    def _menu_confirms(self, fingers: Fingers) -> bool:
+        return fingers.menu_hold and not self._menu_is_void
+
+    def _move(
+        self,
+        tick: TeleopInput,
+        fingers: Fingers,
+        before: ArmingState,
+        holds: tuple[Reason, ...],
+        scale: float,
+        interval_s: float,
+    ) -> None:
+        state = self._arming.state
+        if not state.is_armed:
+            self._drive.reset()
+            return
+        if interval_s > self._stall_s:
+            self._drive.halt()
+        if state is not before and state is ArmingState.ENGAGED:
+            self._drive.engage()
+        if fingers.toggle_mode:
+            self._drive.toggle_mode()
+        trusted = None if holds else tick.arm
+        if state is ArmingState.ENGAGED and trusted is not None:
+            self._drive.follow(
+                tick.sample, trusted, tick.link.round_trip_ns, scale, tick.now_ns, interval_s
+            )
+        else:
+            self._drive.rest(trusted, interval_s)
+
+    def _output(
+        self,
+        tick: TeleopInput,
+        fingers: Fingers,
+        before: ArmingState,
+        faults: tuple[Reason, ...],
+        request: Request,
+        scale: float,
+    ) -> TeleopOutput:
+        state = self._arming.state
+        twist, pose = None, None
+        if state.is_armed:
+            twist = self._drive.twist if self._sends_velocity else None
+            pose = self._drive.commanded_pose
+        elif state is ArmingState.FAULT and before.is_armed and self._sends_velocity:
+            twist = Twist.zero()
+        gripper = None
+        if state is ArmingState.ENGAGED and (fingers.close_gripper or fingers.open_gripper):
+            gripper = fingers.close_gripper
+        return TeleopOutput(
+            twist=twist,
+            pose=pose,
+            gripper=gripper,
+            stop=self._must_stop(tick, before, faults),
+            request=request,
+            arming=state,
+            reason=self._arming.reason,
+            detail=self._detail(tick),
+            deadman=fingers.pressed,
+            orientation_mode=self._drive.orientation_mode,
+            speed_scale=scale * self._drive.joint_scale,
+            braking=self._drive.braking,
+            haptic=_haptic(before, state),
+        )
+
+    def _must_stop(
+        self, tick: TeleopInput, before: ArmingState, faults: tuple[Reason, ...]
+    ) -> bool:
+        """From a fault or an emergency stop until a later report says that the arm stopped."""
+        if self._arming.state is not ArmingState.FAULT:
+            self._fault_ns = None
+            return False
+        if before is not ArmingState.FAULT or Reason.EMERGENCY_STOP in faults:
+            self._fault_ns = tick.now_ns
+        elif self._fault_ns is not None and tick.arm is not None:
+            stopped = tick.arm.state >= STOPPED_STATE
+            if stopped and tick.arm.received_ns > self._fault_ns:
+                self._fault_ns = None
+        return self._fault_ns is not None
+
+    def _detail(self, tick: TeleopInput) -> str:
+        reason = self._arming.reason
+        if reason is Reason.ARM_ERROR and tick.arm is not None and tick.arm.error_code:
+            return describe_arm_error(tick.arm.error_code)
+        return tick.link.failure if reason is Reason.ARM_LINK_LOST else ""
+
+
+def _ranked(reasons: list[Reason]) -> tuple[Reason, ...]:
+    return tuple(sorted(reasons, key=_PRECEDENCE.__getitem__))
+
+
+def _haptic(before: ArmingState, state: ArmingState) -> Haptic | None:
+    if state is before:
+        return None
+    if state is ArmingState.FAULT:
+        return Haptic.FAULT
+    if state is ArmingState.HOLDING:
+        return Haptic.LIMIT
+    if state is ArmingState.ENGAGED:
+        return Haptic.ENGAGE
+    return Haptic.RELEASE if before is ArmingState.ENGAGED else None

@@ -1,0 +1,104 @@
+"""From the hand's poses to the twist it asks for (paper, section II-A)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config import HandConfig
+from tams_app.records import ControllerSample, Pose, Twist, Vector
+from tams_app.teleop.quaternion import of_rotation, turn_between
+
+_MIN_INTERVAL_S = 0.002  # two poses closer than this are one with jitter
+_MAX_INTERVAL_S = 0.1
+
+
+class HandMotion:
+    """Velocities from successive poses, three bands against impossible speeds, EMA, mapping.
+
+    v = Δp/Δt and ω = log(R_t R_{t-1}ᵀ)/Δt over the times at which the pose changed. An unchanged
+    pose keeps the velocity for `hold_ns`, then it is zero. Up to the clamp speed a velocity passes,
+    up to the reject speed it is shortened, beyond it is left out as if the pose had not changed.
+    """
+
+    def __init__(self, config: HandConfig, hold_ns: float) -> None:
+        self._config = config
+        self._hold_ns = hold_ns
+        self._rotation = np.array(config.rotation)
+        self._last: Pose | None = None
+        self._last_ns = 0
+        self._accepted_ns = 0
+        self._linear: Vector = np.zeros(3)
+        self._angular: Vector = np.zeros(3)
+        self._smooth_linear: Vector = np.zeros(3)
+        self._smooth_angular: Vector = np.zeros(3)
+        self.rejects = 0  # in a row
+
+    @property
+    def impossible(self) -> bool:
+        """Whether too many poses in a row were too far from the one before."""
+        return self.rejects >= self._config.max_rejects
+
+    def anchor(self, sample: ControllerSample) -> None:
+        """Start anew from this pose: nothing of what the hand did before counts."""
+        self._last, self._last_ns = sample.pose, sample.pose_ns
+        self._accepted_ns = sample.pose_ns
+        self._linear, self._angular = np.zeros(3), np.zeros(3)
+        self._smooth_linear, self._smooth_angular = np.zeros(3), np.zeros(3)
+        self.rejects = 0
+
+    def update(self, sample: ControllerSample, now_ns: int, interval_s: float) -> Twist:
+        """The smoothed, mapped twist in the arm's base frame, `interval_s` after the last tick."""
+        if sample.pose is not None and sample.pose_ns > self._last_ns:
+            self._take(sample.pose, sample.pose_ns)
+        if now_ns - self._accepted_ns > self._hold_ns:
+            self._linear, self._angular = np.zeros(3), np.zeros(3)
+        alpha = 1.0 - math.exp(-max(0.0, interval_s) / self._config.smoothing_s)
+        self._smooth_linear = self._smooth_linear + alpha * (self._linear - self._smooth_linear)
+        self._smooth_angular = self._smooth_angular + alpha * (self._angular - self._smooth_angular)
+        return Twist(
+            self._config.translation_scale * (self._rotation @ self._smooth_linear),
+            self._config.rotation_scale * (self._rotation @ self._smooth_angular),
+        )
+
+    def _take(self, pose: Pose, pose_ns: int) -> None:
+        last, last_ns = self._last, self._last_ns
+        self._last, self._last_ns = pose, pose_ns
+        if last is None:
+            self._accepted_ns = pose_ns
+            return
+        interval_s = min(max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S), _MAX_INTERVAL_S)
+        turned = turn_between(of_rotation(last.rotation), of_rotation(pose.rotation))
+        linear = _banded(
+            (pose.position - last.position) / interval_s,
+            self._config.clamp_above_m_s,
+            self._config.reject_above_m_s,
+        )
+        angular = _banded(
+            turned / interval_s,
+            self._config.clamp_above_rad_s,
+            self._config.reject_above_rad_s,
+        )
+        if linear is None or angular is None:
+            self.rejects += 1
+            return
+        self.rejects = 0
+        self._accepted_ns = pose_ns
+        self._linear, self._angular = linear, angular
+
+
+def is_frozen(sample: ControllerSample, now_ns: int, limit_ms: float) -> bool:
+    """Whether the pose has not changed, to the last bit, for `limit_ms` or longer."""
+    return now_ns - sample.pose_ns >= limit_ms * NS_PER_MS
+
+
+def _banded(velocity: Vector, clamp: float, reject: float) -> Vector | None:
+    """Pass, clamp or (None) reject by the norm."""
+    speed = math.sqrt(float(velocity @ velocity))
+    if speed <= clamp:
+        return velocity
+    if speed <= reject:
+        return velocity * (clamp / speed)
+    return None

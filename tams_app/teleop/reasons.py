@@ -1,0 +1,206 @@
+"""Why the arm does not move, and what the operator does about it."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Severity(Enum):
+    """What a reason does to an arm that is armed."""
+
+    HOLD = "hold"  # stops; goes on after the trigger was released and the cause is gone
+    FAULT = "fault"  # stops and stays stopped until the operator confirms
+
+
+class Reason(Enum):
+    """Each with a short label, a severity and a sentence that says what to do.
+
+    The order is the order of precedence when several hold at once.
+    """
+
+    EMERGENCY_STOP = (
+        "emergency stop",
+        Severity.FAULT,
+        "Make sure that the arm is safe, release the trigger, then confirm.",
+    )
+    GUARD_LOST = (
+        "guard lost",
+        Severity.FAULT,
+        "The guard process that stops the arm independently is gone: start the session again.",
+    )
+    ARM_ERROR = (
+        "arm error",
+        Severity.FAULT,
+        "The arm's controller reports an error: free the arm, release the trigger, then confirm.",
+    )
+    ARM_LINK_LOST = (
+        "arm link lost",
+        Severity.FAULT,
+        "Commands no longer reach the arm: check its power and network cable, then confirm.",
+    )
+    ARM_SILENT = (
+        "arm silent",
+        Severity.FAULT,
+        "The arm has stopped reporting: check its power and network cable, then confirm.",
+    )
+    ARM_STOPPED = (
+        "arm stopped",
+        Severity.FAULT,
+        "The arm was stopped or paused from elsewhere: find out why, release the trigger, "
+        "then confirm.",
+    )
+    ARM_MODE = (
+        "arm mode changed",
+        Severity.FAULT,
+        "The arm left the servo mode: close other programs that command it, then confirm.",
+    )
+    FOLLOWING_ERROR = (
+        "following error",
+        Severity.FAULT,
+        "The arm does not go where it is told: look for an obstacle, release the trigger, "
+        "then confirm.",
+    )
+    CONTROLLER_DISCONNECTED = (
+        "controller disconnected",
+        Severity.FAULT,
+        "Switch the VR controller on, wait until it is tracked, then confirm.",
+    )
+    RUNTIME_QUIT = (
+        "VR runtime quit",
+        Severity.FAULT,
+        "Start SteamVR, then start the session again.",
+    )
+    POSE_FROZEN = (
+        "pose frozen",
+        Severity.FAULT,
+        "The controller's pose has stopped changing: check SteamVR and the controller, "
+        "release the trigger, then confirm.",
+    )
+    HAND_TOO_FAST = (
+        "hand too fast",
+        Severity.FAULT,
+        "The tracked hand jumps about: check the tracking and reflections, release the trigger, "
+        "then confirm.",
+    )
+    TRAJECTORY_ERROR = (
+        "trajectory error",
+        Severity.FAULT,
+        "The motion could not be computed: release the trigger, then confirm; "
+        "report it if it comes back.",
+    )
+    HELPER_LOST = (
+        "helper lost",
+        Severity.FAULT,
+        "A helper process ended unasked: start the session again.",
+    )
+    CAMERA_LOST = (
+        "camera lost",
+        Severity.FAULT,
+        "A camera no longer delivers pictures: check its cable, then start the session again.",
+    )
+    SESSION_FAILED = (
+        "session failed",
+        Severity.FAULT,
+        "A part of the session failed: read the last message, then start the session again.",
+    )
+    TRACKING_LOST = (
+        "tracking lost",
+        Severity.HOLD,
+        "Bring the controller back into the view of the tracking, then release the trigger.",
+    )
+    CONTROLLER_STANDBY = (
+        "controller standby",
+        Severity.HOLD,
+        "Put the headset on or wake the controller, then release the trigger.",
+    )
+    DASHBOARD_OPEN = (
+        "dashboard open",
+        Severity.HOLD,
+        "Close the SteamVR dashboard, then release the trigger.",
+    )
+    BAD_INPUT = (
+        "bad input",
+        Severity.HOLD,
+        "The controller sends values that make no sense: check SteamVR, then release the trigger.",
+    )
+    BUTTONS_STALE = (
+        "buttons stale",
+        Severity.HOLD,
+        "The controller's buttons are not read any more: check SteamVR and its dashboard, "
+        "then release the trigger.",
+    )
+    ARM_NOT_READY = (
+        "arm not ready",
+        Severity.HOLD,
+        "Wait until the arm is enabled and has passed its ready pose, with the trigger released.",
+    )
+    ARM_STATE_STALE = (
+        "arm report stale",
+        Severity.HOLD,
+        "The arm's reports are late: check the network to the arm, then release the trigger.",
+    )
+    ARM_STATE_INVALID = (
+        "arm report invalid",
+        Severity.HOLD,
+        "The arm reports values that make no sense: check its firmware, then release the trigger.",
+    )
+    ARM_REPLY_LATE = (
+        "arm reply late",
+        Severity.HOLD,
+        "The arm answers commands too late: check the network to the arm, "
+        "then release the trigger.",
+    )
+    CONTROL_STALLED = (
+        "control stalled",
+        Severity.HOLD,
+        "The control loop was held up: close other programs on this computer, "
+        "then release the trigger.",
+    )
+    STALE_VIDEO = (
+        "stale video",
+        Severity.HOLD,
+        "The picture is too old to steer by: wait until the video is back, "
+        "then release the trigger.",
+    )
+    WORKSPACE = (
+        "workspace limit",
+        Severity.HOLD,
+        "The arm is at the edge of its workspace: release the trigger and move back inside.",
+    )
+    ROTATION_LIMIT = (
+        "rotation limit",
+        Severity.HOLD,
+        "The gripper is turned as far as allowed: release the trigger and turn it back.",
+    )
+    SINGULARITY = (
+        "singularity",
+        Severity.HOLD,
+        "A joint cannot follow in this posture: release the trigger and move another way.",
+    )
+
+    def __init__(self, label: str, severity: Severity, sentence: str) -> None:
+        self.label = label
+        self.severity = severity
+        self.sentence = sentence
+
+    @property
+    def is_fault(self) -> bool:
+        return self.severity is Severity.FAULT
+
+
+_ARM_ERRORS = {
+    2: "emergency stop pressed",
+    21: "kinematic error",
+    22: "self-collision",
+    23: "joint limit",
+    24: "joint speed or singularity",
+    31: "collision",
+    35: "safety boundary",
+    60: "linear speed",
+}
+
+
+def describe_arm_error(code: int) -> str:
+    """The Lite 6 controller's error `code` as people look it up: C24, with its meaning if known."""
+    meaning = _ARM_ERRORS.get(code)
+    return f"C{code} ({meaning})" if meaning else f"C{code}"

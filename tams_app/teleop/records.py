@@ -1,0 +1,57 @@
+"""What the session gives the teleoperation each tick, and what it gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tams_app.records import ArmState, CommandLink, ControllerSample, Haptic, Pose, Twist, Vector
+from tams_app.teleop.safety import ArmingState, Reason, Request
+
+
+class ArmModel(Protocol):
+    """The arm's kinematics, as far as teleoperation needs them."""
+
+    @property
+    def joint_speed_limits(self) -> Vector:
+        """Largest joint speeds [rad/s], shape (6,)."""
+
+    def jacobian(self, joints: Vector) -> NDArray[np.float64]:
+        """(6, 6) of the TCP in the base frame, rows vx vy vz wx wy wz, for `joints` [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class TeleopInput:
+    """One tick as the session sees it."""
+
+    now_ns: int
+    sample: ControllerSample
+    arm: ArmState | None
+    link: CommandLink
+    arm_ready: bool  # enabled, right mode, at or past the ready pose: the self-check passed
+    video_age_ns: int | None  # of the shown primary view; None: no video in this run
+    confirm: bool  # edge of Enter or the console's button
+    estop: bool  # edge of terminal, console or signal
+    faults: tuple[Reason, ...] = ()  # what the session lost: guard, helper, camera
+
+
+@dataclass(frozen=True, slots=True)
+class TeleopOutput:
+    """One tick's commands and what to show; at most one of `twist` and `pose` is set."""
+
+    twist: Twist | None  # None: send nothing
+    pose: Pose | None
+    gripper: bool | None  # close (True) or open (False) now
+    stop: bool  # send state 4 now; every tick of a fault until the arm reports that it stopped
+    request: Request
+    arming: ArmingState
+    reason: Reason | None
+    detail: str  # beside the reason: the arm's error code, the link's failure
+    deadman: bool
+    orientation_mode: bool
+    speed_scale: float  # 1 unless stale video or a singularity slows the arm
+    braking: bool  # the stop profile is in force, not the motion profile
+    haptic: Haptic | None

@@ -1,0 +1,162 @@
+"""The arming table: when the arm may move, when it holds and when it stays stopped.
+
+| from     | event                                                             | to              |
+|----------|-------------------------------------------------------------------|-----------------|
+| DISARMED | self-check passes, trigger up, operator confirms                  | READY           |
+| READY    | trigger pressed, everything fresh                                 | ENGAGED         |
+| ENGAGED  | trigger released                                                  | READY           |
+| ENGAGED  | something stale or limited to zero                                | HOLDING(reason) |
+| HOLDING  | trigger released and cause gone                                   | READY           |
+| any      | error, lost device, emergency stop                                | FAULT(reason)   |
+| FAULT    | trigger up and explicit confirm, cause gone                       | DISARMED        |
+
+There is no other arrow. A confirmation in DISARMED asks the session to enable the arm and holds for
+a minute; one in FAULT asks it to clear the arm's errors and holds for three seconds. A fault keeps
+its first reason. While DISARMED, READY or HOLDING, `reason` tells what is in the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tams_app.clock import NS_PER_S
+from tams_app.teleop.reasons import Reason, Severity, describe_arm_error
+
+__all__ = [
+    "Arming",
+    "ArmingEvents",
+    "ArmingState",
+    "Reason",
+    "Request",
+    "Severity",
+    "describe_arm_error",
+]
+
+ENABLE_CONSENT_NS = 60 * NS_PER_S  # brakes, mode and the way to the ready pose
+CLEAR_CONSENT_NS = 3 * NS_PER_S  # the arm's errors are cleared and reported so
+
+# What clearing the arm's errors can take away; every other fault must be gone before the confirm.
+CLEARABLE = frozenset({Reason.ARM_ERROR, Reason.ARM_LINK_LOST})
+
+
+class ArmingState(StrEnum):
+    """Where the arm stands with the operator."""
+
+    DISARMED = "disarmed"
+    READY = "ready"
+    ENGAGED = "engaged"
+    HOLDING = "holding"
+    FAULT = "fault"
+
+    @property
+    def is_armed(self) -> bool:
+        return self in (ArmingState.READY, ArmingState.ENGAGED, ArmingState.HOLDING)
+
+
+class Request(StrEnum):
+    """What the session is asked to do outside the control loop, once."""
+
+    NONE = "none"
+    ENABLE = "enable"
+    CLEAR_ERRORS = "clear errors"
+
+
+@dataclass(frozen=True, slots=True)
+class ArmingEvents:
+    """What one tick brings, with the reasons that hold now in order of precedence."""
+
+    now_ns: int
+    faults: tuple[Reason, ...]
+    holds: tuple[Reason, ...]
+    arm_ready: bool
+    confirm: bool
+    press: bool  # trigger pressed just now
+    pressed: bool
+    released: bool  # trigger known to be up
+
+
+class Arming:
+    """The table as a state machine; missing input is an event, never an exception."""
+
+    def __init__(self) -> None:
+        self.state = ArmingState.DISARMED
+        self.reason: Reason | None = None
+        self._consent_until_ns: int | None = None
+
+    def step(self, events: ArmingEvents) -> Request:
+        """Take the arrow that `events` ask for, if the table has one."""
+        if events.faults and self.state is not ArmingState.FAULT:
+            self.trip(events.faults[0])
+            return Request.NONE
+        match self.state:
+            case ArmingState.DISARMED:
+                return self._disarmed(events)
+            case ArmingState.READY:
+                self._ready(events)
+            case ArmingState.ENGAGED:
+                self._engaged(events)
+            case ArmingState.HOLDING:
+                self._holding(events)
+            case ArmingState.FAULT:
+                return self._fault(events)
+        return Request.NONE
+
+    def trip(self, reason: Reason) -> None:
+        """Fault now; an earlier fault keeps its reason."""
+        if self.state is not ArmingState.FAULT:
+            self._enter(ArmingState.FAULT, reason)
+        self._consent_until_ns = None
+
+    def _disarmed(self, events: ArmingEvents) -> Request:
+        blocked = _first(tuple(r for r in events.holds if r is not Reason.ARM_NOT_READY))
+        self.reason = blocked
+        request = Request.NONE
+        if events.confirm and events.released and blocked is None:
+            self._consent_until_ns = events.now_ns + ENABLE_CONSENT_NS
+            if not events.arm_ready:
+                request = Request.ENABLE
+        if self._consents(events.now_ns) and events.arm_ready and events.released and not blocked:
+            self._enter(ArmingState.READY)
+        return request
+
+    def _ready(self, events: ArmingEvents) -> None:
+        self.reason = _first(events.holds)
+        if events.press and self.reason is None:
+            self._enter(ArmingState.ENGAGED)
+
+    def _engaged(self, events: ArmingEvents) -> None:
+        if events.holds:
+            self._enter(ArmingState.HOLDING, events.holds[0])
+        elif not events.pressed:
+            self._enter(ArmingState.READY)
+
+    def _holding(self, events: ArmingEvents) -> None:
+        if events.holds:
+            self.reason = events.holds[0]
+        elif events.released:
+            self._enter(ArmingState.READY)
+
+    def _fault(self, events: ArmingEvents) -> Request:
+        if Reason.EMERGENCY_STOP in events.faults:
+            self._consent_until_ns = None
+            return Request.NONE
+        request = Request.NONE
+        if events.confirm and events.released and CLEARABLE.issuperset(events.faults):
+            self._consent_until_ns = events.now_ns + CLEAR_CONSENT_NS
+            request = Request.CLEAR_ERRORS
+        if self._consents(events.now_ns) and events.released and not events.faults:
+            self._enter(ArmingState.DISARMED)
+        return request
+
+    def _consents(self, now_ns: int) -> bool:
+        return self._consent_until_ns is not None and now_ns <= self._consent_until_ns
+
+    def _enter(self, state: ArmingState, reason: Reason | None = None) -> None:
+        self.state = state
+        self.reason = reason
+        self._consent_until_ns = None
+
+
+def _first(reasons: tuple[Reason, ...]) -> Reason | None:
+    return reasons[0] if reasons else None

@@ -1,0 +1,152 @@
+"""The target pose that the twist is integrated to, and how the arm is kept at it.
+
+Velocity servo: the arm gets velocities, and a P-loop on the reported pose takes away what drifts.
+The report is older than the commands that are under way, so the loop compares with the *predicted*
+TCP: the reported pose plus all that was commanded since. Pose servo: the arm gets the target.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from tams_app.clock import NS_PER_S
+from tams_app.config import LimitsConfig
+from tams_app.records import Pose, Twist, Vector
+from tams_app.teleop.quaternion import (
+    IDENTITY,
+    Quaternion,
+    of_rotation,
+    to_rotation,
+    turn_between,
+    turned,
+)
+
+MAX_POSE_STEP_M = 0.010  # mode 1 takes no longer step (FINDINGS 8)
+_MEMORY_NS = NS_PER_S // 2
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Tcp:
+    """Position [m], shape (3,), and rotation of the tool centre point in the base frame."""
+
+    position: Vector
+    rotation: Quaternion
+
+    @staticmethod
+    def of(pose: Pose) -> Tcp:
+        return Tcp(pose.position, of_rotation(pose.rotation))
+
+    def to_pose(self) -> Pose:
+        return Pose(self.position, to_rotation(self.rotation))
+
+
+class TcpPredictor:
+    """Where the TCP is now, from an old report and the velocities sent since."""
+
+    def __init__(self) -> None:
+        self._linear: Vector = np.zeros(3)
+        self._angular: Vector = np.zeros(3)
+        self._travelled: deque[tuple[int, Vector, Vector]] = deque()
+
+    def sent(self, twist: Twist, now_ns: int, interval_s: float) -> None:
+        """The arm was given `twist` for the `interval_s` that ends at `now_ns`."""
+        self._linear = self._linear + twist.linear * interval_s
+        self._angular = self._angular + twist.angular * interval_s
+        self._travelled.append((now_ns, self._linear, self._angular))
+        while now_ns - self._travelled[0][0] > _MEMORY_NS:
+            self._travelled.popleft()
+
+    def predict(self, measured: Tcp, received_ns: int, delay_ns: int) -> Tcp:
+        """The TCP now, from a report in which the last `delay_ns` of commands do not show yet."""
+        linear, angular = self._travelled_until(received_ns - max(0, delay_ns))
+        turn = self._angular - angular
+        return Tcp(measured.position + self._linear - linear, turned(measured.rotation, turn))
+
+    def _travelled_until(self, t_ns: int) -> tuple[Vector, Vector]:
+        """Way and turn that were commanded until `t_ns`, linear between ticks."""
+        later_ns, linear, angular = t_ns, self._linear, self._angular
+        for past_ns, past_linear, past_angular in reversed(self._travelled):
+            if past_ns <= t_ns:
+                if later_ns > t_ns:
+                    share = (t_ns - past_ns) / (later_ns - past_ns)
+                    linear = past_linear + share * (linear - past_linear)
+                    angular = past_angular + share * (angular - past_angular)
+                break
+            later_ns, linear, angular = past_ns, past_linear, past_angular
+        return linear, angular
+
+
+class Target:
+    """The integrated target pose, on a leash to the measured one."""
+
+    def __init__(self, limits: LimitsConfig) -> None:
+        self._leash_m = limits.leash_mm / 1000.0
+        self._leash_rad = limits.leash_rad
+        self._fault_m = limits.leash_fault_mm / 1000.0
+        self._withheld_m = 0.0
+        self.tcp = Tcp(np.zeros(3), IDENTITY)
+        self.following_error_m = 0.0
+
+    @property
+    def is_out_of_reach(self) -> bool:
+        """Whether the arm lags so far, counting what the leash kept back, that it is a fault."""
+        return self.following_error_m > self._fault_m
+
+    def anchor(self, measured: Tcp) -> None:
+        """Start from where the arm is."""
+        self.tcp = measured
+        self._withheld_m = 0.0
+        self.following_error_m = 0.0
+
+    def advance(self, linear: Vector, angular: Vector, interval_s: float) -> None:
+        """Integrate a velocity [m/s] and an angular velocity [rad/s] over `interval_s`."""
+        position = self.tcp.position + linear * interval_s
+        self.tcp = Tcp(position, turned(self.tcp.rotation, angular * interval_s))
+
+    def watch(self, measured: Tcp) -> None:
+        """Measure the following error [m]."""
+        offset = self.tcp.position - measured.position
+        self.following_error_m = _norm(offset) + self._withheld_m
+
+    def pull_back(self, measured: Tcp) -> None:
+        """The target waits for the arm: never further from it than the leash."""
+        offset = self.tcp.position - measured.position
+        distance = _norm(offset)
+        position = self.tcp.position
+        if distance > self._leash_m:
+            position = measured.position + offset * (self._leash_m / distance)
+            self._withheld_m += distance - self._leash_m
+        else:
+            self._withheld_m = 0.0
+        turn = turn_between(measured.rotation, self.tcp.rotation)
+        angle = _norm(turn)
+        rotation = self.tcp.rotation
+        if angle > self._leash_rad:
+            rotation = turned(measured.rotation, turn * (self._leash_rad / angle))
+        self.tcp = Tcp(position, rotation)
+
+    def held_back(self, twist: Twist, measured: Tcp) -> Twist:
+        """`twist` without what would lead a target beyond its leash still further away."""
+        offset = self.tcp.position - measured.position
+        turn = turn_between(measured.rotation, self.tcp.rotation)
+        return Twist(
+            _without_beyond(twist.linear, offset, self._leash_m),
+            _without_beyond(twist.angular, turn, self._leash_rad),
+        )
+
+
+def _without_beyond(velocity: Vector, offset: Vector, leash: float) -> Vector:
+    distance = _norm(offset)
+    if distance <= max(leash, _TINY):
+        return velocity
+    normal = offset / distance
+    return velocity - max(0.0, float(velocity @ normal)) * normal
+
+
+def _norm(vector: Vector) -> float:
+    return math.sqrt(float(vector @ vector))

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config import ClutchConfig
+from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.teleop.clutch import MENU_HOLD_NS, Clutch, Fingers, is_fresh
+
+IDLE = ControllerSample(
+    ControllerStatus.OK, Pose(np.zeros(3), Rotation.identity()), 0, 0, 0.0, 0.0, False, False, False
+)
+
+
+class Finger:
+    def __init__(self) -> None:
+        self.clutch = Clutch(ClutchConfig(), 100 * NS_PER_MS)
+        self.now_ns = 0
+
+    def read(self, after_ms: float = 8, age_ms: float = 0, **sample: object) -> Fingers:
+        self.now_ns += round(after_ms * NS_PER_MS)
+        stamp = self.now_ns - round(age_ms * NS_PER_MS)
+        return self.clutch.update(replace(IDLE, buttons_ns=stamp, **sample), self.now_ns)
+
+
+@pytest.fixture
+def finger() -> Finger:
+    finger = Finger()
+    finger.read()
+    return finger
+
+
+def test_the_trigger_engages_at_its_upper_and_releases_at_its_lower_threshold(
+    finger: Finger,
+) -> None:
+    levels = [0.59, 0.6, 0.5, 0.41, 0.4, 0.5, 0.59, 0.61]
+    assert [finger.read(trigger=level).pressed for level in levels] == [
+        False, True, True, True, False, False, False, True,
+    ]  # fmt: skip
+
+
+def test_a_press_is_an_edge(finger: Finger) -> None:
+    assert [finger.read(trigger=t).press for t in (0.0, 1.0, 1.0, 0.0, 1.0)] == [
+        False, True, False, False, True,
+    ]  # fmt: skip
+
+
+def test_a_trigger_held_at_the_start_does_nothing_until_it_was_up() -> None:
+    finger = Finger()
+    held = finger.read(trigger=1.0)
+    assert not any((held.pressed, held.press, held.released))
+    assert finger.read(trigger=0.0).released
+    assert finger.read(trigger=1.0).press
+
+
+@pytest.mark.parametrize(
+    "away",
+    [
+        *({"status": status} for status in ControllerStatus if status is not ControllerStatus.OK),
+        {"age_ms": 101},
+        {"trigger": float("nan")},
+        {"grip": float("inf")},
+    ],
+)
+def test_unknown_input_reads_as_released_and_needs_a_fresh_release(
+    finger: Finger, away: dict[str, object]
+) -> None:
+    assert finger.read(trigger=1.0).pressed
+    gone = finger.read(**{"trigger": 1.0, "a": True, "grip": 1.0, **away})
+    assert not any((gone.pressed, gone.released, gone.close_gripper, gone.toggle_mode))
+    back = finger.read(trigger=1.0, a=True, grip=1.0)
+    assert not any((back.pressed, back.press, back.close_gripper, back.toggle_mode))
+    assert finger.read(trigger=0.5).pressed is False
+    assert not finger.read(trigger=1.0).press  # 0.5 is not yet up
+    assert finger.read(trigger=0.0).released
+    assert finger.read(trigger=1.0).press
+
+
+def test_a_closes_and_b_opens_on_their_edges(finger: Finger) -> None:
+    assert finger.read(a=True).close_gripper
+    assert not finger.read(a=True).close_gripper
+    assert finger.read(b=True).open_gripper
+    finger.read()
+    both = finger.read(a=True, b=True)
+    assert not any((both.close_gripper, both.open_gripper))
+
+
+def test_grip_toggles_on_its_edge_with_hysteresis(finger: Finger) -> None:
+    assert [finger.read(grip=g).toggle_mode for g in (1.0, 0.5, 0.7, 0.3, 0.7)] == [
+        True, False, False, False, True,
+    ]  # fmt: skip
+
+
+def test_the_menu_clicked_is_not_held_and_held_is_not_clicked(finger: Finger) -> None:
+    assert finger.read(menu=True).menu_down
+    assert finger.read(after_ms=900, menu=False).menu_click
+    finger.read(menu=True)
+    assert not finger.read(after_ms=999, menu=True).menu_hold
+    assert finger.read(after_ms=1, menu=True).menu_hold
+    assert not finger.read(after_ms=2000, menu=True).menu_hold
+    after = finger.read(menu=False)
+    assert not any((after.menu_click, after.menu_hold))
+    assert MENU_HOLD_NS == NS_PER_S
+
+
+def test_the_menu_is_void_when_it_was_down_at_the_start_or_input_was_lost(finger: Finger) -> None:
+    start = Finger()
+    start.read(menu=True)
+    assert not start.read(after_ms=2000, menu=True).menu_hold
+    assert not start.read(menu=False).menu_click
+    finger.read(menu=True)
+    finger.read(menu=True, age_ms=500)
+    assert not finger.read(after_ms=1200, menu=True).menu_hold
+    assert not finger.read(menu=False).menu_click
+
+
+def test_the_menu_works_while_tracking_is_lost(finger: Finger) -> None:
+    assert finger.read(menu=True, status=ControllerStatus.TRACKING_LOST).menu_down
+    assert finger.read(menu=False, status=ControllerStatus.TRACKING_LOST).menu_click
+
+
+def test_a_stamp_far_in_the_future_is_not_fresh() -> None:
+    assert is_fresh(10, 10, 0)
+    assert is_fresh(10 + 50 * NS_PER_MS, 10, 0)
+    assert not is_fresh(11 + 50 * NS_PER_MS, 10, 0)

@@ -1,0 +1,281 @@
+"""How the engaged hand moves the arm: clutch, target, limits, and the pose servo."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tams_app.teleop import drive as drive_module
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.teleop.shaping import TrajectoryError
+from tests.teleop.rig import (
+    PERIOD_NS,
+    READY_POSITION,
+    READY_ROTATION,
+    Bench,
+    IntegratingArm,
+    RoomyModel,
+    make_config,
+)
+
+DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
+MS = 1_000_000
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def engaged(bench: Bench) -> Bench:
+    bench.engage()
+    return bench
+
+
+# --- clutch ---------------------------------------------------------------------------------------
+
+
+def test_the_arm_follows_the_hand_by_the_mapped_displacement(engaged: Bench) -> None:
+    engaged.ask(0.0, 0.1, 0.05)
+    engaged.run(60)
+    engaged.ask(0, 0, 0)
+    engaged.run(120)
+    asked = np.array([0.0, 0.1, 0.05]) * 60 * PERIOD_NS / 1e9
+    np.testing.assert_allclose(engaged.arm.pose.position - READY_POSITION, asked, atol=2e-3)
+
+
+def test_reengaging_after_a_release_does_not_jump(engaged: Bench) -> None:
+    engaged.ask(0.0, 0.15, 0.0)
+    engaged.run(60)
+    engaged.hand.trigger = 0.0
+    engaged.run(40)  # the hand goes on while the clutch is open
+    resting = engaged.arm.pose.position.copy()
+    engaged.ask(0, 0, 0)
+    engaged.hand.trigger = 1.0
+    assert engaged.tick().arming is ENGAGED
+    engaged.run(60)
+    np.testing.assert_allclose(engaged.arm.pose.position, resting, atol=1e-9)
+
+
+def test_reengaging_where_the_arm_was_moved_to_meanwhile_does_not_jump(engaged: Bench) -> None:
+    engaged.hand.trigger = 0.0
+    engaged.run(3)
+    engaged.arm.pose = replace(engaged.arm.pose, position=np.array([0.36, 0.1, 0.2]))
+    engaged.hand.trigger = 1.0
+    engaged.run(60)
+    np.testing.assert_allclose(engaged.arm.pose.position, [0.36, 0.1, 0.2], atol=1e-9)
+
+
+def test_reengaging_at_once_stops_first_and_then_follows(engaged: Bench) -> None:
+    engaged.ask(0.0, 0.15, 0.0)
+    engaged.run(60)
+    engaged.hand.trigger = 0.0
+    engaged.run(2)
+    engaged.hand.trigger = 1.0
+    engaged.tick()
+    engaged.run(14)
+    assert (engaged.linear()[-15:] == 0).all(axis=1).any()
+    engaged.run(60)
+    assert engaged.linear()[-1][1] == pytest.approx(0.15, rel=0.05)
+
+
+def test_after_a_release_the_twist_is_exactly_zero_within_100_ms_and_stays(
+    engaged: Bench,
+) -> None:
+    engaged.ask(0.1, 0.25, 0.1)
+    engaged.run(40)
+    assert np.linalg.norm(engaged.linear()[-1]) > 0.2
+    engaged.hand.trigger = 0.0
+    released = len(engaged.outputs)
+    engaged.run(80)
+    assert not engaged.linear()[released + 12 :].any()
+
+
+def test_grip_switches_between_translation_and_orientation(engaged: Bench) -> None:
+    engaged.ask(0.0, 0.1, 0.0)
+    engaged.ask_turn(0.0, 0.2, 0.0)
+    engaged.run(60)
+    assert not engaged.angular().any()
+    engaged.hand.grip = 1.0
+    assert engaged.tick().orientation_mode
+    engaged.run(13)
+    engaged.hand.grip = 0.0
+    switched = len(engaged.outputs)
+    engaged.run(60)
+    assert not engaged.linear()[switched:].any()
+    assert engaged.angular()[-1][1] == pytest.approx(0.2, rel=0.1)
+    engaged.tick(estop=True)
+    assert not engaged.tick().orientation_mode
+
+
+# --- target and limits ---
+
+
+def test_an_arm_that_is_stuck_is_pushed_no_harder_than_the_leash_allows(engaged: Bench) -> None:
+    stuck = engaged.arm.report(engaged.now_ns)
+    engaged.ask(0, 0.1, 0)
+    for _ in range(48):
+        engaged.tick(arm=replace(stuck, received_ns=engaged.now_ns + PERIOD_NS))
+    assert engaged.outputs[-1].arming is ENGAGED
+    assert 0.13 < engaged.linear()[-1][1] < 0.1 + 4.0 * 0.015 + 0.005
+
+
+def test_an_arm_that_drifts_is_brought_back_to_the_target(engaged: Bench) -> None:
+    engaged.run(5)
+    pose = engaged.arm.pose
+    engaged.arm.pose = replace(pose, position=pose.position + np.array([0, 0.01, 0]))
+    engaged.run(240)
+    # The target gives way by what the arm cannot make up at once within its jerk.
+    np.testing.assert_allclose(engaged.arm.pose.position, READY_POSITION, atol=2e-3)
+
+
+class SingularModel(RoomyModel):
+    def jacobian(self, joints: np.ndarray) -> np.ndarray:
+        return np.zeros((6, 6))
+
+
+def test_a_singular_posture_holds_and_names_it() -> None:
+    bench = Bench(model=SingularModel())
+    bench.engage()
+    bench.ask(0, 0.1, 0)
+    bench.run(60)
+    assert bench.outputs[-1].reason is Reason.SINGULARITY
+    assert not bench.linear().any()
+
+
+def test_a_trajectory_that_cannot_be_computed_is_a_fault_and_a_stop(
+    engaged: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise TrajectoryError("no way")
+
+    engaged.ask(0, 0.2, 0)
+    engaged.run(20)
+    monkeypatch.setattr(drive_module.Limits, "shape", fail)
+    output = engaged.tick()
+    assert (output.arming, output.reason, output.stop) == (FAULT, Reason.TRAJECTORY_ERROR, True)
+    assert output.twist is not None
+    assert output.twist.is_zero
+
+
+@pytest.mark.parametrize("delay_ticks", [0, 1, 3])
+def test_an_arm_that_follows_late_hardly_overshoots_when_the_hand_stops(delay_ticks: int) -> None:
+    bench = Bench(arm=IntegratingArm(delay_ticks=delay_ticks))
+    bench.engage()
+    bench.ask(0, 0.25, 0)
+    bench.run(60)
+    bench.ask(0, 0, 0)
+    bench.run(180)
+    reached = bench.path()[:, 1]
+    assert reached.max() - reached[-1] < 0.004
+
+
+def test_pushing_against_the_floor_holds_and_names_the_workspace(engaged: Bench) -> None:
+    engaged.ask(0, 0, -0.3)
+    engaged.run(360)
+    assert (engaged.outputs[-1].arming, engaged.outputs[-1].reason) == (HOLDING, Reason.WORKSPACE)
+    assert 0.005 <= engaged.path()[:, 2].min() < 0.007
+    engaged.hand.trigger = 0.0
+    assert engaged.tick().arming is READY
+
+
+def test_a_rotation_of_the_ready_pose_is_the_axis_of_the_cone() -> None:
+    tilted = Rotation.from_euler("y", 30, degrees=True) * READY_ROTATION
+    bench = Bench()
+    bench.arm.pose = replace(bench.arm.pose, rotation=tilted)
+    bench.engage()
+    bench.hand.grip = 1.0
+    bench.tick()
+    bench.ask_turn(0, 0.5, 0)
+    bench.run(200)
+    angle = (bench.arm.pose.rotation * READY_ROTATION.inv()).magnitude()
+    assert math.radians(33) < angle <= math.radians(35)
+
+
+# --- pose servo -----------------------------------------------------------------------------------
+
+
+def pose_bench() -> Bench:
+    bench = Bench(make_config(arm__servo="pose"), IntegratingArm(mode=1))
+    bench.engage()
+    return bench
+
+
+def test_the_pose_servo_holds_the_measured_pose_until_the_hand_moves() -> None:
+    bench = pose_bench()
+    bench.run(20)
+    assert all(output.twist is None for output in bench.outputs)
+    for output in bench.outputs[1:]:
+        assert output.pose is not None
+        np.testing.assert_allclose(output.pose.position, READY_POSITION)
+
+
+def test_the_pose_servo_moves_in_small_steps_and_comes_to_rest() -> None:
+    bench = pose_bench()
+    bench.ask(0, 0.3, 0)
+    bench.run(60)
+    bench.tick(period_ns=90 * MS)
+    bench.hand.trigger = 0.0
+    bench.run(30)
+    poses = np.array([o.pose.position for o in bench.outputs if o.pose is not None])
+    steps = np.linalg.norm(np.diff(poses, axis=0), axis=1)
+    assert 0.0 < steps.max() <= 0.010 + 1e-12
+    assert not steps[-10:].any()
+    assert poses[-1][1] > 0.05
+
+
+def test_the_pose_servo_waits_for_an_arm_that_lags_and_faults_if_it_is_lost() -> None:
+    bench = pose_bench()
+    bench.ask(0, 0.2, 0)
+    stuck = bench.arm.report(0)
+    for _ in range(60):
+        bench.tick(arm=replace(stuck, received_ns=bench.now_ns + PERIOD_NS))
+    assert bench.outputs[-1].arming is ENGAGED
+    pose = bench.outputs[-1].pose
+    assert pose is not None
+    assert 0.015 < pose.position[1] < 0.06
+    far = replace(stuck.tcp, position=stuck.tcp.position - np.array([0, 0.06, 0]))
+    late = replace(stuck, tcp=far, received_ns=bench.now_ns + PERIOD_NS)
+    assert bench.tick(arm=late).reason is Reason.FOLLOWING_ERROR
+
+
+def test_the_pose_servo_does_not_pull_an_arm_back_that_was_moved_at_rest() -> None:
+    bench = pose_bench()
+    bench.hand.trigger = 0.0
+    bench.run(20)
+    moved = np.array([0.36, 0.1, 0.2])
+    report = bench.arm.report(bench.now_ns + PERIOD_NS)
+    output = bench.tick(arm=replace(report, tcp=replace(report.tcp, position=moved)))
+    assert output.pose is not None
+    np.testing.assert_allclose(output.pose.position, moved)
+
+
+def test_the_pose_servo_turns_the_pose_in_orientation_mode() -> None:
+    bench = pose_bench()
+    bench.hand.grip = 1.0
+    bench.tick()
+    bench.ask_turn(0, 0.3, 0)
+    bench.run(60)
+    pose = bench.outputs[-1].pose
+    assert pose is not None
+    turn = (pose.rotation * READY_ROTATION.inv()).as_rotvec()
+    assert 0.05 < turn[1] < 0.2
+    assert math.hypot(turn[0], turn[2]) < 1e-9
+    np.testing.assert_allclose(pose.position, READY_POSITION)
+
+
+def test_the_pose_servo_never_holds_a_pose_that_is_not_finite() -> None:
+    bench = pose_bench()
+    bench.hand.trigger = 0.0
+    bench.run(20)
+    report = bench.arm.report(bench.now_ns + PERIOD_NS)
+    broken = replace(report, tcp=replace(report.tcp, position=np.full(3, math.nan)))
+    far = replace(report, tcp=replace(report.tcp, position=np.array([0.3, 0.1, 0.1])))
+    for arm in (broken, replace(far, received_ns=0)):
+        output = bench.tick(arm=arm)
+        assert output.pose is None or (output.pose.position == READY_POSITION).all()

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tams_app.records import Twist
+from tams_app.teleop.limits import Limits, clamp_norm
+from tams_app.teleop.quaternion import of_rotation, turned
+from tams_app.teleop.safety import Reason
+from tams_app.teleop.servo import Tcp
+from tests.teleop.rig import READY_ROTATION, RoomyModel, make_config
+
+JOINTS = np.zeros(6)
+MIDDLE = Tcp(np.array([0.33, 0.0, 0.18]), of_rotation(READY_ROTATION))
+NOTHING = np.zeros(3)
+
+
+class StiffModel(RoomyModel):
+    """Joint 1 must turn `gearing` rad for each metre along x; beyond that it is roomy."""
+
+    def __init__(self, gearing: float) -> None:
+        self._gearing = gearing
+
+    def jacobian(self, joints: np.ndarray) -> np.ndarray:
+        jacobian = np.eye(6)
+        jacobian[0, 0] = 0.0 if np.isinf(self._gearing) else 1.0 / self._gearing
+        return jacobian
+
+
+def limits(model: RoomyModel | None = None) -> Limits:
+    return Limits(make_config(), model or RoomyModel(), READY_ROTATION)
+
+
+def test_the_norm_is_limited_and_the_direction_kept() -> None:
+    asked = Twist(np.array([0.6, -0.8, 0.0]), np.array([0.0, 3.0, 4.0]))
+    left = limits().limit(asked, MIDDLE, JOINTS, 1.0).twist
+    np.testing.assert_allclose(left.linear, [0.15, -0.2, 0])
+    np.testing.assert_allclose(left.angular, [0, 0.3, 0.4])
+    assert (clamp_norm(np.array([0.1, 0, 0]), 0.25) == [0.1, 0, 0]).all()
+
+
+def test_an_old_picture_scales_all_of_the_twist() -> None:
+    asked = Twist(np.array([0.2, 0, 0]), np.array([0, 0, 0.4]))
+    left = limits().limit(asked, MIDDLE, JOINTS, 0.25)
+    np.testing.assert_allclose(left.twist.linear, [0.05, 0, 0])
+    np.testing.assert_allclose(left.twist.angular, [0, 0, 0.1])
+    assert left.limited_by is None
+    assert limits().limit(asked, MIDDLE, JOINTS, 0.0).twist.is_zero
+
+
+@pytest.mark.parametrize(
+    ("share", "scale"), [(0.1, 1.0), (0.699, 1.0), (0.7, 1.0), (0.8, 0.875), (1.4, 0.5), (7, 0.1)]
+)
+def test_joint_speeds_never_exceed_their_share_of_the_limit(share: float, scale: float) -> None:
+    stiff = limits(StiffModel(share * np.pi / 0.2))
+    left = stiff.limit(Twist(np.array([0.2, 0, 0]), NOTHING), MIDDLE, JOINTS, 1.0)
+    assert left.joint_scale == pytest.approx(scale)
+    assert left.twist.linear[0] == pytest.approx(0.2 * scale)
+    free = stiff.limit(Twist(np.array([0, 0.2, 0]), NOTHING), MIDDLE, JOINTS, 1.0)
+    assert free.joint_scale == 1.0
+
+
+@pytest.mark.parametrize("gearing", [1e9, np.inf, np.nan])
+def test_a_singular_posture_leaves_nothing_and_says_so(gearing: float) -> None:
+    left = limits(StiffModel(gearing)).limit(
+        Twist(np.array([0.2, 0, 0]), NOTHING), MIDDLE, JOINTS, 1.0
+    )
+    assert np.abs(left.twist.linear).max() < 1e-6
+    assert left.limited_by is Reason.SINGULARITY
+
+
+def test_what_leaves_nothing_is_named() -> None:
+    on_floor = Tcp(np.array([0.33, 0, 0.005]), MIDDLE.rotation)
+    down = Twist(np.array([0, 0, -0.1]), NOTHING)
+    assert limits().limit(down, on_floor, JOINTS, 1.0).limited_by is Reason.WORKSPACE
+    assert limits().limit(down, MIDDLE, JOINTS, 1.0).limited_by is None
+    tilted = Tcp(MIDDLE.position, turned(MIDDLE.rotation, np.array([0, np.radians(36), 0])))
+    out = Twist(NOTHING, np.array([0, 0.3, 0]))
+    assert limits().limit(out, tilted, JOINTS, 1.0).limited_by is Reason.ROTATION_LIMIT
+    still = Twist(np.array([0, 0, -0.004]), np.array([0, 0.01, 0]))
+    assert limits().limit(still, on_floor, JOINTS, 1.0).limited_by is None
+
+
+def test_shaping_brakes_before_a_state_it_could_not_stop_from() -> None:
+    shaper = limits()
+    down = Twist(np.array([0, 0, -0.25]), NOTHING)
+    height = 0.1
+    for _ in range(200):  # without the cap: only the judgement of states is left
+        tcp = Tcp(np.array([0.33, 0, height]), MIDDLE.rotation)
+        height += shaper.shape(down, tcp, 1 / 120).linear[2] / 120
+    assert 0.005 <= height < 0.06
+
+
+def test_coming_to_rest_ends_at_exactly_zero() -> None:
+    shaper = limits()
+    for _ in range(30):
+        shaper.shape(Twist(np.array([0.1, 0, 0]), np.array([0, 0, 0.2])), MIDDLE, 1 / 120)
+    for _ in range(13):
+        twist = shaper.come_to_rest(1 / 120)
+    assert twist.is_zero
+    assert shaper.at_rest

@@ -1,0 +1,322 @@
+"""What the operator and the session see of a whole tick."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tams_app.teleop
+from tams_app.records import CommandLink, ControllerStatus, Haptic
+from tams_app.teleop.safety import ArmingState, Reason, Request
+from tests.teleop.rig import (
+    PERIOD_NS,
+    Bench,
+    make_config,
+)
+
+DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
+MS = 1_000_000
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def engaged(bench: Bench) -> Bench:
+    bench.engage()
+    return bench
+
+
+def link(bench: Bench, **changes: object) -> CommandLink:
+    fine = CommandLink(0, bench.now_ns + PERIOD_NS, MS, 0, "")
+    return replace(fine, **changes)  # type: ignore[arg-type]
+
+
+# --- arming ---------------------------------------------------------------------------------------
+
+
+def test_disarmed_sends_nothing_and_asks_to_enable_when_confirmed(bench: Bench) -> None:
+    first = bench.tick()
+    assert (first.twist, first.pose, first.stop) == (None, None, False)
+    assert bench.tick(confirm=True).request is Request.ENABLE
+    waiting = bench.run(50)
+    assert (waiting.arming, waiting.twist, waiting.request) == (DISARMED, None, Request.NONE)
+    bench.arm_ready = True
+    ready = bench.tick()
+    assert ready.arming is READY
+    assert ready.twist is not None
+    assert ready.twist.is_zero
+
+
+def test_an_arm_in_the_wrong_mode_does_not_get_ready(bench: Bench) -> None:
+    bench.arm.mode = 0
+    bench.arm_ready = True
+    bench.tick()
+    assert bench.tick(confirm=True).arming is DISARMED
+    bench.arm.mode = 5
+    assert bench.tick().arming is READY
+
+
+def test_a_trigger_held_from_the_start_neither_arms_nor_engages(bench: Bench) -> None:
+    bench.hand.trigger = 1.0
+    bench.arm_ready = True
+    bench.run(3)
+    assert bench.tick(confirm=True).arming is DISARMED
+    bench.hand.trigger = 0.0
+    bench.tick()
+    assert bench.tick(confirm=True).arming is READY
+
+
+def test_ready_and_holding_keep_sending_exact_zeros(engaged: Bench) -> None:
+    engaged.hand.trigger = 0.0
+    assert all(engaged.tick().twist.is_zero for _ in range(20))  # type: ignore[union-attr]
+    engaged.hand.trigger = 1.0
+    engaged.tick()
+    held = [engaged.tick(video_age_ns=2_000 * MS) for _ in range(20)]
+    assert {output.arming for output in held} == {HOLDING}
+    assert all(output.twist is not None and output.twist.is_zero for output in held)
+
+
+@pytest.mark.parametrize("away", [s for s in ControllerStatus if s is not ControllerStatus.OK])
+def test_a_controller_that_is_away_stops_the_arm(engaged: Bench, away: ControllerStatus) -> None:
+    engaged.ask(0, 0.2, 0)
+    engaged.run(40)
+    engaged.hand.status = away
+    output = engaged.tick()
+    assert output.arming in (HOLDING, FAULT)
+    assert output.reason is not None
+    assert not output.deadman
+    engaged.run(13)
+    assert not engaged.linear()[-1].any()
+    engaged.hand.status = ControllerStatus.OK
+    assert engaged.run(20).arming is output.arming  # the trigger is still held
+    engaged.hand.trigger = 0.0
+    engaged.run(2)
+    assert engaged.outputs[-1].arming is (READY if output.arming is HOLDING else FAULT)
+
+
+def test_a_fault_sends_zero_and_stop_at_once_and_stop_until_the_arm_stopped(
+    engaged: Bench,
+) -> None:
+    engaged.ask(0, 0.2, 0)
+    engaged.run(40)
+    output = engaged.tick(faults=(Reason.GUARD_LOST,))
+    assert (output.arming, output.reason, output.stop) == (FAULT, Reason.GUARD_LOST, True)
+    assert output.twist is not None
+    assert output.twist.is_zero
+    assert output.haptic is Haptic.FAULT
+    engaged.arm.state = 1
+    reports = [replace(engaged.arm.report(engaged.now_ns), state=1)] * 5
+    assert all(engaged.tick(arm=report).stop for report in reports)
+    after = engaged.tick()  # the arm followed state 4
+    assert engaged.arm.state == 4
+    assert (after.stop, after.twist) == (False, None)
+
+
+def test_an_arm_without_reports_is_told_to_stop_again_and_again(engaged: Bench) -> None:
+    engaged.tick(estop=True, arm=None)
+    assert all(engaged.tick(arm=None).stop for _ in range(300))
+
+
+def test_a_report_from_before_the_fault_does_not_confirm_the_stop(engaged: Bench) -> None:
+    old = replace(engaged.arm.report(engaged.now_ns), state=4)
+    engaged.tick(estop=True)
+    assert engaged.tick(arm=old).stop
+
+
+def test_leaving_a_fault_takes_a_confirmation_with_the_trigger_up(engaged: Bench) -> None:
+    engaged.arm.error_code = 31
+    output = engaged.tick()
+    assert (output.reason, output.detail) == (Reason.ARM_ERROR, "C31 (collision)")
+    assert engaged.tick(confirm=True).request is Request.NONE
+    engaged.hand.trigger = 0.0
+    engaged.tick()
+    assert engaged.tick(confirm=True).request is Request.CLEAR_ERRORS
+    assert engaged.tick().arming is FAULT
+    engaged.arm.error_code = 0
+    output = engaged.tick()
+    assert (output.arming, output.twist, output.stop) == (DISARMED, None, False)
+    assert engaged.run(100).arming is DISARMED
+
+
+def test_a_lost_link_says_why(engaged: Bench) -> None:
+    output = engaged.tick(link=link(engaged, failure="The arm closed the connection."))
+    assert output.reason is Reason.ARM_LINK_LOST
+    assert output.detail == "The arm closed the connection."
+
+
+# --- emergency stop and menu ----------------------------------------------------------------------
+
+
+def test_the_terminals_emergency_stop_works_in_every_state(bench: Bench) -> None:
+    bench.tick()
+    output = bench.tick(estop=True, confirm=True, faults=(Reason.HELPER_LOST,))
+    assert output.reason is Reason.EMERGENCY_STOP
+
+
+@pytest.mark.parametrize("engage", [False, True])
+def test_pressing_the_menu_while_armed_stops_at_once_and_never_confirms(
+    bench: Bench, engage: bool
+) -> None:
+    bench.make_ready()
+    if engage:
+        bench.engage()
+    bench.hand.trigger = 0.0 if not engage else 1.0
+    bench.hand.menu = True
+    output = bench.tick()
+    assert (output.arming, output.reason, output.stop) == (FAULT, Reason.EMERGENCY_STOP, True)
+    bench.hand.trigger = 0.0
+    assert bench.run(300).arming is FAULT
+    bench.hand.menu = False
+    assert bench.run(5).arming is FAULT
+
+
+def test_the_menu_held_for_a_second_confirms_a_fault_and_then_arms(bench: Bench) -> None:
+    bench.make_ready()
+    bench.tick(estop=True)
+    bench.hand.menu = True
+    assert bench.run(119).arming is FAULT
+    assert bench.run(3).arming is DISARMED
+    assert bench.run(300).arming is DISARMED  # one hold is one confirmation
+    bench.hand.menu = False
+    bench.arm.state = 2
+    bench.run(2)
+    bench.hand.menu = True
+    assert bench.run(123).arming is READY
+
+
+def test_a_menu_click_while_disarmed_is_an_emergency_stop(bench: Bench) -> None:
+    bench.run(2)
+    bench.hand.menu = True
+    assert bench.run(20).arming is DISARMED
+    bench.hand.menu = False
+    assert bench.tick().reason is Reason.EMERGENCY_STOP
+
+
+# --- gripper and haptics --------------------------------------------------------------------------
+
+
+def test_the_gripper_moves_on_edges_while_engaged_only(bench: Bench) -> None:
+    bench.hand.a = True
+    bench.make_ready()
+    bench.hand.a = False
+    bench.tick()
+    bench.hand.a = True
+    bench.run(2)
+    bench.hand.trigger = 1.0
+    bench.run(5)
+    assert all(output.gripper is None for output in bench.outputs)
+    bench.hand.a = False
+    bench.tick()
+    bench.hand.a = True
+    assert bench.tick().gripper is True
+    assert bench.tick().gripper is None
+    bench.hand.b = True
+    assert bench.tick().gripper is False
+
+
+def test_the_hand_feels_what_happens(bench: Bench) -> None:
+    bench.make_ready()
+    assert bench.engage().haptic is Haptic.ENGAGE
+    assert bench.tick().haptic is None
+    assert bench.tick(video_age_ns=2_000 * MS).haptic is Haptic.LIMIT
+    bench.hand.trigger = 0.0
+    assert bench.tick().haptic is None
+    bench.hand.trigger = 1.0
+    bench.tick()
+    bench.hand.trigger = 0.0
+    assert bench.tick().haptic is Haptic.RELEASE
+
+
+# --- staleness and limits -------------------------------------------------------------------------
+
+
+def test_a_pose_that_stops_changing_stops_the_arm_and_then_faults(engaged: Bench) -> None:
+    engaged.ask(0, 0.2, 0)
+    engaged.run(40)
+    frozen = engaged.hand.sample(engaged.now_ns, 0.0)
+    outputs = []
+    for _ in range(13):
+        now_ns = engaged.now_ns + PERIOD_NS
+        outputs.append(engaged.tick(sample=replace(frozen, buttons_ns=now_ns)))
+    assert outputs[11].arming is ENGAGED
+    assert outputs[-1].reason is Reason.POSE_FROZEN
+
+
+def test_a_hand_that_jumps_about_is_a_fault(engaged: Bench) -> None:
+    for k in range(8):
+        engaged.hand.position = np.array([k % 2, 0.0, 0.0])
+        engaged.tick()
+    assert engaged.outputs[-1].reason is Reason.HAND_TOO_FAST
+    assert not engaged.linear().any()
+
+
+def test_an_arm_that_does_not_move_is_a_following_error(engaged: Bench) -> None:
+    engaged.ask(0, 0.2, 0)
+    stuck = engaged.arm.report(engaged.now_ns)
+    for _ in range(120):
+        if engaged.outputs[-1].arming is not ENGAGED:
+            break
+        now_ns = engaged.now_ns + PERIOD_NS
+        engaged.tick(arm=replace(stuck, received_ns=now_ns))
+    assert engaged.outputs[-1].reason is Reason.FOLLOWING_ERROR
+
+
+def test_a_stalled_control_loop_holds_and_starts_again_from_zero(engaged: Bench) -> None:
+    engaged.ask(0, 0.2, 0)
+    engaged.run(60)
+    output = engaged.tick(period_ns=101 * MS)
+    assert (output.arming, output.reason) == (HOLDING, Reason.CONTROL_STALLED)
+    assert output.twist is not None
+    assert output.twist.is_zero
+
+
+def test_an_arm_whose_own_deadman_has_run_out_starts_again_from_zero() -> None:
+    bench = Bench(make_config(arm__velocity_deadman_s=0.05))
+    bench.engage()
+    bench.ask(0, 0.2, 0)
+    bench.run(60)
+    output = bench.tick(period_ns=51 * MS)
+    assert output.twist is not None
+    assert output.twist.is_zero
+
+
+def test_an_old_picture_slows_the_hand_and_shows_it(engaged: Bench) -> None:
+    engaged.ask(0, 0.2, 0)
+    output = engaged.run(80, video_age_ns=750 * MS)
+    assert output.speed_scale == pytest.approx(0.5)
+    assert engaged.linear()[-1][1] == pytest.approx(0.1, rel=0.05)
+    engaged.tick(video_age_ns=1000 * MS)
+    assert engaged.outputs[-1].reason is Reason.STALE_VIDEO
+
+
+def test_the_video_floor_moves_the_limits() -> None:
+    bench = Bench(video_floor_ns=400 * MS)
+    bench.engage()
+    assert bench.tick(video_age_ns=1199 * MS).speed_scale == 1.0
+    assert bench.tick(video_age_ns=1200 * MS).reason is Reason.STALE_VIDEO
+
+
+# --- purity ---------------------------------------------------------------------------------------
+
+
+def test_teleop_imports_no_hardware_no_threads_no_files_and_no_clock() -> None:
+    allowed_time = {"NS_PER_MS", "NS_PER_S"}
+    for path in Path(tams_app.teleop.__path__[0]).glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module == "tams_app.clock":
+                assert {alias.name for alias in node.names} <= allowed_time, path.name
+            elif isinstance(node, ast.ImportFrom):
+                assert node.module is not None
+                assert node.module.split(".")[0] in {
+                    "__future__", "collections", "dataclasses", "enum", "numpy", "ruckig",
+                    "scipy", "tams_app", "typing",
+                }, (path.name, node.module)  # fmt: skip
+            elif isinstance(node, ast.Import):
+                assert {alias.name for alias in node.names} <= {"math", "numpy"}, path.name

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tams_app.config import LimitsConfig
+from tams_app.records import Pose, Twist
+from tams_app.teleop.quaternion import IDENTITY, turn_between, turned
+from tams_app.teleop.servo import Target, Tcp, TcpPredictor
+
+MS = 1_000_000
+HERE = Tcp(np.array([0.3, 0.0, 0.2]), IDENTITY)
+
+
+def at(x: float, turn: float = 0.0) -> Tcp:
+    return Tcp(HERE.position + np.array([x, 0, 0]), turned(IDENTITY, np.array([0, 0, turn])))
+
+
+def predictor_after(ticks: int) -> TcpPredictor:
+    """0.1 m/s and 1 rad/s over `ticks` of 10 ms, from t = 0."""
+    predictor = TcpPredictor()
+    twist = Twist(np.array([0.1, 0, 0]), np.array([0, 0, 1.0]))
+    for tick in range(1, ticks + 1):
+        predictor.sent(twist, tick * 10 * MS, 0.01)
+    return predictor
+
+
+@pytest.mark.parametrize(
+    ("received_ms", "delay_ms", "unseen_ms"), [(100, 0, 0), (80, 0, 20), (85, 0, 15), (80, 12, 32)]
+)
+def test_the_predicted_tcp_is_the_report_and_what_was_sent_since(
+    received_ms: int, delay_ms: int, unseen_ms: int
+) -> None:
+    now = predictor_after(10).predict(HERE, received_ms * MS, delay_ms * MS)
+    assert now.position[0] == pytest.approx(0.3 + 0.1 * unseen_ms / 1000)
+    assert turn_between(IDENTITY, now.rotation)[2] == pytest.approx(unseen_ms / 1000)
+
+
+def test_a_report_older_than_memory_counts_all_that_is_remembered() -> None:
+    now = predictor_after(200).predict(HERE, 0, 0)
+    assert now.position[0] == pytest.approx(0.35, abs=0.0011)
+
+
+def test_nothing_sent_means_the_report_is_the_prediction() -> None:
+    now = TcpPredictor().predict(HERE, 0, 0)
+    assert (now.position == HERE.position).all()
+    assert now.rotation == HERE.rotation
+
+
+def test_the_target_integrates_velocity_and_rotation() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    for _ in range(10):
+        target.advance(np.array([0.1, 0, 0]), np.array([0, 0, 0.5]), 0.01)
+    assert target.tcp.position[0] == pytest.approx(0.31)
+    assert turn_between(IDENTITY, target.tcp.rotation)[2] == pytest.approx(0.05)
+
+
+def test_the_target_never_gets_further_from_the_arm_than_its_leash() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    target.advance(np.array([1.0, 0, 0]), np.array([0, 0, 10.0]), 0.02)
+    target.pull_back(HERE)
+    assert target.tcp.position[0] == pytest.approx(0.315)
+    assert turn_between(IDENTITY, target.tcp.rotation)[2] == pytest.approx(0.15)
+
+
+def test_a_target_within_its_leash_is_left_alone() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    target.advance(np.array([0.0149, 0, 0]), np.array([0, 0, 0.149]), 1.0)
+    before = target.tcp
+    target.pull_back(HERE)
+    assert (target.tcp.position == before.position).all()
+    assert target.tcp.rotation == before.rotation
+
+
+def test_an_arm_that_does_not_follow_is_out_of_reach_although_the_target_waits() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    asked = 0.0
+    while not target.is_out_of_reach:
+        target.advance(np.array([0.1, 0, 0]), np.zeros(3), 0.01)
+        asked += 0.001
+        target.pull_back(HERE)
+        target.watch(HERE)
+        assert asked < 0.07
+    assert asked == pytest.approx(0.061, abs=0.002)
+
+
+def test_an_arm_that_catches_up_is_forgiven() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    for _ in range(3):
+        target.advance(np.array([0.05, 0, 0]), np.zeros(3), 1.0)
+        target.pull_back(at(target.tcp.position[0] - 0.3 - 0.015 - 0.02))
+        target.pull_back(target.tcp)
+        target.watch(target.tcp)
+        assert not target.is_out_of_reach
+
+
+def test_an_arm_that_jumps_away_is_out_of_reach_at_once() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    target.watch(at(0.059))
+    assert not target.is_out_of_reach
+    target.watch(at(0.061))
+    assert target.is_out_of_reach
+
+
+def test_beyond_the_leash_only_what_leads_back_or_along_is_left() -> None:
+    target = Target(LimitsConfig())
+    target.anchor(at(0.02, 0.2))
+    pushed = Twist(np.array([0.1, 0.05, 0]), np.array([0, 0.2, 0.3]))
+    kept = target.held_back(pushed, HERE)
+    np.testing.assert_allclose(kept.linear, [0, 0.05, 0], atol=1e-12)
+    np.testing.assert_allclose(kept.angular, [0, 0.2, 0], atol=1e-12)
+    back = Twist(np.array([-0.1, 0, 0]), np.array([0, 0, -0.3]))
+    np.testing.assert_allclose(target.held_back(back, HERE).linear, back.linear)
+    target.anchor(at(0.01))
+    np.testing.assert_allclose(target.held_back(pushed, HERE).linear, pushed.linear)
+
+
+def test_a_tcp_becomes_a_pose_and_back() -> None:
+    pose = Pose(np.array([1.0, 2.0, 3.0]), Rotation.from_rotvec([0.1, 0.2, 0.3]))
+    again = Tcp.of(pose).to_pose()
+    assert (again.position == pose.position).all()
+    assert (again.rotation * pose.rotation.inv()).magnitude() < 1e-9
