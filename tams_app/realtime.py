@@ -7,8 +7,8 @@
 | the arm driver's threads | one below the control loop | a command's way out and back |
 | link relay | FIFO 20 | its delays are what it is for |
 | all other threads of the application | round robin 1 | see below |
-| the rig's world | FIFO 1 | simulated time must keep up |
-| renderer | nice 10 | whatever is left |
+| the rig's world | FIFO 5 | simulated time must keep up with the wall's |
+| renderer | round robin 1, else nice | below, woken threads push it off its core: 20 of 30 pictures |
 
 The application's threads share the GIL: one that is pushed off its core while it holds the GIL
 holds up the control loop, whatever that one's priority. So none of them runs below real time.
@@ -21,7 +21,8 @@ import os
 GUARD_PRIORITY = 60
 RELAY_PRIORITY = 20
 APPLICATION_PRIORITY = 1
-RIG_PRIORITY = 1
+RIG_PRIORITY = 5
+RENDERER_PRIORITY = 1
 
 NOT_ASKED_FOR = "other: not asked for"
 NOT_KNOWN = "other: this system has no real-time policies"

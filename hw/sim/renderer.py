@@ -21,6 +21,7 @@ from hw.sim.world_memory import WorldReader, WorldSnapshot
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
 from tams_app.errors import TamsError
 from tams_app.process import HelperSide
+from tams_app.realtime import RENDERER_PRIORITY, use_round_robin
 
 _START_DELAY_NS = 50 * NS_PER_MS
 _STALE_NS = 200 * NS_PER_MS  # a world that has stopped has cameras that have stopped
@@ -108,7 +109,8 @@ def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> W
 def main() -> None:
     side = HelperSide()
     specification: dict[str, Any] = side.specification
-    os.nice(int(specification["nice"]))
+    if use_round_robin(RENDERER_PRIORITY) != "rr":
+        os.nice(int(specification["nice"]))
     try:
         _serve(side, specification)
     except TamsError as error:
