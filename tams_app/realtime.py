@@ -8,7 +8,7 @@
 | link relay | FIFO 20 | its delays are what it is for |
 | all other threads of the application | round robin 1 | see below |
 | the rig's world | FIFO 5 | simulated time must keep up with the wall's |
-| renderer | round robin 1, else nice | below, woken threads push it off its core: 20 of 30 pictures |
+| renderer | round robin 1, else nice | else woken threads push it off its core |
 
 The application's threads share the GIL: one that is pushed off its core while it holds the GIL
 holds up the control loop, whatever that one's priority. So none of them runs below real time.

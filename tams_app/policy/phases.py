@@ -81,14 +81,20 @@ class PhaseTracker:
     def step(
         self, *, speed: float, vertical_speed: float, closed: bool | None, period_s: float
     ) -> PhaseDecision:
-        """One control period; `closed` None (gripper state unknown) counts as unchanged."""
-        now_closed = closed if closed is not None else bool(self._closed)
-        was_closed = self._closed if self._closed is not None else now_closed
+        """One control period; `closed` None (gripper state unknown) counts as unchanged.
+
+        The first step has no edge. A gripper unknown then is taken for open, so that the first
+        command to close it is the edge it is.
+        """
+        if self._closed is None:
+            self._closed = bool(closed)
+        was_closed = self._closed
+        self._closed = was_closed if closed is None else closed
         decision = infer_phase(
             self._parameters,
             speed=speed,
             vertical_speed=vertical_speed,
-            closed=now_closed,
+            closed=self._closed,
             was_closed=was_closed,
             previous=self.phase,
             descending_s=self._descending_s,
@@ -96,6 +102,4 @@ class PhaseTracker:
         )
         self._descending_s = decision.descending_s
         self.phase = decision.phase
-        if closed is not None:
-            self._closed = closed
         return decision

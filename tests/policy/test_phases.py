@@ -106,9 +106,19 @@ def test_a_pause_within_a_descent_holds_the_phase_and_the_timer():
     assert run(tracker, 0.15, False, 0.05, -0.05) is Phase.ALIGN
 
 
-def test_an_unknown_gripper_state_is_never_an_edge():
+def test_the_first_step_has_no_gripper_edge():
+    tracker = PhaseTracker(PARAMETERS)
+    assert run(tracker, 0.1, True, 0.1, 0.0) is Phase.TRANSPORT
+
+
+def test_the_first_command_to_a_gripper_of_unknown_state_is_an_edge():
     tracker = PhaseTracker(PARAMETERS)
     assert run(tracker, 0.1, None, 0.1, 0.0) is Phase.REACH
+    assert run(tracker, 0.1, True, 0.0, 0.0) is Phase.GRASP
+
+
+def test_a_gripper_state_that_becomes_unknown_is_no_edge():
+    tracker = PhaseTracker(PARAMETERS)
     assert run(tracker, 0.1, True, 0.1, 0.0) is Phase.TRANSPORT
     assert run(tracker, 0.1, None, 0.1, 0.0) is Phase.TRANSPORT
 
