@@ -60,7 +60,7 @@ def test_no_room_imports_one_further_out(room):
 
 
 def test_threads_are_made_by_the_session_the_drivers_and_worker_only():
-    allowed = ("hw/", "tams_app/session/", "tams_app/worker.py", "tams_app/process.py")
+    allowed = ("tams_app/session/", "tams_app/worker.py", "tams_app/process.py")
     for path in modules("tams_app"):
         relative = path.relative_to(ROOT).as_posix()
         if not relative.startswith(allowed):

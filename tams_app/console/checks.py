@@ -9,7 +9,6 @@ import shutil
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
@@ -20,6 +19,7 @@ from tams_app.errors import SetupError
 from tams_app.realtime import use_fifo
 from tams_app.video import gst
 from tams_app.video.ports import requested_ports
+from tams_app.worker import Worker
 
 RENDER_TIMEOUT_S = 60
 SHARED_BYTES = 8_000_000  # frames and world state of the rig
@@ -113,9 +113,9 @@ def realtime(config: Config) -> Iterator[Finding]:
     """Whether the control loop may run under SCHED_FIFO; tried in a thread of its own."""
     granted: list[str] = []
     priority = config.control.realtime_priority
-    thread = threading.Thread(target=lambda: granted.append(use_fifo(priority)), name="try-fifo")
-    thread.start()
-    thread.join()
+    trial = Worker("try-fifo", lambda _: granted.append(use_fifo(priority)))
+    trial.start()
+    trial.stop()
     yield Finding(
         "Real-time priority",
         granted[0] == "fifo" or priority == 0,

@@ -47,7 +47,9 @@ from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.video.networks import network_capacity, resolve_network
 from tams_app.worker import Worker
 
-GUARD_SILENCE_NS = 200 * NS_PER_MS
+STATE_STOPPED = 4  # of the Lite 6's controller
+STOP_PATIENCE_NS = 300 * NS_PER_MS
+STOP_POLL_NS = 10 * NS_PER_MS
 
 
 class Session:
@@ -273,12 +275,23 @@ class Session:
 
     def close(self) -> Outcome:
         """Stop the arm, then everything else in the reverse order of its start."""
+        if self.failure:
+            self._await_stop()  # so that the log shows how the arm stopped
         self._control.request_stop()  # else it would take our stop for a fault
         self._arm.stop()
         outcome = self._judge.outcome(self._end_reason)
         self._record(outcome)
         self._stack.close()
         return outcome
+
+    def _await_stop(self) -> None:
+        """Wait, but not for long, until the arm reports that it has stopped."""
+        deadline_ns = self._clock.now_ns() + STOP_PATIENCE_NS
+        while self._control.alive and self._clock.now_ns() < deadline_ns:
+            state = self._arm.state()
+            if state is not None and state.state == STATE_STOPPED:
+                return
+            self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
 
     # --- called by the parts --------------------------------------------------------------------
 

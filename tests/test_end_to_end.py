@@ -1,0 +1,261 @@
+"""Whole sessions as a user starts them: one that runs to its end, and some that are cut short."""
+
+import json
+import signal
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import psutil
+import pytest
+
+from tams_app.config import load_config
+from tams_app.process import PROJECT_DIRECTORY
+from tams_app.recording import read_log, read_video
+from tams_app.records import PacketFate, PacketKind, Phase
+from tams_app.summary import summarise
+
+HELPERS = {
+    "rig": "hw.sim.rig",
+    "renderer": "hw.sim.renderer",
+    "relay": "tams_app.video.relay",
+    "guard": "hw.guard",
+}
+pytestmark = pytest.mark.timeout(180)
+
+
+def command(out, *options):
+    words = ["run_tams.py", "run", "--sim", "--headless", "--network", "s2", "--out", str(out)]
+    return [sys.executable, *words, *options]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder and the words of one session on s2 that ran to its end."""
+    out = tmp_path_factory.mktemp("run")
+    result = subprocess.run(
+        command(out, "--seed", "1"),
+        cwd=PROJECT_DIRECTORY,
+        capture_output=True,
+        text=True,
+        timeout=170,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    (folder,) = out.iterdir()
+    return folder, result.stdout
+
+
+@pytest.fixture(scope="module")
+def log(finished):
+    return read_log(finished[0] / "session.mcap")
+
+
+@pytest.fixture(scope="module")
+def summary(finished):
+    return json.loads((finished[0] / "summary.json").read_text())
+
+
+def test_a_session_leaves_log_configuration_summary_and_picture(finished):
+    folder, words = finished
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"session.mcap", "config.yaml", "summary.json", "bitrates.png", "helpers"}
+    assert load_config(folder / "config.yaml").seed == 1
+    assert (folder / "bitrates.png").read_bytes().startswith(b"\x89PNG")
+    assert folder.name in words.replace("\n", "")
+
+
+def test_the_block_is_placed_and_the_verdict_is_in_the_summary(summary, log):
+    outcome = summary["outcome"]
+    assert outcome["completed"] is True
+    assert outcome["reason"] == "placed"
+    engaged_ns = next(t.started_ns for t in log.ticks if t.arming == "engaged")
+    opened_ns = [
+        after.started_ns
+        for before, after in pairwise(t for t in log.ticks if t.arm is not None)
+        if before.arm.gripper_closed and after.arm.gripper_closed is False
+    ][-1]
+    # the judge looks 30 times a second
+    assert outcome["completion_time_s"] == pytest.approx((opened_ns - engaged_ns) / 1e9, abs=0.3)
+
+
+def test_the_summary_is_that_of_the_log(summary, log):
+    assert summary == json.loads(json.dumps(summarise(log)))
+
+
+def test_the_task_passes_through_all_six_phases(log):
+    seen = [change.phase for change in log.phases]
+    assert seen[0] is Phase.REACH
+    assert set(seen) == set(Phase)
+    assert seen.index(Phase.GRASP) < seen.index(Phase.TRANSPORT) < seen.index(Phase.RELEASE)
+
+
+def test_targets_follow_the_phase_and_never_exceed_the_budget(log):
+    weights = log.header.weights
+    for allocation in log.allocations:
+        assert sum(allocation.target_kbps.values()) <= allocation.budget_kbps
+        assert allocation.budget_kbps == pytest.approx(6000 * 0.92)
+        primary = max(weights[allocation.phase], key=weights[allocation.phase].__getitem__)
+        assert max(allocation.target_kbps, key=allocation.target_kbps.__getitem__) == primary
+
+
+def test_a_phase_change_reaches_the_targets_before_the_next_period_of_the_policy(log):
+    for change in log.phases[1:]:
+        followers = [a.t_ns for a in log.allocations if a.t_ns >= change.t_ns]
+        if followers:
+            assert min(followers) - change.t_ns < 1_000_000_000
+
+
+def test_sent_rates_in_the_summary_are_those_of_the_packets(summary, log):
+    for view, entry in summary["views"].items():
+        captures = [f.capture_ns for f in log.captured if f.view == view]
+        start_ns = max(min(captures), min(a.t_ns for a in log.allocations))
+        size = sum(
+            packet.size_bytes
+            for packet in log.packets
+            if packet.view == view
+            and packet.kind is not PacketKind.RTCP
+            and start_ns <= packet.entered_ns < max(captures)
+        )
+        kbps = size * 8e6 / (max(captures) - start_ns)
+        assert entry["sent_kbps_mean"] == pytest.approx(kbps, rel=0.03)
+
+
+def test_frames_shown_were_captured_and_keep_their_order(summary, log):
+    for view, entry in summary["views"].items():
+        captured = {frame.index for frame in log.captured if frame.view == view}
+        shown = [frame.index for frame in log.shown if frame.view == view]
+        assert set(shown) <= captured
+        assert shown == sorted(set(shown))
+        assert entry["frames_shown"] == len(shown) > 50
+        assert entry["frames_captured"] == len(captured)
+
+
+def test_the_bitstream_of_every_view_is_in_the_log(finished, log):
+    for view in log.header.views:
+        frames = list(read_video(finished[0] / "session.mcap", view))
+        assert frames[0].keyframe
+        assert len(frames) == sum(frame.view == view for frame in log.sent)
+
+
+def test_losses_and_the_bottleneck_are_those_of_the_network(summary, log):
+    lost = sum(packet.fate is PacketFate.LOST for packet in log.packets)
+    assert 0 < lost / len(log.packets) < 0.015  # 0.3 % wanted
+    assert summary["uplink"]["capacity_kbps"] == 6000
+    assert 0 < summary["uplink"]["utilisation"] <= 1
+    delays = [p.delivered_ns - p.departed_ns for p in log.packets if p.delivered_ns]
+    assert min(delays) >= 31.9e6  # 40 ms less 8 ms of jitter
+
+
+def test_the_commanded_speed_never_exceeds_its_limit(log):
+    speeds = [np.linalg.norm(tick.twist.linear) for tick in log.ticks]
+    assert 0.05 < max(speeds) <= 0.25 + 1e-9
+
+
+def test_report_makes_summary_and_picture_anew_from_the_log(finished, summary):
+    folder, _ = finished
+    for name in ("summary.json", "bitrates.png"):
+        (folder / name).unlink()
+    result = subprocess.run(
+        [sys.executable, "run_tams.py", "report", str(folder)],
+        cwd=PROJECT_DIRECTORY,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert json.loads((folder / "summary.json").read_text()) == summary
+    assert (folder / "bitrates.png").exists()
+
+
+# --- cut short ----------------------------------------------------------------------------------
+
+
+class Running:
+    """A session that has got as far as to move the arm."""
+
+    def __init__(self, out):
+        self.out = out
+        self.process = subprocess.Popen(
+            command(out),
+            cwd=PROJECT_DIRECTORY,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for line in self.process.stdout:
+            if line.startswith("engaged"):
+                break
+        self.children = psutil.Process(self.process.pid).children(recursive=True)
+
+    def helper(self, name):
+        (found,) = (child for child in self.children if HELPERS[name] in child.cmdline())
+        return found
+
+    def end(self):
+        """Exit code, words on stderr and the log, once everything has ended."""
+        _, words = self.process.communicate(timeout=60)
+        _, alive = psutil.wait_procs(self.children, timeout=20)
+        zombies = [child for child in alive if child.status() == psutil.STATUS_ZOMBIE]
+        assert len(alive) == len(zombies), f"left behind: {alive}"
+        (folder,) = self.out.iterdir()
+        return self.process.returncode, words, read_log(folder / "session.mcap")
+
+
+@pytest.fixture
+def running(tmp_path):
+    session = Running(tmp_path)
+    yield session
+    if session.process.poll() is None:
+        session.process.kill()
+    session.process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_session_ends_in_order(running, number):
+    running.process.send_signal(number)
+    code, words, log = running.end()
+    assert (code, words) == (0, "")
+    assert not log.truncated
+    assert log.outcome.reason == f"ended by {number.name}"
+
+
+def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running):
+    running.process.send_signal(signal.SIGUSR1)
+    for line in running.process.stdout:
+        if line.startswith("fault"):
+            break
+    running.process.send_signal(signal.SIGINT)
+    code, _, log = running.end()
+    assert code == 0
+    assert log.ticks[-1].arming == "fault"
+    assert log.ticks[-1].reason == "emergency stop"
+    assert log.ticks[-1].arm.state == 4
+    (stop,) = log.stops
+    assert stop.stopped_ns is not None
+
+
+@pytest.mark.parametrize("name", HELPERS)
+def test_a_killed_helper_stops_the_arm_and_ends_the_session_with_a_sentence(running, name):
+    running.helper(name).kill()
+    code, words, log = running.end()
+    assert code == 1
+    assert len(words.strip().splitlines()) == 1
+    assert words.startswith("tams: ")
+    assert not log.truncated
+    assert log.outcome.completed is False
+    assert all(tick.twist.is_zero for tick in log.ticks[-2:])
+    assert log.ticks[-1].arming == "fault"
+    if name != "rig":  # which is the arm
+        assert log.ticks[-1].arm.state == 4
+        assert log.stops
+
+
+def test_a_killed_session_leaves_a_readable_log_and_no_process(running):
+    running.process.kill()
+    code, _, log = running.end()
+    assert code == -signal.SIGKILL
+    assert log.truncated
+    assert len(log.ticks) > 100
