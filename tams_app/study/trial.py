@@ -70,7 +70,7 @@ class TrialJudge:
         """The verdict; `reason` says why the session ended if neither placed nor out of time."""
         if not self._placed or self._opened_ns is None or self._started_ns is None:
             return Outcome(False, False, None, self.drops, reason or "not placed in time")
-        time_s = (self._opened_ns - self._started_ns) / NS_PER_S
+        time_s = round((self._opened_ns - self._started_ns) / NS_PER_S, 3)
         completed = time_s <= self._config.limit_s
         success = (
             completed
