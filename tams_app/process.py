@@ -1,8 +1,9 @@
 """Helper processes: started, watched and ended by the session; and the helper's own side of it.
 
 A helper prints one JSON line when it is ready. Its standard input is a pipe from the session and
-carries nothing: when it closes, however the session died, the helper ends. Ctrl-C reaches the
-whole process group, so helpers ignore it and leave the order of stopping to the session.
+carries nothing: when it closes, however the session died, the helper ends. Helpers live in a
+session of their own: what the terminal does to the application (Ctrl-C, Ctrl-Z, hanging up) does
+not reach them, the guard least of all.
 """
 
 from __future__ import annotations
@@ -36,15 +37,19 @@ class HelperProcess:
 
     def start(self) -> None:
         """Start the process without waiting; see `wait_ready`."""
-        stderr = self._log_path.open("ab") if self._log_path else None
+        stderr = None
         try:
+            stderr = self._log_path.open("ab") if self._log_path else None
             self._process = subprocess.Popen(
                 self._command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 cwd=PROJECT_DIRECTORY,
+                start_new_session=True,
             )
+        except OSError as error:
+            raise HelperError(f"{self.name} could not be started: {error.strerror}") from error
         finally:
             if stderr is not None:
                 stderr.close()
@@ -66,10 +71,10 @@ class HelperProcess:
         reader.join(timeout_s)
         if reader.is_alive():
             raise HelperError(f"{self.name} was not ready within {timeout_s:g} s{self._where()}")
-        if not line:
-            process.wait(timeout=5)
-            raise HelperError(f"{self.name} could not start{self._where()}")
-        ready = json.loads(line)
+        try:
+            ready = json.loads(line)
+        except ValueError as error:
+            raise HelperError(f"{self.name} could not start{self._where()}") from error
         if "error" in ready:
             raise HelperError(str(ready["error"]))
         return dict(ready)

@@ -44,6 +44,12 @@ class Worker:
         if self._thread.is_alive():
             raise TamsError(f"thread {self.name} did not stop within {timeout_s:g} s")
 
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the body to end; whether it has."""
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
     @property
     def alive(self) -> bool:
         return self._thread.is_alive()

@@ -19,7 +19,7 @@ from tams_app.console.status import StatusLine
 from tams_app.console.table import summary_tables
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
-from tams_app.errors import TamsError
+from tams_app.errors import LogError, TamsError
 from tams_app.recording import read_log
 from tams_app.session.build import check_names
 from tams_app.session.folder import create_session_folder
@@ -29,7 +29,7 @@ from tams_app.study.figures import save_bitrates
 from tams_app.summary import summarise
 from tams_app.worker import Worker
 
-POLL_S = 0.1
+POLL_S = 0.05
 SUMMARY_NAME = "summary.json"
 FIGURE_NAME = "bitrates.png"
 
@@ -46,7 +46,11 @@ def run_session(config: Config, arm_at_once: bool) -> int:
             _watch(session, console)
         finally:
             session.close()
-    report_session(folder, console)
+    try:
+        report_session(folder, console)
+    except TamsError:
+        if not session.failure:  # else that is what matters, and the reason for this
+            raise
     if session.failure:
         raise TamsError(f"{session.failure} (the log is in {folder})")
     return 0
@@ -57,8 +61,11 @@ def report_session(folder: Path, console: Console | None = None) -> None:
     log = read_log(folder / LOG_NAME)
     summary: dict[str, Any] = summarise(log)
     text = json.dumps(summary, indent=2) + "\n"
-    (folder / SUMMARY_NAME).write_text(text, encoding="utf-8")
-    save_bitrates(log, folder / FIGURE_NAME)
+    try:
+        (folder / SUMMARY_NAME).write_text(text, encoding="utf-8")
+        save_bitrates(log, folder / FIGURE_NAME)
+    except OSError as error:
+        raise LogError(f"{folder}: the summary cannot be written: {error.strerror}") from error
     console = console or Console()
     console.print(summary_tables(summary))
     console.print(f"[bold]{folder}[/]", highlight=False)
@@ -70,6 +77,7 @@ def _watch(session: Session, console: Console) -> None:
         windows = _open_windows(session, stack)
         _read_keys(session, stack)
         line = stack.enter_context(StatusLine(console))
+        stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S if not windows else 1 / session.config.video.fps):
             session.poll()
             for window in windows:
@@ -125,7 +133,7 @@ def _read_keys(session: Session, stack: ExitStack) -> None:
 
 @contextmanager
 def _signals(session: Session) -> Iterator[None]:
-    """Ctrl-C and SIGTERM end the session in order, SIGUSR1 is an emergency stop."""
+    """Ctrl-C, SIGTERM and a closed terminal end the session in order, SIGUSR1 stops the arm."""
 
     def handle(number: int, _frame: FrameType | None) -> None:
         if number == signal.SIGUSR1:
@@ -133,7 +141,7 @@ def _signals(session: Session) -> Iterator[None]:
         else:
             session.request_end(f"ended by {signal.Signals(number).name}")
 
-    handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM, signal.SIGUSR1), handle)
+    handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1), handle)
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield

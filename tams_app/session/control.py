@@ -69,6 +69,8 @@ class ControlLoop:
         rate = FixedRate(self._clock, self._rate_hz)
         while not stop.is_set():
             due_ns = rate.wait()
+            if stop.is_set():
+                return  # whoever asked is about to stop the arm: that is no fault
             self.tick(due_ns, rate.skipped)
 
     def tick(self, due_ns: int, skipped: int = 0) -> TeleopOutput:
@@ -120,7 +122,7 @@ class ControlLoop:
         )
 
     def _act(self, output: TeleopOutput) -> None:
-        if output.stop:
+        if output.stop:  # state 4 ends every motion; a zero twist would only queue up behind it
             self._arm.stop()
         elif output.twist is not None:
             self._arm.send_twist(output.twist)

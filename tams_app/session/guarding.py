@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from hw.guard_link import GuardLink, guard_specification
@@ -13,16 +14,22 @@ from tams_app.teleop.safety import ArmingState, Reason
 
 SILENCE_NS = 200 * NS_PER_MS  # without an answer the guard is gone
 
-_ARMED = (ArmingState.READY, ArmingState.ENGAGED, ArmingState.HOLDING)
-
 
 class Guarding:
     """Starts the guard, beats it from the control loop, and turns its silence into a fault."""
 
-    def __init__(self, arm: ArmConfig, log_directory: Path, signals: Signals) -> None:
+    def __init__(
+        self,
+        arm: ArmConfig,
+        log_directory: Path,
+        signals: Signals,
+        note: Callable[[str, str], None],
+    ) -> None:
         specification = guard_specification(arm)
         self.process = HelperProcess("guard", "hw.guard", specification, log_directory)
         self._signals = signals
+        self._note = note
+        self._latched = False
         self._link: GuardLink | None = None
 
     def start(self) -> None:
@@ -34,12 +41,16 @@ class Guarding:
         ready = self.process.wait_ready()
         self._link = GuardLink(int(ready["port"]), SILENCE_NS)
 
-    def follow(self, arming: ArmingState) -> None:
-        """Arm and disarm the guard with the arm. In the control thread."""
+    def follow(self, arming: ArmingState, stopping: bool) -> None:
+        """Arm and disarm the guard with the arm; `stopping`: the arm does not stand yet.
+
+        In the control thread.
+        """
         link = self._link
-        if link is None or link.armed == (arming in _ARMED):
+        wanted = arming.is_armed or (stopping and link is not None and link.armed)
+        if link is None or link.armed == wanted:
             return
-        if arming in _ARMED:
+        if wanted:
             link.arm()
         else:
             link.disarm()
@@ -50,6 +61,9 @@ class Guarding:
         if link is None:
             return
         link.beat(now_ns)
+        if link.latched and not self._latched:
+            self._note("warning", "the guard stopped the arm: the control loop beat too late")
+        self._latched = link.latched
         if not link.alive(now_ns):
             self._signals.fault(Reason.GUARD_LOST)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 from tams_app import __version__
@@ -34,14 +35,18 @@ class Recorders:
         header = _header(config, started_ns, wall_offset_ns)
         free_mb = config.recording.min_free_mb
         self._clock = clock
-        self._log = Recorder(folder / LOG_NAME, header, clock, free_mb, on_failure)
         self._reference: ReferenceRecorder | None = None
-        if config.recording.record_reference:
-            self._reference = ReferenceRecorder(
-                folder / REFERENCE_NAME, wall_offset_ns, free_mb, on_failure
-            )
-            self._reference.start()
-        self._log.start()
+        with ExitStack() as stack:
+            self._log = Recorder(folder / LOG_NAME, header, clock, free_mb, on_failure)
+            stack.callback(self._log.close)
+            if config.recording.record_reference:
+                self._reference = ReferenceRecorder(
+                    folder / REFERENCE_NAME, wall_offset_ns, free_mb, on_failure
+                )
+                stack.callback(self._reference.close)
+                self._reference.start()
+            self._log.start()
+            self._stack = stack.pop_all()
         self._last_capacity_kbps: float | None = None
 
     def record(self, item: Recordable) -> None:
@@ -75,9 +80,7 @@ class Recorders:
 
     def close(self) -> None:
         """Write what is queued and finish the files."""
-        if self._reference is not None:
-            self._reference.close()
-        self._log.close()
+        self._stack.close()
 
 
 def _header(config: Config, started_ns: int, wall_offset_ns: int) -> Header:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 
 from hw.camera import Camera
@@ -90,8 +91,9 @@ class SimulatedRig:
 
     def close(self) -> None:
         """End the processes and give the shared memory back, however they ended."""
-        if self._truth is not None:
-            self._truth.close()
-        for helper in self.helpers.values():
-            helper.stop()
-        remove_memory(self._memory_name)
+        with ExitStack() as stack:  # one that fails keeps none of the others open
+            stack.callback(remove_memory, self._memory_name)
+            for helper in self.helpers.values():
+                stack.callback(helper.stop)
+            if self._truth is not None:
+                stack.callback(self._truth.close)

@@ -18,10 +18,8 @@ from tams_app.process import HelperProcess
 from tams_app.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.records import (
     Allocation,
-    ArmState,
     Frame,
     Note,
-    Outcome,
     PacketRecord,
     Phase,
     PhaseChange,
@@ -29,9 +27,10 @@ from tams_app.records import (
 )
 from tams_app.session import build
 from tams_app.session.captures import Capture
-from tams_app.session.control import ControlHooks, ControlLoop, describe
+from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.guarding import Guarding
 from tams_app.session.load import LoadMonitor
+from tams_app.session.observer import TickObserver
 from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import Recorders
 from tams_app.session.rig import SimulatedRig
@@ -42,14 +41,16 @@ from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.trial_loop import TrialLoop
 from tams_app.session.uplink import Uplink, UplinkRecords, primary_age_ns
 from tams_app.study.trial import TrialJudge
-from tams_app.teleop.records import TeleopOutput
-from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.teleop.safety import Reason
 from tams_app.video.networks import network_capacity, resolve_network
 from tams_app.worker import Worker
 
 STATE_STOPPED = 4  # of the Lite 6's controller
 STOP_PATIENCE_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
+LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
+CONTROL_PATIENCE_S = 0.1
+SUPERVISOR_PATIENCE_S = 10.0  # enabling the arm may be under way
 
 
 class Session:
@@ -71,7 +72,9 @@ class Session:
         self._network = resolve_network(config, config.network)
         self._judge = TrialJudge(config.trial, build.task_geometry())
         self._started_ns = clock.now_ns()
-        self._arming = ArmingState.DISARMED
+        self._arm: Lite6 | None = None
+        self._supervisor: ArmSupervisor | None = None
+        self._control: Worker | None = None
         self.board = StatusBoard(config.video.views)
 
     # --- start ----------------------------------------------------------------------------------
@@ -81,7 +84,7 @@ class Session:
         try:
             self._start()
         except BaseException:
-            self._stack.close()
+            self._unwind()
             raise
 
     def _start(self) -> None:
@@ -98,15 +101,24 @@ class Session:
         self._stack.callback(self._rig.close)
         self._rig.start()
         self._start_uplink(helper_logs)
+        self._go_on()
         self._rig.wait_ready()
         self._helpers.update(self._rig.helpers)
-        self._start_arm(helper_logs)
-        self._start_workers()
+        self._go_on()
+        arm, supervisor = self._start_arm(helper_logs)
+        self._go_on()
+        self._start_workers(arm, supervisor)
         gc.collect()
         gc.freeze()  # what lives as long as the session need not be looked at again
         self._stack.callback(gc.unfreeze)
-        control = self._build_control()
+        control = self._build_control(arm, supervisor)
+        self._go_on()
         self._control = self._run("control", lambda stop: self._control_thread(control, stop))
+
+    def _go_on(self) -> None:
+        """Between two stages of the start: TamsError if a part failed or we were told to end."""
+        if self.failure or self._requested_end:
+            raise TamsError(self.failure or f"{self._requested_end} before it had started")
 
     def _start_uplink(self, helper_logs: Path) -> None:
         epoch_ns = self._clock.now_ns()
@@ -126,26 +138,28 @@ class Session:
         first = self._policy.step(self._clock.now_ns(), Phase.REACH)
         self._uplink.start(first.target_kbps)
 
-    def _start_arm(self, helper_logs: Path) -> None:
+    def _start_arm(self, helper_logs: Path) -> tuple[Lite6, ArmSupervisor]:
         arm_config = self._rig.arm_config()
-        self._arm = Lite6(arm_config, self._clock, self.config.control.rate_hz)
-        self._stack.callback(self._arm.close)
-        self._guarding = Guarding(arm_config, helper_logs, self.signals)
+        self._guarding = Guarding(arm_config, helper_logs, self.signals, self.note)
         self._stack.callback(self._guarding.close)
         self._guarding.start()
-        self._arm.connect()
+        arm = Lite6(arm_config, self._clock, self.config.control.rate_hz)
+        self._stack.callback(arm.close)
+        arm.connect()
         if priority := self.config.control.realtime_priority:
-            for thread_id in self._arm.realtime_thread_ids.values():
+            for thread_id in arm.realtime_thread_ids.values():
                 use_fifo(priority - 1, thread_id)
+        supervisor = ArmSupervisor(arm, build.servo(self.config), self.note)
+        self._arm, self._supervisor = arm, supervisor
         self._guarding.wait_ready()
         self._helpers["guard"] = self._guarding.process
         self._controller = self._rig.controller(confirms=not self._arm_at_once)
         self._stack.callback(self._controller.close)
         self._controller.start()
+        return arm, supervisor
 
-    def _start_workers(self) -> None:
+    def _start_workers(self, arm: Lite6, supervisor: ArmSupervisor) -> None:
         config, clock = self.config, self._clock
-        self._supervisor = ArmSupervisor(self._arm, build.servo(config), self.note)
         self._stops = StopWatch(self._record)
         self._stack.callback(self._stops.finish)
         self._policy_loop = PolicyLoop(
@@ -155,7 +169,7 @@ class Session:
             before_step=self._before_policy,
             apply=self._apply_allocation,
         )
-        self._run("arm-supervisor", self._supervisor.run)
+        self._run("arm-supervisor", supervisor.run, SUPERVISOR_PATIENCE_S)
         self._run("policy", self._policy_loop.run)
         for camera in self._rig.cameras():
             camera.start()
@@ -165,29 +179,39 @@ class Session:
             )
             self._run(f"capture-{camera.view}", capture.run)
         self._run("load", LoadMonitor(clock, self._helper_pids(), self._record).run)
-        self._run("trial", self._build_trial().run)
+        self._run("trial", self._build_trial(arm).run)
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
         pids["relay"] = self._uplink.relay_pid
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def _build_control(self) -> ControlLoop:
+    def _build_control(self, arm: Lite6, supervisor: ArmSupervisor) -> ControlLoop:
         config = self.config
+        observer = TickObserver(
+            self._guarding,
+            supervisor,
+            self._judge,
+            self._stops,
+            self.board,
+            self.signals,
+            self.note,
+            self._arm_at_once,
+        )
         hooks = ControlHooks(
             beat=self._guarding.beat,
             video_age_ns=primary_age_ns(self._uplink, self._weights.primary_view),
-            request=self._supervisor.request,
-            arm_ready=lambda: self._supervisor.ready,
+            request=supervisor.request,
+            arm_ready=lambda: supervisor.ready,
             phase_began=self._on_phase,
             record=self._record,
-            output=self._on_output,
+            output=observer.observe,
         )
         return ControlLoop(
             self._clock,
             config.control.rate_hz,
             self._controller,
-            self._arm,
+            arm,
             build.teleop(config, self._network, self._uplink.rule),
             build.phase_tracker(config),
             build.smoothed_speed(config),
@@ -195,19 +219,21 @@ class Session:
             hooks,
         )
 
-    def _build_trial(self) -> TrialLoop:
+    def _build_trial(self, arm: Lite6) -> TrialLoop:
         return TrialLoop(
             self._clock,
             self._judge,
             self._rig.truth,
-            lambda: state.gripper_closed if (state := self._arm.state()) else None,
+            lambda: state.gripper_closed if (state := arm.state()) else None,
             self._record,
             ended=lambda: self.end("the trial is over"),
         )
 
-    def _run(self, name: str, body: Callable[[threading.Event], None]) -> Worker:
+    def _run(
+        self, name: str, body: Callable[[threading.Event], None], patience_s: float = 2.0
+    ) -> Worker:
         worker = Worker(name, body, self._on_worker_failure)
-        self._stack.callback(worker.stop)
+        self._stack.callback(worker.stop, patience_s)
         worker.start()
         return worker
 
@@ -216,8 +242,6 @@ class Session:
         self._recorders.fact("scheduler", scheduler.split(":")[0])
         if scheduler != "fifo":
             self.note("warning", f"control runs without real-time priority, {scheduler}")
-        if self._arm_at_once:
-            self.signals.confirm()
         self._recorders.phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
         control.run(stop)
 
@@ -256,7 +280,9 @@ class Session:
             self.failure = sentence
             self.note("error", sentence)
         self.signals.fault(Reason.SESSION_FAILED)
-        self._arm.stop()
+        if self._arm is not None and self._supervisor is not None:
+            self._supervisor.stopped()
+            self._arm.stop()
         self.end(sentence)
 
     def note(self, level: str, text: str) -> None:
@@ -273,53 +299,54 @@ class Session:
         now_ns = self._clock.now_ns()
         return self.board.snapshot(now_ns, self.elapsed_s(), self._uplink, self._capacity)
 
-    def close(self) -> Outcome:
-        """Stop the arm, then everything else in the reverse order of its start."""
-        if self.failure:
-            self._await_stop()  # so that the log shows how the arm stopped
-        self._control.request_stop()  # else it would take our stop for a fault
-        self._arm.stop()
-        outcome = self._judge.outcome(self._end_reason)
-        self._record(outcome)
-        self._stack.close()
-        return outcome
+    def stop_arm(self) -> None:
+        """Stop the arm: the first thing when a session ends; may be called twice.
 
-    def _await_stop(self) -> None:
-        """Wait, but not for long, until the arm reports that it has stopped."""
+        The control loop ends before, or it would take our stop for a fault; if it hangs, the stop
+        is sent all the same.
+        """
+        arm, supervisor, control = self._arm, self._supervisor, self._control
+        if arm is None or supervisor is None:
+            return
+        if control is not None:
+            if self.failure:
+                self._await_stop(arm, control)  # so that the log shows how the arm stopped
+            control.request_stop()
+            control.join(CONTROL_PATIENCE_S)
+        supervisor.stopped()
+        arm.stop()
+
+    def close(self) -> None:
+        """Stop the arm, then everything else in the reverse order of its start.
+
+        What fails on the way is kept in `failure`, unless there is one already.
+        """
+        try:
+            self.stop_arm()
+            self._record(self._judge.outcome(self._end_reason))
+        finally:
+            self._unwind()
+
+    def _unwind(self) -> None:
+        try:
+            self._stack.close()
+        except (TamsError, OSError) as failure:
+            self.failure = self.failure or str(failure)
+
+    def _await_stop(self, arm: Lite6, control: Worker) -> None:
+        """Wait, but not for long, until the log has the arm's report that it has stopped."""
         deadline_ns = self._clock.now_ns() + STOP_PATIENCE_NS
-        while self._control.alive and self._clock.now_ns() < deadline_ns:
-            state = self._arm.state()
+        while control.alive and self._clock.now_ns() < deadline_ns:
+            state = arm.state()
             if state is not None and state.state == STATE_STOPPED:
-                return
+                deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
 
     # --- called by the parts --------------------------------------------------------------------
 
     def _on_worker_failure(self, name: str, failure: BaseException) -> None:
-        if name == "control":
-            self._arm.stop()
         sentence = str(failure) if isinstance(failure, TamsError) else f"{name}: {failure!r}"
         self.fail(sentence)
-
-    def _on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        """In the control thread, after each tick."""
-        self._guarding.follow(output.arming)
-        if output.stop:
-            self._supervisor.stopped()
-        if output.arming is ArmingState.ENGAGED:
-            self._judge.engaged(now_ns)
-        if output.arming is not self._arming:
-            self._arming = output.arming
-            self._note_arming(output)
-        self._stops.observe(now_ns, output, arm)
-        self.board.tick(output)
-
-    def _note_arming(self, output: TeleopOutput) -> None:
-        if output.reason is None:
-            self.note("info", output.arming.value)
-        else:
-            what = f"{output.arming.value}, {describe(output)}"
-            self.note("warning", f"{what}. {output.reason.sentence}")
 
     def _on_phase(self, change: PhaseChange) -> None:
         self._recorders.phase(change)

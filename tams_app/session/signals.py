@@ -25,7 +25,7 @@ class Signals:
     def __init__(self) -> None:
         self._confirm = False
         self._estop = False
-        self._faults: tuple[Reason, ...] = ()
+        self._faults: dict[Reason, None] = {}
 
     def confirm(self) -> None:
         """The operator agrees: arm, or clear a fault."""
@@ -37,12 +37,11 @@ class Signals:
 
     def fault(self, reason: Reason) -> None:
         """Something the arm must not move without is gone, until the session ends."""
-        if reason not in self._faults:
-            self._faults = (*self._faults, reason)
+        self._faults[reason] = None  # one operation: two threads never lose one of two faults
 
     def take(self) -> Pending:
         """Everything pending; confirmations and stops are used up by this."""
-        pending = Pending(self._confirm, self._estop, self._faults)
+        pending = Pending(self._confirm, self._estop, tuple(self._faults))
         # only what was seen is used up: a stop that comes in between is taken by the next tick
         if pending.confirm:
             self._confirm = False

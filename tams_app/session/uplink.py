@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -118,12 +119,12 @@ class Uplink:
         return sum(sender.stats().wire_bytes for sender in self._senders.values())
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the picture shown of `view`; None before the first."""
+        """Age of the picture shown of `view`; None before the first, and if nobody knows."""
         shown = self.receivers[view].mailbox.latest()
         if shown is None:
             return None
         capture_ns = self.times[view].of(shown.index)
-        return now_ns - (capture_ns if capture_ns is not None else shown.shown_ns)
+        return None if capture_ns is None else now_ns - capture_ns
 
     def poll(self) -> str:
         """The first failure of any stream in one sentence, "" while all work."""
@@ -133,12 +134,13 @@ class Uplink:
 
     def close(self) -> None:
         """Stop everything that was started."""
-        for sender in self._senders.values():
-            sender.close()
-        for receiver in self.receivers.values():
-            receiver.close()
-        if self._relay is not None:
-            self._relay.close()
+        with ExitStack() as stack:  # one that fails keeps none of the others open
+            if self._relay is not None:
+                stack.callback(self._relay.close)
+            for receiver in self.receivers.values():
+                stack.callback(receiver.close)
+            for sender in self._senders.values():
+                stack.callback(sender.close)
 
 
 def primary_age_ns(uplink: Uplink, primary: Callable[[Phase], str]) -> Callable[[int, Phase], int]:
