@@ -1,7 +1,7 @@
 """The guard: a helper process that stops the arm when the control loop's heartbeat ends.
 
 `python -m hw.guard SPECIFICATION`, which is `guard_specification` as JSON; the ready line holds the
-UDP `port` for the heartbeats.
+UDP `port` for the heartbeats and the `scheduler` that was granted.
 It has its own connection to the arm and shares nothing with the application: one that was killed,
 stopped or stalled still stops the arm.
 """
@@ -127,7 +127,7 @@ class Guard:
 def main() -> None:
     """The process: set up, say ready, watch until told to end."""
     side = HelperSide()
-    use_fifo(GUARD_PRIORITY)
+    scheduler = use_fifo(GUARD_PRIORITY)
     specification = side.specification
     arm = StopChannel(
         specification["host"],
@@ -145,7 +145,7 @@ def main() -> None:
             return
         try:
             guard = Guard(heartbeats, watch, arm, MonotonicClock())
-            side.ready(port=heartbeats.getsockname()[1])
+            side.ready(port=heartbeats.getsockname()[1], scheduler=scheduler)
             while not side.stop_requested.is_set():
                 guard.step()
             guard.farewell()

@@ -95,7 +95,6 @@ class GuardLink:
         self._sequence = 0
         self._armed = False
         self._heard_ns: int | None = None
-        self.last_ack_ns: int | None = None
         self.latched = False
         self.arm_lost = False
 
@@ -153,7 +152,6 @@ class GuardLink:
                 return
             if answer is None or answer.arming != self._arming:
                 continue
-            self.last_ack_ns = now_ns
             self._heard_ns = now_ns
             self.latched = answer.latched
             self.arm_lost = answer.arm_lost

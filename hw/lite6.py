@@ -8,7 +8,9 @@ know: it is whatever answers at the configured host and ports.
 
 from __future__ import annotations
 
+import contextlib
 import threading
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -59,7 +61,8 @@ class Lite6(Arm):
     def enable(self, servo: ServoMode) -> None:
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
-        connection.make_ready(_MODES[servo])
+        with self._stopped_on_failure():
+            connection.make_ready(_MODES[servo])
         motion = connection.reports.motion
         with self._stop_lock:
             if motion is not None and self._stops == stops:
@@ -77,17 +80,18 @@ class Lite6(Arm):
             raise DeviceError(f"A joint speed of {speed:g} rad/s is outside the Lite 6's limits.")
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
-        connection.make_ready(Mode.POSITION)
-        with connection.patiently():
-            code = connection.api.set_servo_angle(
-                angle=goal.tolist(),
-                speed=speed,
-                mvacc=READY_ACCELERATION_RAD_S2,
-                is_radian=True,
-                wait=False,  # the SDK's own waiting cannot be interrupted
-            )
-        if self._stops == stops:
-            accept(code, "the move")
+        with self._stopped_on_failure():
+            connection.make_ready(Mode.POSITION)
+            with connection.patiently():
+                code = connection.api.set_servo_angle(
+                    angle=goal.tolist(),
+                    speed=speed,
+                    mvacc=READY_ACCELERATION_RAD_S2,
+                    is_radian=True,
+                    wait=False,  # the SDK's own waiting cannot be interrupted
+                )
+            if self._stops == stops:
+                accept(code, "the move")
         self._await_arrival(connection, goal, stops, timeout_s)
 
     def state(self) -> ArmState | None:
@@ -158,12 +162,19 @@ class Lite6(Arm):
         connection.sender.forget_failure()
 
     def close(self) -> None:
+        """Stop the arm and hang up; DeviceError, with all closed, if it acknowledged no stop."""
         self.stop()
         with self._stop_lock:
             connection, self._connection = self._connection, None
-        if connection is not None:
-            connection.stop.wait_acknowledged(STOP_TIMEOUT_S)
-            connection.close()
+        if connection is None:
+            return
+        connection.stop.wait_acknowledged(STOP_TIMEOUT_S)
+        connection.close()
+        if connection.stop.pending:
+            raise DeviceError(
+                "The arm did not acknowledge its last stop; "
+                "press the emergency stop button unless it stands still."
+            )
 
     @property
     def realtime_thread_ids(self) -> dict[str, int]:
@@ -186,6 +197,15 @@ class Lite6(Arm):
         if self._connection is None:
             raise DeviceError("The arm is not connected; connect it first.")
         return self._connection
+
+    @contextlib.contextmanager
+    def _stopped_on_failure(self) -> Iterator[None]:
+        """Inside, the arm becomes ready to move: if anything fails there it is stopped again."""
+        try:
+            yield
+        except BaseException:
+            self.stop()
+            raise
 
     def _await_arrival(
         self, connection: Lite6Connection, goal: Vector, stops: int, timeout_s: float

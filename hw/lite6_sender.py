@@ -68,7 +68,8 @@ class CommandSender:
         self._slow = 0
         self._acknowledged_ns = clock.now_ns()
         self._round_trip_ns = 0
-        self.failure = ""  # one sentence: why commands no longer get through
+        self._failure = ""
+        self._death = ""  # of the thread, which nothing but a new connection brings back
         self.gripper_closed: bool | None = None
         self.native_id: int | None = None
 
@@ -79,16 +80,20 @@ class CommandSender:
 
     def open(self, servo: ServoMode, start: Pose) -> None:
         """Begin anew without failure; pose steps are counted from `start`, the measured TCP."""
-        self._misses = 0
+        self.forget_failure()
         self._last_pose = start
         self._read_back = None
-        self.failure = ""
         self._outbox.open(servo)
 
     def forget_failure(self) -> None:
-        """The operator has dealt with it."""
+        """The operator has dealt with it; the end of the thread stays a failure."""
         self._misses = 0
-        self.failure = ""
+        self._failure = ""
+
+    @property
+    def failure(self) -> str:
+        """Why commands no longer get through, in one sentence; "" if they do."""
+        return self._death or self._failure
 
     @property
     def link(self) -> CommandLink:
@@ -132,6 +137,8 @@ class CommandSender:
             send = self._pose_call(motion)
         if refusal:
             self._fail(opening, refusal)
+            return
+        if not self._outbox.is_current(opening):
             return
         self._sent += 1
         self._last_pose = motion if isinstance(motion, Pose) else None
@@ -179,12 +186,12 @@ class CommandSender:
         sync = self._api.version_number < (2, 4, 101)
         call = self._api.close_lite6_gripper if closed else self._api.open_lite6_gripper
         for _ in range(GRIPPER_ATTEMPTS):
+            if not self._outbox.is_current(opening):  # stopped, or the last attempt was a failure
+                return
             self._sent += 1
             if self._call(opening, "a gripper command", lambda: int(call(sync=sync))):
                 self.gripper_closed = closed
                 self._read_back = _ReadBack(closed, self._clock.now_ns() + READ_BACK_AFTER_NS)
-                return
-            if self.failure:
                 return
 
     def _check_gripper(self, opening: int) -> None:
@@ -252,11 +259,10 @@ class CommandSender:
 
     def _fail(self, opening: int, sentence: str) -> None:
         """Keep the first failure; a reply to something older than the last stop is none."""
-        if self._outbox.is_current(opening) and not self.failure:
-            self.failure = sentence
+        if self._outbox.is_current(opening) and not self._failure:
+            self._failure = sentence
             self._outbox.shut()
 
     def _on_death(self, name: str, failure: BaseException) -> None:
-        sentence = f"The thread {name} ended ({failure}); please report this error."
-        self.failure = sentence
+        self._death = f"The thread {name} ended ({failure}); please report this error."
         self._outbox.shut()

@@ -60,7 +60,10 @@ class Lite6Connection:
             self.stop.start()
             self.stop.request_stop()
             if not self.stop.wait_acknowledged(STOP_TIMEOUT_S):
-                raise DeviceError(self.stop.failure)
+                raise DeviceError(
+                    self.stop.failure
+                    or "The arm does not acknowledge a stop; restart its control box."
+                )
             self.reports = ReportReader(config.host, config.report_port, clock)
             opened.callback(self.reports.close)
             self.reports.start()

@@ -18,7 +18,7 @@ KEEPALIVE_MISSES = 2
 class StopChannel:
     """Sends controller state 4 when asked, again and again until the controller acknowledges it.
 
-    A request during a stop is served by that stop. A broken connection is made anew for a stop.
+    A request during a stop is sent after it. A broken connection is made anew for a stop.
     Between stops a keep-alive shows whether the channel would work: see `failure`.
     """
 

@@ -41,6 +41,9 @@ def _main(arguments: list[str]) -> int:
             raise
         typer.echo(f"tams: {error}", err=True)
         return error.exit_code
+    except OSError as error:  # what files do is handled where they are used
+        typer.echo(f"tams: standard output cannot be written: {error.strerror}", err=True)
+        return 1
     except TyperException as error:
         typer.echo(f"tams: {error.format_message()} (see run_tams.py --help)", err=True)
         return 2

@@ -39,6 +39,15 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _yes_is_no_number(cls, data: Any) -> Any:
+        for name, value in data.items() if isinstance(data, dict) else ():
+            field = cls.model_fields.get(name)
+            if isinstance(value, bool) and field is not None and field.annotation in (int, float):
+                raise ValueError(f"{name} must be a number, not {str(value).lower()}")
+        return data
+
 
 def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
     """Time [s] from `speed` [m/s] to rest under `acceleration` [m/s²] and `jerk` [m/s³]."""
@@ -70,7 +79,6 @@ class ArmConfig(Section):
     tcp_load_centre_mm: Triple = (0, 0, 40)
     collision_sensitivity: Annotated[int, Field(ge=1, le=5)] = 3
     ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)  # TCP (350, 0, 180) mm, gripper down
-    ready_speed_deg_s: Annotated[float, Field(gt=0, le=60)] = 20.0
     pose_gain_per_s: Positive = 4.0  # outer P-loop of the velocity servo
     guard: GuardConfig = GuardConfig()
 
@@ -306,6 +314,15 @@ class VideoConfig(Section):
     first_port: Port = 0  # 0: any free ports; else three per view from here on
     pli_min_interval_ms: Positive = 300.0
 
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len(set(self.views)) != len(self.views) or not self.views:
+            raise ValueError(f"views must be different names, at least one: {list(self.views)}")
+        last = self.first_port + 3 * len(self.views) - 1
+        if self.first_port and last > 65535:
+            raise ValueError(f"first_port leaves no room for {3 * len(self.views)} ports")
+        return self
+
 
 class Network(Section):
     """One uplink condition; rate_kbps None means no bottleneck, a trace replaces the rate."""
@@ -314,7 +331,7 @@ class Network(Section):
     jitter_ms: NonNegative = 0.0
     loss: Fraction = 0.0
     loss_burst: Annotated[float, Field(ge=1)] = 1.0  # mean burst length; 1 is independent loss
-    rate_kbps: Positive | None = None
+    rate_kbps: Annotated[float, Field(ge=1, le=1e9)] | None = None
     trace: str | None = None  # file; its rates take the place of rate_kbps
     queue_ms: Positive = 150.0
     queue_min_bytes: Annotated[int, Field(ge=1500)] = 30_000
@@ -408,23 +425,22 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     Raises ConfigError with file, key and reason.
     """
     path = path or DEFAULT_CONFIG
-    content = _read_with_includes(path)
-    for dotted, value in (overrides or {}).items():
-        *parents, leaf = dotted.split(".")
-        section = content
-        for parent in parents:
-            section = section.setdefault(parent, {})
-        section[leaf] = value
+    content = _read_with_includes(path, ())
+    overrides = overrides or {}
+    for dotted, value in overrides.items():
+        _override(content, dotted, value, path)
     try:
         return Config.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(f"{path}: {describe_validation_error(error)}") from error
+        key = _key(error)
+        source = "command line" if key in overrides else str(path)
+        raise ConfigError(f"{source}: {describe_validation_error(error)}") from error
 
 
 def describe_validation_error(error: ValidationError) -> str:
     """One sentence for the first thing that is wrong: key and reason."""
     first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
+    key = _key(error)
     reason = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":
         reason = "no such key"
@@ -433,14 +449,32 @@ def describe_validation_error(error: ValidationError) -> str:
     return f"{key}: {reason}{more}" if key else f"{reason}{more}"
 
 
-def _read_with_includes(path: Path) -> dict[str, Any]:
+def _key(error: ValidationError) -> str:
+    return ".".join(str(part) for part in error.errors()[0]["loc"])
+
+
+def _override(content: dict[str, Any], dotted: str, value: Any, path: Path) -> None:
+    *parents, leaf = dotted.split(".")
+    section = content
+    for parent in parents:
+        section = section.setdefault(parent, {})
+        if not isinstance(section, dict):
+            raise ConfigError(f"{path}: {parent}: must hold keys and values")
+    section[leaf] = value
+
+
+def _read_with_includes(path: Path, including: tuple[Path, ...]) -> dict[str, Any]:
+    """The content of `path` over that of the files it includes; `including`: how we got here."""
+    resolved = path.resolve()
+    if resolved in including:
+        raise ConfigError(f"{path}: include: the file includes itself")
     content = _read_yaml(path)
     includes = content.pop("include", [])
-    if not isinstance(includes, list):
+    if not isinstance(includes, list) or not all(isinstance(name, str) for name in includes):
         raise ConfigError(f"{path}: include: must be a list of file names")
     merged: dict[str, Any] = {}
     for name in includes:
-        _lay_over(merged, _read_with_includes(path.parent / str(name)))
+        _lay_over(merged, _read_with_includes(path.parent / name, (*including, resolved)))
     _lay_over(merged, content)
     return merged
 
@@ -450,7 +484,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         line = " ".join(str(error).split())
         raise ConfigError(f"{path}: is not valid YAML: {line}") from error
     if not isinstance(content, dict):

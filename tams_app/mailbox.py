@@ -13,31 +13,14 @@ class Mailbox(Generic[T]):
     """Holds the newest item only; putting never blocks, an unread item is overwritten."""
 
     def __init__(self) -> None:
-        self._condition = threading.Condition()
         self._item: T | None = None
-        self._version = 0
 
     def put(self, item: T) -> None:
-        with self._condition:
-            self._item = item
-            self._version += 1
-            self._condition.notify_all()
+        self._item = item
 
     def latest(self) -> T | None:
         """The newest item, read or not; None before the first."""
-        with self._condition:
-            return self._item
-
-    def versioned(self) -> tuple[int, T | None]:
-        """The number of items put so far, and the newest of them."""
-        with self._condition:
-            return self._version, self._item
-
-    def wait_newer(self, version: int, timeout_s: float) -> tuple[int, T | None]:
-        """Wait until more than `version` items were put or the time is over; see `versioned`."""
-        with self._condition:
-            self._condition.wait_for(lambda: self._version > version, timeout_s)
-            return self._version, self._item
+        return self._item
 
 
 class BoundedQueue(Generic[T]):

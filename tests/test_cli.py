@@ -3,11 +3,14 @@
 import csv
 import io
 import json
+import subprocess
+import sys
 
 import pytest
 
 from tams_app import __version__
 from tams_app.cli import _main
+from tams_app.process import PROJECT_DIRECTORY
 
 
 def run(capsys, *arguments):
@@ -104,3 +107,20 @@ def test_debug_shows_where_it_came_from():
 
     with pytest.raises(ConfigError):
         _main(["--debug", "allocate", "--phase", "LUNCH", "--budget-kbps", "1"])
+
+
+def test_a_full_standard_output_is_one_sentence(tmp_path):
+    table = tmp_path / "speeds.csv"
+    table.write_text("t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n0,0,0,0,0\n")
+    with open("/dev/full", "w") as full:
+        result = subprocess.run(
+            [sys.executable, "run_tams.py", "phases", str(table)],
+            cwd=PROJECT_DIRECTORY,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+    assert result.returncode == 1
+    assert result.stderr == "tams: standard output cannot be written: No space left on device\n"

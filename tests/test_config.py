@@ -47,10 +47,13 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"video.views": ["eih", "gt"]}, "policy.weights name"),
         ({"limits.box_min_mm": [0, 0, 500]}, "box_min_mm must be below box_max_mm"),
         ({"version": 2}, "version"),
+        ({"video.views": ["eih", "gt", "gs", "eih"]}, "views must be different"),
+        ({"video.first_port": 65530}, "first_port leaves no room"),
+        ({"networks.s2.rate_kbps": 1e-300}, "networks.s2.rate_kbps"),
     ],
 )
 def test_a_wrong_value_is_named_with_file_key_and_reason(overrides, sentence):
-    with pytest.raises(ConfigError, match=f"{DEFAULT_CONFIG.name}: .*{sentence}"):
+    with pytest.raises(ConfigError, match=f"(command line|{DEFAULT_CONFIG.name}): .*{sentence}"):
         load_config(None, overrides)
 
 
@@ -61,6 +64,10 @@ def test_a_wrong_value_is_named_with_file_key_and_reason(overrides, sentence):
         ("- 1\n- 2\n", "must hold keys and values"),
         ("version: 1\ninclude: [missing.yaml]\n", "missing.yaml: cannot be read"),
         ("version: 1\ninclude: 3\n", "include: must be a list"),
+        ("version: 1\ninclude: [{a: 1}]\n", "include: must be a list of file names"),
+        ("version: 1\ninclude: [bad.yaml]\n", "the file includes itself"),
+        ("a: 2020-13-45\n", "is not valid YAML"),
+        ("[" * 5000, "is not valid YAML"),
     ],
 )
 def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
@@ -69,6 +76,23 @@ def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
     with pytest.raises(ConfigError, match=sentence) as caught:
         load_config(path)
     assert "\n" not in str(caught.value)
+
+
+def test_yes_is_no_number():
+    with pytest.raises(ConfigError, match="seed must be a number, not true"):
+        load_config(None, {"seed": True})
+
+
+def test_an_option_is_not_blamed_on_the_file():
+    with pytest.raises(ConfigError, match=r"^command line: seconds: "):
+        load_config(None, {"seconds": -1})
+
+
+def test_an_option_for_a_section_that_is_none_is_one_sentence(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("version: 1\npolicy: 3\n")
+    with pytest.raises(ConfigError, match=r"bad\.yaml: policy: must hold keys and values"):
+        load_config(path, {"policy.budget.mode": "oracle"})
 
 
 def test_a_missing_file_is_one_sentence(tmp_path):

@@ -25,6 +25,7 @@ WALLS = {
     "tams_app/video": ("tams_app.teleop", "tams_app.policy", "tams_app.session", "hw"),
     "tams_app/recording": ("tams_app.session", "tams_app.console", "hw"),
     "tams_app/summary": ("tams_app.session", "tams_app.console", "hw"),
+    "tams_app/session": ("tams_app.console",),
     "hw": ("tams_app.session", "tams_app.teleop", "tams_app.policy", "tams_app.video"),
 }
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -11,35 +9,12 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from tams_app.session.status import StatusSnapshot, ViewStatus
+
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 5.0  # where the output is no terminal
 
 _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red"}
-
-
-@dataclass(frozen=True, slots=True)
-class ViewStatus:
-    """One view at this moment; None while nothing is known."""
-
-    target_kbps: float | None
-    sent_kbps: float | None
-    shown_age_ms: float | None  # age of the picture on the screen, counted from its capture
-
-
-@dataclass(frozen=True, slots=True)
-class StatusSnapshot:
-    """What the session knows at one moment; `reason` is why the arm held or stopped last."""
-
-    t_s: float
-    arming: str
-    deadman: bool
-    orientation_mode: bool
-    phase: str
-    reason: str
-    views: Mapping[str, ViewStatus]
-    link_kbps: float | None
-    capacity_kbps: float | None
-    queue_ms: float | None
 
 
 def status_lines(snapshot: StatusSnapshot) -> list[str]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from pathlib import Path
 
 from tams_app.config import Config, dump_config
-from tams_app.errors import LogError
-
-_BYTES_PER_MB = 1_000_000
+from tams_app.errors import ConfigError, LogError
+from tams_app.recording.disk import require_free_space
 
 
 def create_session_folder(config: Config, now: time.struct_time | None = None) -> Path:
@@ -19,10 +17,10 @@ def create_session_folder(config: Config, now: time.struct_time | None = None) -
     disk is nearly full.
     """
     stamp = time.strftime("%Y%m%d-%H%M%S", now or time.localtime())
-    parent = Path(config.recording.directory).expanduser().resolve()
+    parent = recording_directory(config)
     try:
         parent.mkdir(parents=True, exist_ok=True)
-        check_free_space(parent, config.recording.min_free_mb)
+        require_free_space(parent, config.recording.min_free_mb)
         folder = _make_unique(parent, f"{stamp}-{config.name}")
         (folder / "config.yaml").write_text(dump_config(config), encoding="utf-8")
     except OSError as error:
@@ -33,14 +31,12 @@ def create_session_folder(config: Config, now: time.struct_time | None = None) -
     return folder
 
 
-def check_free_space(directory: Path, min_free_mb: float) -> None:
-    """LogError if less than `min_free_mb` is free on the disk of `directory`."""
-    free_mb = shutil.disk_usage(directory).free / _BYTES_PER_MB
-    if free_mb < min_free_mb:
-        raise LogError(
-            f"{directory}: only {free_mb:.0f} MB are free, {min_free_mb:.0f} MB are needed: "
-            "make room, or choose another disk with --out"
-        )
+def recording_directory(config: Config) -> Path:
+    """Where session folders are made, absolute; ConfigError if it names no folder."""
+    try:
+        return Path(config.recording.directory).expanduser().resolve()
+    except (RuntimeError, OSError) as error:  # ~nobody-of-that-name, a loop of links
+        raise ConfigError(f"recording.directory: {error}") from error
 
 
 def _make_unique(parent: Path, name: str) -> Path:

@@ -17,7 +17,6 @@ from tams_app.records import Frame, LinkCapacity, PacketRecord, PhaseChange
 
 LOG_NAME = "session.mcap"
 REFERENCE_NAME = "reference.mcap"
-_CAPACITY_WINDOW_NS = 50_000_000
 
 
 class Recorders:
@@ -48,6 +47,7 @@ class Recorders:
             self._log.start()
             self._stack = stack.pop_all()
         self._last_capacity_kbps: float | None = None
+        self._capacity_ns = started_ns
 
     def record(self, item: Recordable) -> None:
         """Keep one record in the log."""
@@ -72,8 +72,9 @@ class Recorders:
         self._log.record(Facts(self._clock.now_ns(), {name: value}))
 
     def capacity(self, now_ns: int, capacity: Capacity) -> None:
-        """Keep what the link truly carries, when that has changed."""
-        kbps = capacity.mean_kbps(now_ns - _CAPACITY_WINDOW_NS, now_ns)
+        """Keep what the link has truly carried since the last call, when that has changed."""
+        kbps = capacity.mean_kbps(self._capacity_ns, now_ns)
+        self._capacity_ns = now_ns
         if kbps != self._last_capacity_kbps:
             self._last_capacity_kbps = kbps
             self._log.record(LinkCapacity(now_ns, kbps))

@@ -11,7 +11,6 @@ from pathlib import Path
 from hw.lite6 import Lite6
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
-from tams_app.console.status import StatusSnapshot
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
 from tams_app.process import HelperProcess
@@ -35,7 +34,7 @@ from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import Recorders
 from tams_app.session.rig import SimulatedRig
 from tams_app.session.signals import Signals
-from tams_app.session.status import StatusBoard
+from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.stops import StopWatch
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.trial_loop import TrialLoop

@@ -4,16 +4,42 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from tams_app.capacity import Capacity
 from tams_app.clock import NS_PER_MS, NS_PER_S
-from tams_app.console.status import StatusSnapshot, ViewStatus
 from tams_app.records import Allocation, PacketKind, PacketRecord, Phase
 from tams_app.session.control import describe
 from tams_app.session.uplink import Uplink
 from tams_app.teleop.records import TeleopOutput
 
 WINDOW_NS = 1 * NS_PER_S
+
+
+@dataclass(frozen=True, slots=True)
+class ViewStatus:
+    """One view at this moment; None while nothing is known."""
+
+    target_kbps: float | None
+    sent_kbps: float | None
+    shown_age_ms: float | None  # age of the picture on the screen, counted from its capture
+
+
+@dataclass(frozen=True, slots=True)
+class StatusSnapshot:
+    """What the session knows at one moment; `reason` is why the arm held or stopped last."""
+
+    t_s: float
+    arming: str
+    deadman: bool
+    orientation_mode: bool
+    phase: str
+    reason: str
+    views: Mapping[str, ViewStatus]
+    link_kbps: float | None
+    capacity_kbps: float | None
+    queue_ms: float | None
 
 
 class StatusBoard:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from tams_app.console.status import StatusLine, StatusSnapshot, ViewStatus, status_lines
+from tams_app.console.status import StatusLine, status_lines
+from tams_app.session.status import StatusSnapshot, ViewStatus
 
 SNAPSHOT = StatusSnapshot(
     t_s=72.34,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import subprocess
@@ -27,6 +28,7 @@ from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock
 from tams_app.config import ArmConfig
 from tams_app.errors import HelperError
 from tams_app.process import HelperProcess
+from tams_app.realtime import NOT_PERMITTED
 
 from .controller_rig import ControllerRig, controller, until
 
@@ -170,9 +172,8 @@ def test_answers_keep_the_guard_alive_and_tell_of_its_stop(
     assert heartbeat is not None
     answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, heartbeat.arming, heartbeat.sequence, True)
     silent_guard.sendto(answer.encode(), sender)
-    assert until(lambda: link.beat(TIMEOUT_NS) or link.last_ack_ns == TIMEOUT_NS)
+    assert until(lambda: link.beat(TIMEOUT_NS) or link.latched)
     assert link.alive(2 * TIMEOUT_NS)
-    assert link.latched
 
 
 def test_a_guard_that_lost_the_arm_is_not_alive(
@@ -216,7 +217,8 @@ class GuardedArm:
             None,
         )
         self.process.start()
-        self.link = GuardLink(self.process.wait_ready()["port"], silence_ns=NS_PER_S)
+        self.ready = self.process.wait_ready()
+        self.link = GuardLink(self.ready["port"], silence_ns=NS_PER_S)
         self._clock = MonotonicClock()
         self._beating = threading.Event()
 
@@ -261,7 +263,6 @@ def test_while_the_heart_beats_the_arm_is_left_alone_and_then_stopped_until_arme
     guarded.link.arm()
     guarded.beat_for(0.8)
     assert not guarded.stopped
-    assert guarded.link.last_ack_ns is not None
     assert until(lambda: guarded.stopped)
     guarded.beat_for(0.1)
     assert guarded.link.latched
@@ -270,6 +271,16 @@ def test_while_the_heart_beats_the_arm_is_left_alone_and_then_stopped_until_arme
     guarded.beat_for(0.5)
     assert not guarded.stopped
     assert not guarded.link.latched
+
+
+def test_the_ready_line_tells_the_scheduler_that_the_guard_was_granted(
+    guarded: GuardedArm,
+) -> None:
+    pid = guarded.process.pid
+    assert pid is not None
+    scheduler = guarded.ready["scheduler"]
+    assert scheduler in ("fifo", NOT_PERMITTED)
+    assert (scheduler == "fifo") == (os.sched_getscheduler(pid) == os.SCHED_FIFO)
 
 
 def test_disarmed_first_the_guard_ends_without_a_stop(guarded: GuardedArm) -> None:

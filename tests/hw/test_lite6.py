@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +15,15 @@ import hw.lite6_setup
 import hw.sim.controller_registers
 from hw.arm import ServoMode
 from hw.lite6 import Lite6
-from hw.sim.controller_codes import Register, State
+from hw.lite6_outbox import Outbox, Work
+from hw.sim.controller_codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller_model import ReportKind
 from tams_app.clock import MonotonicClock
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Twist
 
-from .controller_rig import ControllerRig, controller, until
+from .controller_rig import WITHIN_S, ControllerRig, controller, until
 
 SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
 
@@ -120,6 +121,24 @@ def test_a_peer_that_accepts_but_does_not_answer_is_told_apart() -> None:
         with pytest.raises(DeviceError, match="does not answer"):
             arm.connect()
         arm.close()
+
+
+def test_an_arm_that_does_not_acknowledge_the_first_stop_is_refused_in_a_sentence(
+    rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hw.lite6_setup, "STOP_TIMEOUT_S", 0.1)  # before the first attempt ends
+    handle = rig.model.handle
+
+    def silent_from_the_stop_on(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register == Register.SET_STATE:
+            rig.server.reply_delay_s = 30.0
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = silent_from_the_stop_on  # type: ignore[method-assign]
+    arm = make_arm(rig.config(reply_timeout_s=1.0))
+    with pytest.raises(DeviceError, match="does not acknowledge a stop"):
+        arm.connect()
+    arm.close()
 
 
 def test_reports_at_the_controllers_true_rates_will_do() -> None:
@@ -238,7 +257,7 @@ def test_replies_later_than_a_period_are_counted_as_slow_but_are_no_failure(
 def test_an_arm_that_no_longer_answers_is_a_failure(rig: ControllerRig, arm: Lite6) -> None:
     rig.server.reply_delay_s = 30.0
     assert send_until(arm, "does not answer")
-    rig.server.reply_delay_s = 0.0
+    answer_again(rig)
 
 
 def test_a_stop_does_not_wait_for_a_hanging_command(rig: ControllerRig, arm: Lite6) -> None:
@@ -248,7 +267,7 @@ def test_a_stop_does_not_wait_for_a_hanging_command(rig: ControllerRig, arm: Lit
     assert until(lambda: arm.link().sent > before.sent)
     arm.stop()
     assert until(lambda: rig.model.state == State.STOPPED)
-    rig.server.reply_delay_s = 0.0
+    answer_again(rig)
 
 
 def test_a_lost_connection_is_a_failure_and_connecting_anew_mends_it(
@@ -264,12 +283,62 @@ def test_a_lost_connection_is_a_failure_and_connecting_anew_mends_it(
     assert arm.link().failure == ""
 
 
-def test_closing_works_when_the_arm_has_gone(rig: ControllerRig, arm: Lite6) -> None:
+def test_closing_when_the_arm_has_gone_closes_all_and_says_that_no_stop_was_acknowledged(
+    rig: ControllerRig, arm: Lite6
+) -> None:
     rig.server.close()
     assert until(lambda: arm.link().failure != "")
     arm.stop()
+    with pytest.raises(DeviceError, match="did not acknowledge its last stop"):
+        arm.close()
+    names = {thread.name for thread in threading.enumerate()}
+    assert not names & {"arm-sender", "arm-report", "arm-stop"}
     arm.close()
-    arm.close()
+
+
+Move = Callable[[Lite6], None]
+
+
+def move(arm: Lite6) -> None:
+    state = arm.state()
+    assert state is not None
+    arm.move_to_joints([*state.joints[:5], state.joints[5] + 0.1], 0.5, 5.0)
+
+
+def stand(rig: ControllerRig, arm: Lite6) -> None:
+    arm.stop()
+    assert until(lambda: rig.model.state == State.STOPPED)
+
+
+@pytest.mark.parametrize(
+    "act", [lambda arm: arm.enable(ServoMode.VELOCITY), move], ids=["enabling", "moving"]
+)
+def test_an_arm_that_is_not_seen_to_get_ready_is_stopped_again(
+    rig: ControllerRig, arm: Lite6, monkeypatch: pytest.MonkeyPatch, act: Move
+) -> None:
+    monkeypatch.setattr(hw.lite6_setup, "REPORT_TIMEOUT_S", 0.3)
+    stand(rig, arm)
+    changes = record_changes(rig)
+    rig.model.reports_frozen = True
+    with pytest.raises(DeviceError):
+        act(arm)
+    assert (Register.SET_STATE, bytes([0])) in changes  # it was ready
+    assert until(lambda: rig.model.state == State.STOPPED)
+
+
+def test_an_arm_that_refuses_a_move_is_stopped_again(rig: ControllerRig, arm: Lite6) -> None:
+    stand(rig, arm)
+    handle = rig.model.handle
+
+    def refuse(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register == Register.MOVE_JOINT:
+            return bytes([ReplyBit.INVALID])
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = refuse  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match="the move"):
+        move(arm)
+    assert until(lambda: rig.model.state == State.STOPPED)
 
 
 def test_a_stop_while_enabling_wins(rig: ControllerRig, arm: Lite6) -> None:
@@ -302,6 +371,66 @@ def test_a_gripper_that_does_not_do_as_it_was_told_is_a_failure(
     assert state.gripper_closed is None
 
 
+def test_a_gripper_command_is_not_repeated_after_an_emergency_stop(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    handle = rig.model.handle
+
+    def pressed(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register == Register.TOOL_GPIO_WRITE and not rig.model.error_code:
+            arm.stop()
+            rig.model.raise_error(ErrorCode.EMERGENCY_STOP)
+        return handle(register, payload, now_ns)
+
+    before = arm.link().sent
+    rig.model.handle = pressed  # type: ignore[method-assign]
+    arm.set_gripper(True)
+    assert until(lambda: rig.model.error_code != 0)
+    acknowledged_ns = arm.link().acknowledged_ns
+    assert until(lambda: arm.link().acknowledged_ns > acknowledged_ns)  # a keep-alive after it
+    assert arm.link().sent == before + 1
+
+
+def test_what_was_taken_from_the_outbox_before_a_stop_is_not_sent_after_it(
+    rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = make_arm(rig.config())
+    taken = threading.Event()
+    take = Outbox.take
+
+    def take_and_stop(outbox: Outbox, timeout_s: float) -> Work:
+        work = take(outbox, timeout_s)
+        if work.motion is not None:
+            arm.stop()
+            taken.set()
+        return work
+
+    monkeypatch.setattr(Outbox, "take", take_and_stop)
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    changes = record_changes(rig)
+    arm.send_twist(SIDEWAYS)
+    assert taken.wait(WITHIN_S)
+    acknowledged_ns = arm.link().acknowledged_ns
+    assert until(lambda: arm.link().acknowledged_ns > acknowledged_ns)  # the sender goes on
+    arm.close()
+    assert arm.link().sent == 0
+    assert {register for register, _ in changes} == {Register.SET_STATE}
+
+
+def test_the_end_of_the_sender_stays_a_failure(arm: Lite6, monkeypatch: pytest.MonkeyPatch) -> None:
+    def break_down(outbox: Outbox, timeout_s: float) -> Work:
+        raise RuntimeError("worn out")
+
+    monkeypatch.setattr(Outbox, "take", break_down)
+    ended = "arm-sender ended (worn out)"
+    assert until(lambda: ended in arm.link().failure)
+    arm.clear_errors()
+    assert ended in arm.link().failure
+    arm.enable(ServoMode.VELOCITY)
+    assert ended in arm.link().failure
+
+
 def test_an_error_is_known_from_a_reply_before_a_report_tells_of_it(
     rig: ControllerRig, arm: Lite6
 ) -> None:
@@ -312,6 +441,12 @@ def test_an_error_is_known_from_a_reply_before_a_report_tells_of_it(
     state = arm.state()
     assert state is not None
     assert state.error_code == 31
+
+
+def answer_again(rig: ControllerRig) -> None:
+    """End a delay of the replies, also of those that are under way."""
+    rig.server.reply_delay_s = 0.0
+    rig.server.drop_connections()
 
 
 def record_changes(rig: ControllerRig) -> list[tuple[int, bytes]]:

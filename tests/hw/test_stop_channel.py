@@ -12,7 +12,7 @@ import pytest
 
 from hw.sim.controller_codes import State
 from hw.stop_channel import StopChannel
-from hw.uxbus import GET_STATE, GET_VERSION, UxbusClient
+from hw.uxbus import GET_STATE, GET_VERSION, SET_STATE, UxbusClient
 from tams_app.errors import DeviceError
 
 from .controller_rig import ControllerRig, controller, until
@@ -60,6 +60,26 @@ def test_each_stop_is_a_new_one(rig: ControllerRig, channel: StopChannel) -> Non
         channel.request_stop()
         assert channel.wait_acknowledged(10.0)
         assert is_stopped(rig)
+
+
+def test_a_stop_asked_for_during_a_stop_is_sent_after_it(
+    rig: ControllerRig, channel: StopChannel
+) -> None:
+    stops = 0
+    handle = rig.model.handle
+
+    def ask_again(register: int, payload: bytes, now_ns: int) -> bytes:
+        nonlocal stops
+        if register == SET_STATE:
+            stops += 1
+            if stops == 1:
+                channel.request_stop()
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = ask_again  # type: ignore[method-assign]
+    channel.request_stop()
+    assert channel.wait_acknowledged(10.0)
+    assert stops == 2
 
 
 def test_a_stop_over_a_broken_connection_is_repeated_over_a_new_one(
