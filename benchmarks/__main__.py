@@ -28,7 +28,13 @@ from benchmarks.measures import (
     video_figures,
 )
 from benchmarks.runs import Run, run_session
+from tams_app.config import DEFAULT_CONFIG
 
+# three views at 1500 kbit/s each, nothing but loopback in between
+LOOPBACK = f"""version: 1
+include: [{DEFAULT_CONFIG}]
+policy: {{budget: {{max_kbps: {4500 / 0.92:.0f}}}}}
+"""
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -58,7 +64,9 @@ def measure(out: Path, seeds: int, progress: Progress) -> list[Figure]:
         runs.append(run_session(out, "--network", "s2", "--seed", str(seed)))
         progress.update(task, advance=1)
     progress.update(task, description="session without a network")
-    free = run_session(out, "--network", "none", "--seed", "0")
+    config = out / "loopback.yaml"
+    config.write_text(LOOPBACK, encoding="utf-8")
+    free = run_session(out, "--config", str(config), "--network", "none", "--strategy", "equal")
     progress.update(task, advance=1, description="done")
     return [
         *start_figures(runs),

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import Protocol
 
+SMALLEST_KBPS = 1.0  # below it no packet ends within a trial, and at last the arithmetic fails
+LARGEST_KBPS = 1e9
 _BITS_PER_NS_PER_KBPS = 1e-6
 
 
@@ -48,11 +50,11 @@ class UnlimitedCapacity:
 
 
 class ConstantCapacity:
-    """The same rate [kbit/s] at all times."""
+    """The same rate [kbit/s] at all times; ValueError below `SMALLEST_KBPS` or not finite."""
 
     def __init__(self, kbps: float) -> None:
-        if not 0 < kbps < math.inf:
-            raise ValueError("a constant capacity must be positive and finite")
+        if not SMALLEST_KBPS <= kbps < math.inf:
+            raise ValueError("a constant capacity must be finite and at least 1 kbit/s")
         self._kbps = kbps
 
     def rate_kbps(self, t_ns: int) -> float:
@@ -146,6 +148,8 @@ class TraceCapacity:
             return math.ceil(bits / self._per_ns[0]) if self._per_ns[0] else 0
         loops = math.ceil(bits / self._period_bits) - 1
         rest = min(bits - loops * self._period_bits, self._period_bits)
+        if rest <= 0:  # the quotient was rounded up: they had passed when the round before ended
+            loops, rest = loops - 1, self._period_bits
         index = bisect_left(self._ends_bits, rest)  # never a segment of rate 0: those add nothing
         in_segment_ns = math.ceil((rest - self._starts_bits[index]) / self._per_ns[index])
         return loops * self._trace.period_ns + self._trace.starts_ns[index] + in_segment_ns

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tams_app.capacity import ConstantCapacity, RateTrace, TraceCapacity, UnlimitedCapacity
@@ -49,6 +49,28 @@ def test_what_passes_in_two_windows_adds_up(capacity, a_ns, b_ns, c_ns):
     whole = capacity.bits_between(a_ns, c_ns)
     parts = capacity.bits_between(a_ns, b_ns) + capacity.bits_between(b_ns, c_ns)
     assert whole == pytest.approx(parts, abs=1e-3)
+
+
+LATE_START = RateTrace((0, 720_574_199), (0.0, 18_095.845729028122), 890_768_189)
+
+
+@given(traces(), st.integers(1, 10**6))
+@example(LATE_START, 25_224)
+@example(RateTrace((0, 3), (7.0, 0.0), 9), 27)
+def test_what_whole_rounds_carry_has_passed_when_the_last_of_them_stops_sending(trace, rounds):
+    capacity = TraceCapacity(trace, 0)
+    ends_ns = (*trace.starts_ns[1:], trace.period_ns)
+    stops_ns = max(end for end, rate in zip(ends_ns, trace.kbps, strict=True) if rate)
+    bits = capacity.bits_between(0, rounds * trace.period_ns)
+    end_ns = capacity.finish_ns(0, bits)
+    assert abs(end_ns - (rounds - 1) * trace.period_ns - stops_ns) <= 1
+
+
+def test_bits_rounded_to_the_end_of_a_round_do_not_fall_into_an_outage():
+    capacity = TraceCapacity(LATE_START, 0)
+    bits = 77_684_980_814.09258
+    rounds = round(bits / capacity.bits_between(0, LATE_START.period_ns))
+    assert abs(capacity.finish_ns(0, bits) - rounds * LATE_START.period_ns) <= 1
 
 
 @given(traces(), st.integers(0, 3 * NS_PER_S), st.integers(1, 4))
@@ -107,7 +129,7 @@ def test_a_senseless_trace_is_refused(starts_ns, kbps, period_ns, reason):
         RateTrace(starts_ns, kbps, period_ns)
 
 
-@pytest.mark.parametrize("kbps", [0.0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("kbps", [0.0, -1.0, 5e-324, 1e-300, 0.99, math.inf, math.nan])
 def test_a_senseless_rate_is_refused(kbps):
-    with pytest.raises(ValueError, match="positive and finite"):
+    with pytest.raises(ValueError, match="finite and at least 1 kbit/s"):
         ConstantCapacity(kbps)

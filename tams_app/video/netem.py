@@ -10,6 +10,7 @@ alone: the arm must be reached by another one.
 from __future__ import annotations
 
 import math
+import re
 import shlex
 import subprocess
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from tams_app.video.networks import resolve_network
 Runner = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
 
 _TIMEOUT_S = 10
+_INTERFACE_NAME = re.compile(r"[^/\s;]{1,15}")  # the kernel's rule, and nothing a shell would split
 _SMALLEST_BURST_BYTES = 3100  # two full Ethernet frames
 _SMALLEST_PACKET_BYTES = 256  # mean size at which netem's packet limit must still hold
 # With a rate, netem counts each packet's delay from the one before, so jitter cannot reorder;
@@ -83,22 +85,41 @@ def _netem(network: Network) -> list[str] | None:
 
 
 def _netem_packets(network: Network) -> int:
-    """Packets under way at once, so that netem's own limit never drops one; at least 1000."""
+    """Packets under way and queued, so that netem's own limit never drops one; at least 1000.
+
+    Some kernels count what waits in the child, tbf, against netem's limit.
+    """
     under_way_s = (network.latency_ms + network.jitter_ms) / 1000
     kbps = network.rate_kbps or 100_000.0
-    return max(1000, math.ceil(2 * under_way_s * kbps * 1000 / 8 / _SMALLEST_PACKET_BYTES))
+    held_bytes = 2 * under_way_s * kbps * 1000 / 8
+    if network.rate_kbps is not None:
+        held_bytes += _queue_bytes(network, network.rate_kbps)
+    return max(1000, math.ceil(held_bytes / _SMALLEST_PACKET_BYTES))
 
 
 def _tbf(network: Network) -> list[str] | None:
     if network.rate_kbps is None:
         return None
-    queue_bytes = max(network.queue_ms * network.rate_kbps / 8, network.queue_min_bytes)
+    queue_bytes = _queue_bytes(network, network.rate_kbps)
     burst_bytes = max(_SMALLEST_BURST_BYTES, network.rate_kbps / 8)  # 1 ms
     rate = f"{round(network.rate_kbps * 1000)}bit"
     return ["tbf", "rate", rate, "burst", f"{burst_bytes:.0f}", "limit", f"{queue_bytes:.0f}"]
 
 
+def _queue_bytes(network: Network, rate_kbps: float) -> float:
+    return max(network.queue_ms * rate_kbps / 8, network.queue_min_bytes)
+
+
+def _refuse_wrong_name(interface: str) -> None:
+    if not _INTERFACE_NAME.fullmatch(interface):
+        raise ConfigError(
+            f"{interface!r} is no interface name: 1 to 15 characters, no slash, semicolon or "
+            "white space; `ip link` lists those there are"
+        )
+
+
 def _refuse_loopback(interface: str) -> None:
+    _refuse_wrong_name(interface)
     flags = Path("/sys/class/net", interface, "flags")
     loopback = interface == "lo" or (flags.is_file() and int(flags.read_text(), 16) & 0x8)
     if loopback:
@@ -148,6 +169,7 @@ def remove(interface: str, runner: Runner = run_tc) -> bool:
 
 def show(interface: str, runner: Runner = run_tc) -> str:
     """What is set on `interface` now, as `tc` prints it."""
+    _refuse_wrong_name(interface)
     command = ["tc", "qdisc", "show", "dev", interface]
     result = runner(command)
     if result.returncode != 0:

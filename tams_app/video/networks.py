@@ -43,4 +43,7 @@ def network_capacity(network: Network, epoch_ns: int) -> Capacity:
 
 def _find(name: str) -> Path | None:
     candidates = (Path(name), CONFIG_DIRECTORY / name)
-    return next((path.resolve() for path in candidates if path.is_file()), None)
+    try:
+        return next((path.resolve() for path in candidates if path.is_file()), None)
+    except OSError:  # too long to be a path, or below a folder that may not be read
+        return None

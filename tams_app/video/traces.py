@@ -6,6 +6,8 @@ The last rate holds as long as the one before it (a single row: for ever), then 
 Mahimahi: one line per opportunity to send 1500 bytes, its time in whole milliseconds; a time may
 repeat. The trace repeats from its last time on. The bits of an opportunity are spread over the
 time since the one before, so a packet of 1500 bytes ends exactly at its opportunity.
+
+The rates of a table are 0 or within the bounds of `capacity`; no trace is longer than a day.
 """
 
 from __future__ import annotations
@@ -13,21 +15,21 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 
-from tams_app.capacity import RateTrace
+from tams_app.capacity import LARGEST_KBPS, SMALLEST_KBPS, RateTrace
 from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.errors import ConfigError
 
 CSV_HEADER = "t_ms,kbps"
 _OPPORTUNITY_BITS = 1500 * 8
+_LONGEST_MS = 24 * 3600 * 1000
 
 
 def read_trace(path: Path) -> RateTrace:
     """The trace in `path`; ConfigError names file, line and reason."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -60,12 +62,17 @@ def _parse_table(lines: list[tuple[int, str]], name: str) -> RateTrace:
     rows = [_parse_row(name, number, line) for number, line in lines[1:]]
     if not rows:
         raise ConfigError(f"{name}: holds a header but no rows")
-    starts_ns = [round((t_ms - rows[0][0]) * NS_PER_MS) for t_ms, _ in rows]
-    for (number, _), (earlier, later) in zip(lines[2:], pairwise(starts_ns), strict=True):
-        if later <= earlier:
+    starts_ns = [0]
+    for (number, _), (t_ms, _) in zip(lines[2:], rows[1:], strict=True):
+        since_first_ms = t_ms - rows[0][0]
+        _check_length(name, number, since_first_ms)
+        starts_ns.append(round(max(0.0, since_first_ms) * NS_PER_MS))
+        if starts_ns[-1] <= starts_ns[-2]:
             raise _wrong(name, number, "t_ms must be greater than in the row before")
     last_ns = starts_ns[-1] - starts_ns[-2] if len(rows) > 1 else NS_PER_S
-    return RateTrace(tuple(starts_ns), tuple(kbps for _, kbps in rows), starts_ns[-1] + last_ns)
+    period_ns = starts_ns[-1] + last_ns
+    _check_length(name, lines[-1][0], period_ns / NS_PER_MS)
+    return RateTrace(tuple(starts_ns), tuple(kbps for _, kbps in rows), period_ns)
 
 
 def _parse_row(name: str, number: int, line: str) -> tuple[float, float]:
@@ -78,8 +85,9 @@ def _parse_row(name: str, number: int, line: str) -> tuple[float, float]:
         raise _wrong(name, number, f"{line!r} is not two numbers") from None
     if not math.isfinite(t_ms) or not math.isfinite(kbps):
         raise _wrong(name, number, "numbers must be finite")
-    if kbps < 0:
-        raise _wrong(name, number, "kbps must not be negative")
+    if kbps != 0 and not SMALLEST_KBPS <= kbps <= LARGEST_KBPS:
+        bounds = f"{SMALLEST_KBPS:,.0f} to {LARGEST_KBPS:,.0f}"
+        raise _wrong(name, number, f"kbps must be 0 or from {bounds}")
     return t_ms, kbps
 
 
@@ -89,7 +97,9 @@ def _parse_opportunities(lines: list[tuple[int, str]], name: str) -> RateTrace:
         if not (line.isascii() and line.isdigit()):
             reason = f"{line!r} is neither a time in whole milliseconds nor the header {CSV_HEADER}"
             raise _wrong(name, number, reason)
-        times_ms.append(int(line))
+        t_ms = float(line)  # takes any number of digits, which int() does not
+        _check_length(name, number, t_ms)
+        times_ms.append(int(t_ms))
         if times_ms[-1] < max(times_ms[-2:]):
             raise _wrong(name, number, "times must not go back")
     opportunities = Counter(times_ms)
@@ -105,6 +115,11 @@ def _parse_opportunities(lines: list[tuple[int, str]], name: str) -> RateTrace:
     ]
     starts_ns = tuple(start * NS_PER_MS for start in starts_ms)
     return RateTrace(starts_ns, tuple(kbps), period_ms * NS_PER_MS)
+
+
+def _check_length(name: str, number: int, length_ms: float) -> None:
+    if length_ms > _LONGEST_MS:
+        raise _wrong(name, number, "the trace is longer than a day; times are milliseconds")
 
 
 def _wrong(name: str, number: int, reason: str) -> ConfigError:

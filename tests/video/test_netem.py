@@ -47,6 +47,15 @@ def test_netems_own_limit_holds_what_is_under_way():
     assert limit * 256 >= 0.5 * 100e6 / 8
 
 
+def test_netems_own_limit_holds_the_queue_of_its_child_too():
+    network = Network(latency_ms=1, rate_kbps=100_000, queue_ms=2000)
+    netem_command, tbf_command = netem.commands(network, "eth7")
+    packets, queue_bytes = (
+        int(command[command.index("limit") + 1]) for command in (netem_command, tbf_command)
+    )
+    assert packets * 256 >= queue_bytes + 1e-3 * 100e6 / 8
+
+
 def test_the_rate_alone_can_be_asked_for():
     assert joined(netem.rate_commands(S2, "eth7")) == [
         "tc qdisc replace dev eth7 root handle 1: tbf rate 6000000bit burst 3100 limit 112500"
@@ -59,6 +68,23 @@ def test_the_rate_alone_can_be_asked_for():
 def test_loopback_is_refused(make):
     with pytest.raises(ConfigError, match="lo is a loopback interface"):
         make(S2, "lo")
+
+
+@pytest.mark.parametrize("action", ["print", "apply", "rate", "remove", "show"])
+@pytest.mark.parametrize(
+    "name", ["", "a;b", "../../../tmp", "eth7\n", "a\nb", "a b", "a\tb", "x" * 16]
+)
+def test_what_can_be_no_interface_is_refused_before_anything_is_said_or_run(action, name):
+    said, (run, ran) = [], answering()
+    with pytest.raises(ConfigError, match="is no interface name: 1 to 15 characters"):
+        netem.run_network(load_config(), "s2", name, action, said.append, run)
+    assert (said, ran) == ([], [])
+
+
+def test_an_interface_that_is_not_there_yet_can_be_printed():
+    said = []
+    netem.run_network(load_config(), "s2", "x" * 15, "print", said.append)
+    assert sum("x" * 15 in line for line in said) == 4
 
 
 def test_what_tc_cannot_do_is_refused_in_a_sentence():

@@ -52,6 +52,18 @@ def test_an_unknown_name_lists_the_valid_ones():
         resolve_network(load_config(), "s9")
 
 
+def test_a_name_too_long_for_a_file_is_an_unknown_name():
+    with pytest.raises(ConfigError, match="is neither one of s1, s2, s3, none nor a trace"):
+        resolve_network(load_config(), "x" * 5000)
+
+
+def test_a_missing_trace_is_refused_by_its_key():
+    for gone in ("/nope", "y" * 5000):
+        config = load_config(None, {"networks.s9": {"trace": gone}})
+        with pytest.raises(ConfigError, match=rf"^networks\.s9\.trace: there is no file {gone}$"):
+            resolve_network(config, "s9")
+
+
 def test_a_missing_or_wrong_trace_is_refused_at_once(tmp_path):
     config = load_config(None, {"networks.lte": {"trace": "gone.csv"}})
     with pytest.raises(ConfigError, match=r"networks\.lte\.trace: there is no file gone\.csv"):

@@ -54,7 +54,18 @@ def test_mahimahi_opportunities_at_time_zero_close_the_round():
         ("t_ms,kbps\n0,1\n\n100,abc\n", "x, line 4: '100,abc' is not two numbers"),
         ("t_ms,kbps\n0,1,2\n", "x, line 2: a row holds two numbers"),
         ("t_ms,kbps\n0,1\n100,2\n100,3\n", "x, line 4: t_ms must be greater"),
-        ("t_ms,kbps\n0,1\n100,-2\n", "x, line 3: kbps must not be negative"),
+        ("t_ms,kbps\n0,1\n100,-2\n", "x, line 3: kbps must be 0 or from 1 to 1,000,000,000"),
+        ("t_ms,kbps\n0,1\n100,1e-300\n", "x, line 3: kbps must be 0 or from 1"),
+        ("t_ms,kbps\n0,0.99\n", "x, line 2: kbps must be 0 or from 1"),
+        ("t_ms,kbps\n0,1000000001\n", "x, line 2: kbps must be 0 or from 1"),
+        ("t_ms,kbps\n0,1\n1e300,2\n", "x, line 3: the trace is longer than a day"),
+        ("t_ms,kbps\n-1e308,1\n1e308,2\n", "x, line 3: the trace is longer than a day"),
+        ("t_ms,kbps\n1e308,1\n-1e308,2\n", "x, line 3: t_ms must be greater"),
+        ("t_ms,kbps\n0,1\n43200001,2\n", "x, line 3: the trace is longer than a day"),
+        ("1\n86400001\n", "x, line 2: the trace is longer than a day"),
+        (f"1\n{'9' * 23}\n", "x, line 2: the trace is longer than a day"),
+        (f"1\n{'9' * 5000}\n", "x, line 2: the trace is longer than a day"),
+        (f"1\n{'0' * 5000}\n", "x, line 2: times must not go back"),
         ("t_ms,kbps\n0,nan\n", "x, line 2: numbers must be finite"),
         ("t_ms,kbps\n0,0\n100,0\n", "x: the trace carries nothing"),
         ("1\n2\n1\n", "x, line 3: times must not go back"),
@@ -67,6 +78,20 @@ def test_a_wrong_trace_is_refused_with_file_line_and_reason(text, reason):
     with pytest.raises(ConfigError) as caught:
         parse_trace(text, "x")
     assert str(caught.value).startswith(reason)
+
+
+def test_a_day_and_the_bounds_of_the_rates_are_still_accepted():
+    table = parse_trace("t_ms,kbps\n0,1\n43200000,1e9\n", "x")
+    assert (table.kbps, table.period_ns) == ((1.0, 1e9), 86_400_000 * NS_PER_MS)
+    slow = parse_trace("86400000\n", "x")
+    assert TraceCapacity(slow, 0).finish_ns(0, 1500 * 8) == slow.period_ns
+
+
+@pytest.mark.parametrize("text", ["t_ms,kbps\n0,5\n", "10\n20\n"])
+def test_a_byte_order_mark_is_no_part_of_the_trace(tmp_path, text):
+    path = tmp_path / "sheet.csv"
+    path.write_text(text, encoding="utf-8-sig")
+    assert read_trace(path) == parse_trace(text, "x")
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
