@@ -36,6 +36,7 @@ from tams_app.recording import (
 )
 from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.topics import HEADER
 from tams_app.records import (
     Allocation,
     DroppedFrame,
@@ -213,19 +214,47 @@ def test_a_killed_session_stays_readable_up_to_its_last_second(tmp_path: Path) -
 
 @pytest.mark.parametrize("kept", [0.3, 0.55, 0.8, 0.99])
 def test_a_log_cut_anywhere_gives_what_is_before_the_cut(tmp_path: Path, kept: float) -> None:
-    whole = tmp_path / "whole.mcap"
-    written = McapLog(whole, header())
+    data = long_log(tmp_path / "whole.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: int(len(data) * kept)])
+    log = read_log(cut)
+    assert log.truncated
+    assert not log.damaged
+    assert [record.link.sent for record in log.ticks] == list(range(len(log.ticks)))
+
+
+def long_log(path: Path) -> bytes:
+    written = McapLog(path, header())
     for number in range(600):
         written.write(tick(number), 0)
         if number % 100 == 99:
             written.flush()
     written.close()
-    data = whole.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(data[: int(len(data) * kept)])
-    log = read_log(cut)
-    assert log.truncated
-    assert [record.link.sent for record in log.ticks] == list(range(len(log.ticks)))
+    return path.read_bytes()
+
+
+def test_a_flipped_bit_anywhere_is_told_as_damage_and_never_read_as_data(tmp_path: Path) -> None:
+    data = long_log(tmp_path / "whole.mcap")
+    random = np.random.default_rng(4)
+    flipped = tmp_path / "flipped.mcap"
+    told = 0
+    for at in random.integers(2000, len(data) * 9 // 10, 60):  # in the chunks behind the header
+        flipped.write_bytes(data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :])
+        log = read_log(flipped)
+        assert log.damaged or log.truncated  # a flipped length may look like a cut
+        told += log.damaged
+        numbers = [record.link.sent for record in log.ticks]
+        assert set(numbers) <= set(range(600))
+        assert all(same(record, tick(record.link.sent)) for record in log.ticks[::25])
+    assert told > 50
+
+
+def test_damage_of_the_first_chunk_is_told_as_damage(tmp_path: Path) -> None:
+    data = bytearray(long_log(tmp_path / "whole.mcap"))
+    data[300] ^= 4
+    (tmp_path / "flipped.mcap").write_bytes(data)
+    with pytest.raises(LogError, match="is damaged at its beginning"):
+        read_log(tmp_path / "flipped.mcap")
 
 
 @contextmanager
@@ -270,7 +299,8 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path
         recorder.close()
     (failure,) = failures
     assert isinstance(failure, LogError)
-    assert "cannot be written any more" in str(failure)
+    assert "the log cannot be written any more" in str(failure)
+    assert str(failure).endswith("is readable")
     assert "\n" not in str(failure)
     assert recorder.failure is failure
     log = read_log(path)
@@ -280,7 +310,7 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path
 
 
 def test_recording_is_refused_when_too_little_space_is_free(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"MB are free .* recording\.min_free_mb"):
+    with pytest.raises(LogError, match=r"only .* MB are free.* recording\.min_free_mb$"):
         Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 1e9, never_fails)
     assert not (tmp_path / "session.mcap").exists()
 
@@ -301,17 +331,17 @@ def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
     recorder.start()
     assert failed.wait(20)
     recorder.close()
-    assert "Only 9 MB are free" in str(failures[0])
+    assert "only 9 MB are free" in str(failures[0])
     log = read_log(tmp_path / "session.mcap")
     assert not log.truncated
     assert len(log.ticks) == 1
 
 
 def test_a_folder_that_is_missing_or_a_log_that_exists_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot be used"):
+    with pytest.raises(LogError, match=r"no: the log folder cannot be used: .*another$"):
         Recorder(tmp_path / "no" / "session.mcap", header(), MonotonicClock(), 0, never_fails)
     (tmp_path / "session.mcap").touch()
-    with pytest.raises(LogError, match="cannot be created"):
+    with pytest.raises(LogError, match=r"session\.mcap: the log cannot be created: .*folder$"):
         Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
 
 
@@ -355,6 +385,18 @@ def test_a_file_that_is_not_ours_is_told_in_one_sentence(
         read_log(tmp_path / "other.mcap")
     assert "other.mcap" in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert not str(caught.value).endswith(".")
+
+
+@pytest.mark.parametrize("foreign", [b"{}", b"[]", b"3", b'{"weights": 5}'])
+def test_a_foreign_header_is_told_without_the_inside_of_python(
+    tmp_path: Path, foreign: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(HEADER.codec, "encode", lambda record: foreign)
+    record_all(tmp_path / "session.mcap", [])
+    with pytest.raises(LogError, match=r"/header is not as TAMS .* writes it") as caught:
+        read_log(tmp_path / "session.mcap")
+    assert "__init__" not in str(caught.value)
 
 
 def test_a_log_of_a_newer_version_names_that_version(tmp_path: Path) -> None:

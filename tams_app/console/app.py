@@ -20,7 +20,7 @@ from tams_app.console.table import summary_tables
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import LogError, TamsError
-from tams_app.recording import read_log
+from tams_app.recording import SessionLog, read_log
 from tams_app.session.build import check_names
 from tams_app.session.folder import create_session_folder
 from tams_app.session.recorders import LOG_NAME
@@ -57,7 +57,11 @@ def run_session(config: Config, arm_at_once: bool) -> int:
 
 
 def report_session(folder: Path, console: Console | None = None) -> None:
-    """Compute summary.json and bitrates.png from the log in `folder` and show the summary."""
+    """Compute summary.json and bitrates.png from the log in `folder` and show the summary.
+
+    `folder` may name the log itself. LogError if there is no log, or none of ours.
+    """
+    folder = _session_folder(folder)
     log = read_log(folder / LOG_NAME)
     summary: dict[str, Any] = summarise(log)
     text = json.dumps(summary, indent=2) + "\n"
@@ -68,7 +72,33 @@ def report_session(folder: Path, console: Console | None = None) -> None:
         raise LogError(f"{folder}: the summary cannot be written: {error.strerror}") from error
     console = console or Console()
     console.print(summary_tables(summary))
+    if gap := _gap(log):
+        console.print(gap, style="bold", highlight=False, soft_wrap=True)
     console.print(f"[bold]{folder}[/]", highlight=False)
+
+
+def _session_folder(given: Path) -> Path:
+    if os.path.isfile(given):
+        if given.name != LOG_NAME:
+            raise LogError(f"{given}: is not a session: give the folder that holds {LOG_NAME}")
+        return given.parent
+    if not os.path.isdir(given):
+        raise LogError(f"{given}: there is no such folder: give a session folder")
+    if not os.path.isfile(given / LOG_NAME):
+        raise LogError(f"{given}: holds no {LOG_NAME}: give a session folder")
+    return given
+
+
+def _gap(log: SessionLog) -> str:
+    """What the log lacks, in one sentence; empty if it is whole."""
+    if log.damaged:
+        return "The log is damaged: part of the session is missing from these figures."
+    if log.truncated:
+        return (
+            "The log ends early (the session was killed, the disk was full, or the file was cut): "
+            "these figures cover only what was written before."
+        )
+    return ""
 
 
 def _watch(session: Session, console: Console) -> None:

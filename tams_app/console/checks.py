@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
 import os
 import platform
@@ -15,7 +16,7 @@ from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 from tams_app.config import Config
-from tams_app.errors import SetupError
+from tams_app.errors import SetupError, TamsError
 from tams_app.realtime import use_fifo
 from tams_app.video import gst
 from tams_app.video.ports import requested_ports
@@ -88,6 +89,33 @@ def gstreamer(_: Config) -> Iterator[Finding]:
         )
 
 
+def configuration(config: Config) -> Iterator[Finding]:
+    """What `run` refuses before it makes anything: names that do not exist, devices we lack."""
+    try:
+        from tams_app.session.build import check_names  # needs the libraries looked at above
+    except ImportError as error:
+        yield Finding("Configuration", False, str(error), "install the Python libraries first")
+        return
+    names: dict[str, Callable[[], object]] = {
+        "Strategy and network": lambda: check_names(config),
+        "Video decoder": lambda: gst.choose_decoder(config.video.decoder),
+    }
+    for what, look in names.items():
+        try:
+            look()
+        except TamsError as error:
+            yield Finding(what, False, "", str(error))
+        else:
+            yield Finding(what, True)
+    if not config.rig.enabled:
+        yield Finding(
+            "Devices",
+            False,
+            "this version has no drivers for the VR controller and the cameras",
+            "run with --sim, or set rig.enabled: true",
+        )
+
+
 def rendering(config: Config) -> Iterator[Finding]:
     """Off-screen OpenGL for the rig's cameras, in a child: a broken driver may abort."""
     if not config.rig.enabled:
@@ -127,16 +155,27 @@ def realtime(config: Config) -> Iterator[Finding]:
 
 
 def ports(config: Config) -> Iterator[Finding]:
-    """The fixed video ports of the configuration; 0 takes any, so there is nothing to check."""
+    """The address of the video flows and their fixed ports; 0 takes any free ones."""
+    host = config.video.bind_host
+    if refusal := _bind_refusal(host, 0):
+        fix = "set video.bind_host to an address of this machine, such as 127.0.0.1"
+        yield Finding("Video address", False, f"{host}: {refusal.strerror}", fix)
+        return
     if config.video.first_port == 0:
         return
     wanted = [requested_ports(config.video, view) for view in config.video.views]
-    taken = [
-        port
+    refusals = {
+        port: refusal
         for view in wanted
         for port in (view.rtp, view.reports, view.feedback)
-        if not _udp_port_is_free(view.host, port)
-    ]
+        if (refusal := _bind_refusal(host, port))
+    }
+    taken = [port for port, refusal in refusals.items() if refusal.errno == errno.EADDRINUSE]
+    for port, refusal in refusals.items():
+        if port not in taken:
+            fix = "set video.first_port to 1024 or more"  # lower ones are for the administrator
+            yield Finding("Video ports", False, f"{port}: {refusal.strerror}", fix)
+            return
     yield Finding(
         "Video ports",
         not taken,
@@ -147,11 +186,14 @@ def ports(config: Config) -> Iterator[Finding]:
 
 def disk(config: Config) -> Iterator[Finding]:
     """The log folder: writable, with enough room."""
-    folder = _existing(Path(config.recording.directory).expanduser())
+    fix = "choose another with --out or recording.directory"
+    try:
+        folder = _existing(Path(config.recording.directory).expanduser())
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of nobody, or links in a circle
+        yield Finding("Log folder", False, f"{config.recording.directory}: {error}", fix)
+        return
     writable = os.access(folder, os.W_OK)
-    yield Finding(
-        "Log folder", writable, str(folder), "choose another with --out or recording.directory"
-    )
+    yield Finding("Log folder", writable, str(folder), fix)
     free = shutil.disk_usage(folder).free / 1_000_000
     wanted = config.recording.min_free_mb
     yield Finding(
@@ -217,6 +259,7 @@ def network_emulation(_: Config) -> Iterator[Finding]:
 CHECKS: tuple[Check, ...] = (
     libraries,
     gstreamer,
+    configuration,
     rendering,
     shared_memory,
     ports,
@@ -241,13 +284,16 @@ def _importable(module: str) -> bool:
     return importlib.util.find_spec(module) is not None
 
 
-def _udp_port_is_free(host: str, port: int) -> bool:
+def _bind_refusal(host: str, port: int) -> OSError | None:
+    """Why a UDP socket cannot have this address; None if it can."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((host, port))
-        except OSError:
-            return False
-    return True
+        except OSError as error:
+            return error
+        except ValueError:  # what cannot even be looked up, such as `a..b`
+            return OSError(errno.EADDRNOTAVAIL, "not the name of a host")
+    return None
 
 
 def _existing(folder: Path) -> Path:

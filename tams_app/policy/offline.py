@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from tams_app.errors import ConfigError
 from tams_app.policy.phases import PhaseParameters, PhaseTracker
 
 COLUMNS = ("t_s", "vx_mm_s", "vy_mm_s", "vz_mm_s", "gripper")
+ADDED_COLUMNS = ("phase", "reason")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,20 +30,38 @@ def label_phases(
     `smoothing_s` is the EMA's time constant, None takes the speeds as smoothed already.
     Raises ConfigError naming `name`, line and reason.
     """
-    reader = csv.DictReader(io.StringIO(text))
-    missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
-    if missing:
-        raise ConfigError(f"{name}: lacks the column {missing[0]}; needed are {', '.join(COLUMNS)}")
-    records = list(reader)
+    header, records = _read(text, name)
     rows = list(_rows(records, name))
     output = io.StringIO()
-    writer = csv.DictWriter(
-        output, [*(reader.fieldnames or ()), "phase", "reason"], lineterminator="\n"
-    )
+    writer = csv.DictWriter(output, [*header, *ADDED_COLUMNS], lineterminator="\n")
     writer.writeheader()
-    for record, labels in zip(records, _label(rows, parameters, smoothing_s), strict=True):
+    for (_, record), labels in zip(records, _label(rows, parameters, smoothing_s), strict=True):
         writer.writerow({**record, **labels})
     return output.getvalue()
+
+
+def _read(text: str, name: str) -> tuple[Sequence[str], list[tuple[int, dict[str, str]]]]:
+    """The header, and each record with the number of the line it ends on."""
+    reader = csv.DictReader(io.StringIO(text))
+    try:
+        header = reader.fieldnames or ()
+        _check_header(header, name)
+        return header, [(reader.line_num, record) for record in reader]
+    except csv.Error as error:
+        # the DictReader's own line_num does not count the line that fails
+        raise ConfigError(f"{name}: line {reader.reader.line_num}: {error}") from error
+
+
+def _check_header(header: Sequence[str], name: str) -> None:
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise ConfigError(f"{name}: lacks the column {missing[0]}; needed are {', '.join(COLUMNS)}")
+    repeated = [column for column in header if header.count(column) > 1]
+    if repeated:
+        raise ConfigError(f"{name}: has the column {repeated[0]!r} more than once")
+    added = [column for column in ADDED_COLUMNS if column in header]
+    if added:
+        raise ConfigError(f"{name}: has a column {added[0]} already; remove it or rename it")
 
 
 def _label(
@@ -65,11 +84,11 @@ def _label(
         yield {"phase": decision.phase.value, "reason": decision.reason}
 
 
-def _rows(records: list[dict[str, str]], name: str) -> Iterator[_Row]:
+def _rows(records: list[tuple[int, dict[str, str]]], name: str) -> Iterator[_Row]:
     if not records:
         raise ConfigError(f"{name}: has no rows")
     last_s = -math.inf
-    for line, record in enumerate(records, start=2):
+    for line, record in records:
         where = f"{name}: line {line}"
         if None in record or None in record.values():
             raise ConfigError(f"{where}: has not as many cells as the header")

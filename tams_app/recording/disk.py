@@ -23,12 +23,12 @@ def require_free_space(directory: Path, min_free_mb: float) -> None:
         free = free_mb(directory)
     except OSError as error:
         raise LogError(
-            f"The log folder {directory} cannot be used ({error.strerror}); choose another."
+            f"{directory}: the log folder cannot be used: {error.strerror}; choose another"
         ) from error
     if free < min_free_mb:
         raise LogError(
-            f"Only {free:.0f} MB are free for {directory}, {min_free_mb:.0f} MB are wanted; "
-            "delete old logs or lower recording.min_free_mb."
+            f"{directory}: only {free:.0f} MB are free, {min_free_mb:.0f} MB are wanted; "
+            "delete old logs or lower recording.min_free_mb"
         )
 
 
@@ -49,7 +49,7 @@ class LogFile:
             self._file = path.open("xb", buffering=0)
         except OSError as error:
             raise LogError(
-                f"The log {path} cannot be created ({error.strerror}); choose another folder."
+                f"{path}: the log cannot be created: {error.strerror}; choose another folder"
             ) from error
 
     def write(self, data: bytes | bytearray) -> int:
@@ -77,8 +77,8 @@ class LogFile:
         """LogError if anything could not be written."""
         if self._error is not None:
             raise LogError(
-                f"The log {self.path} cannot be written any more ({self._error.strerror}); "
-                "what was written before is readable."
+                f"{self.path}: the log cannot be written any more: {self._error.strerror}; "
+                "what was written before is readable"
             )
 
     def give_up(self) -> None:

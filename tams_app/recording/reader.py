@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tams_app import __version__
 from tams_app.errors import LogError
 from tams_app.recording import wire
 from tams_app.recording.mcap_stream import McapStream
@@ -46,12 +47,14 @@ class SessionLog:
     """All records of one log in the order they were written (not always that of their times).
 
     `facts` belongs to the header but was learned later; `ended_ns` is the newest time of any
-    record; `truncated`: the file has no proper end (the session was killed, or the disk was full).
+    record; `truncated`: the file has no proper end (the session was killed, or the disk was full);
+    `damaged`: bytes of the file have changed since, and what follows them is missing.
     """
 
     header: Header
     ended_ns: int
     truncated: bool = False
+    damaged: bool = False
     facts: dict[str, str] = field(default_factory=dict)
     ticks: list[Tick] = field(default_factory=list)
     phases: list[PhaseChange] = field(default_factory=list)
@@ -112,9 +115,12 @@ def read_log(path: Path) -> SessionLog:
             break
         log.add(record)
         log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
+    if log is None and stream.damaged:
+        raise LogError(f"{path}: is damaged at its beginning; give an undamaged copy")
     if log is None:
-        raise LogError(f"{path} holds no session header; the session ended before it began.")
+        raise LogError(f"{path}: holds no session header; the session ended before it began")
     log.truncated = not stream.complete
+    log.damaged = stream.damaged
     return log
 
 
@@ -134,13 +140,15 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
 
 
 def _decode(path: Path, topic: Any, data: bytes) -> Any:
+    """One record. The checksums have shown the data to be as written, so by another version."""
     try:
         record = topic.codec.decode(data)
-    except (KeyError, TypeError, ValueError) as error:
+        newer = isinstance(record, Header) and record.schema > SCHEMA
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise LogError(
-            f"{path}: {topic.name} is not as this version of TAMS writes it ({error}); "
-            "read it with the version named in its header."
+            f"{path}: {topic.name} is not as TAMS {__version__} writes it; "
+            "read this log with the program and version that wrote it"
         ) from error
-    if isinstance(record, Header) and record.schema > SCHEMA:
-        raise LogError(f"{path} was written by the newer TAMS {record.version}; read it with that.")
+    if newer:
+        raise LogError(f"{path}: was written by the newer TAMS {record.version}; read it with that")
     return record

@@ -90,8 +90,8 @@ class ReferenceRecorder:
     def _write(self, frame: Frame) -> None:
         if free_mb(self._directory) < self._reserve_mb:
             raise LogError(
-                f"The disk of {self._directory} is nearly full; recording of lossless captures "
-                "ended. Delete old logs; what was written before is readable."
+                f"{self._directory}: recording of lossless captures ended because the disk is "
+                "nearly full; delete old logs; what was written before is readable"
             )
         height, width = frame.image.shape[:2]
         seconds, nanoseconds = divmod(frame.capture_ns + self._offset_ns, NS_PER_S)

@@ -134,8 +134,8 @@ class Recorder:
         free = free_mb(self._directory)
         if free < self._reserve_mb:
             raise LogError(
-                f"Only {free:.0f} MB are free for {self._directory}; recording ended. "
-                "Delete old logs; what was written before is readable."
+                f"{self._directory}: recording ended because only {free:.0f} MB are free; "
+                "delete old logs; what was written before is readable"
             )
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import platform
 import socket
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -98,7 +100,80 @@ def test_a_port_in_use_is_found() -> None:
         (finding,) = checks.ports(config(video__first_port=first))
     assert not finding.ok
     assert str(port) in finding.detail
+    assert "in use" in finding.detail
     assert not list(checks.ports(config()))  # any free ports: nothing to check
+
+
+@pytest.mark.parametrize("host", ["no such host", "8.8.8.8", "a..b"])
+@pytest.mark.parametrize("first_port", [0, 45120])
+def test_an_address_that_is_not_of_this_machine_is_not_called_in_use(
+    host: str, first_port: int
+) -> None:
+    (finding,) = checks.ports(config(video__bind_host=host, video__first_port=first_port))
+    assert not finding.ok
+    assert finding.detail.startswith(f"{host}: ")
+    assert "in use" not in finding.detail
+    assert "video.bind_host" in finding.fix
+
+
+def test_a_port_for_the_administrator_only_is_not_called_in_use(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(host: str, port: int) -> OSError | None:
+        return PermissionError(errno.EACCES, "Permission denied") if port else None
+
+    monkeypatch.setattr(checks, "_bind_refusal", refuse)  # the tests may run as the administrator
+    (finding,) = checks.ports(config(video__first_port=80))
+    assert not finding.ok
+    assert finding.detail == "80: Permission denied"
+    assert "1024" in finding.fix
+
+
+def lacks(**overrides: Any) -> list[Finding]:
+    return [finding for finding in checks.configuration(config(**overrides)) if not finding.ok]
+
+
+def test_the_configuration_as_shipped_is_in_order() -> None:
+    assert not lacks()
+    assert checks.configuration in checks.CHECKS
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "what"),
+    [
+        ("video__decoder", "no_such_decoder", "Video decoder"),
+        ("video__decoder", "videoconvert", "Video decoder"),
+        ("network", "s9", "Strategy and network"),
+        ("strategy", "clever", "Strategy and network"),
+    ],
+)
+def test_a_name_that_run_would_refuse_is_found(key: str, value: str, what: str) -> None:
+    (finding,) = lacks(**{key: value})
+    assert finding.what == what
+    assert finding.essential
+    assert value in finding.fix
+
+
+def test_hardware_without_drivers_is_found() -> None:
+    (finding,) = lacks(rig__enabled=False)
+    assert finding.essential
+    assert "no drivers for the VR controller and the cameras" in finding.detail
+    assert "--sim" in finding.fix
+
+
+def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "tams_app.session.build", None)
+    (finding,) = lacks()
+    assert "Python libraries" in finding.fix
+
+
+def test_the_home_of_nobody_is_a_finding_not_a_crash() -> None:
+    (finding,) = checks.disk(config(recording__directory="~nouser/x"))
+    assert not finding.ok
+    assert "~nouser/x" in finding.detail
+    assert "recording.directory" in finding.fix
 
 
 def test_too_little_space_is_found(tmp_path: Path) -> None:

@@ -48,6 +48,12 @@ def test_further_columns_are_kept_and_two_are_added():
     ]
 
 
+def test_its_own_output_is_refused():
+    labelled = label_phases(HEADER + "0,0,0,0,0\n", "t.csv", PARAMETERS, None)
+    with pytest.raises(ConfigError, match="has a column phase already"):
+        label_phases(labelled, "t.csv", PARAMETERS, None)
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -59,6 +65,14 @@ def test_further_columns_are_kept_and_two_are_added():
         (HEADER + "0,0,0,nan,0\n", "t.csv: line 2: vz_mm_s is 'nan'"),
         (HEADER + "0,0,0,0,2\n", "t.csv: line 2: gripper is '2'"),
         (HEADER + "1,0,0,0,0\n0,0,0,0,0\n", "t.csv: line 3: t_s goes back"),
+        (HEADER + "0,0,0,0,0\n\n\n1,0,0,x,0\n", "t.csv: line 5: vz_mm_s is 'x'"),
+        ("note," + HEADER + 'a,0,0,0,0,0\n"b\nb",1,0,0,0,0\nc,2,x,0,0,0\n', "t.csv: line 5: vx"),
+        ("a,a," + HEADER + "1,2,0,0,0,0,0\n", "t.csv: has the column 'a' more than once"),
+        ("t_s," + HEADER + "0,0,0,0,0,0\n", "t.csv: has the column 't_s' more than once"),
+        ("phase," + HEADER + "ALIGN,0,0,0,0,0\n", "t.csv: has a column phase already"),
+        ("reason," + HEADER + "why,0,0,0,0,0\n", "t.csv: has a column reason already"),
+        ("x" * 131073 + "," + HEADER, "t.csv: line 1: field larger than field limit"),
+        (HEADER + "0,0,0,0,0\n" + "1" * 131073 + ",0,0,0,0\n", "t.csv: line 3: field larger"),
     ],
 )
 def test_bad_tables_are_refused_with_the_line_and_the_reason(text, sentence):
