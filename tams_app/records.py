@@ -177,6 +177,7 @@ class EncodedFrame:
     encoded_ns: int
     keyframe: bool
     data: bytes
+    pushed_ns: int = 0  # handed to the sender; 0 in logs that do not say
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,6 +120,7 @@ class McapLog:
             frame.encoded_ns,
             frame.keyframe,
             len(frame.data),
+            frame.pushed_ns,
         )
         self._write_record(sent, frame.encoded_ns)
         channel = self._videos.get(frame.view)

@@ -135,7 +135,13 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
             payload = wire.fields(message.data).get(_VIDEO_DATA_FIELD, b"")
             assert isinstance(payload, bytes)
             yield EncodedFrame(
-                view, sent.index, sent.capture_ns, sent.encoded_ns, sent.keyframe, payload
+                view,
+                sent.index,
+                sent.capture_ns,
+                sent.encoded_ns,
+                sent.keyframe,
+                payload,
+                sent.pushed_ns,
             )
 
 

@@ -89,6 +89,7 @@ class FrameSent:
     encoded_ns: int
     keyframe: bool
     size_bytes: int
+    pushed_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,7 @@ class VideoSender:
         self._source_drop = SourceDrop(source_drop_below_kbps)
         self._servo = EncoderServo(config.fps, config.mtu_bytes)
         self._lock = threading.Lock()
-        self._underway: dict[int, int] = {}  # capture times of frames in front of the encoder
+        self._underway: dict[int, tuple[int, int]] = {}  # captured and pushed, not yet encoded
         self._encoded = self._dropped = self._lost = self._keyframes = 0
         self._failure = ""
         self._pipeline: Any = None
@@ -104,7 +104,7 @@ class VideoSender:
 
     def push(self, frame: Frame) -> None:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
-        target_kbps = self._target_kbps
+        pushed_ns, target_kbps = self._clock.now_ns(), self._target_kbps
         if not self._source_drop.keep(target_kbps):
             self._dropped += 1
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns))
@@ -112,7 +112,7 @@ class VideoSender:
         frame_target_kbps = self._source_drop.frame_target_kbps(target_kbps)
         self._set_encoder_rate(wire_bytes_sent(self._udpsink, self._link), frame_target_kbps)
         with self._lock:
-            self._underway[frame.index] = frame.capture_ns
+            self._underway[frame.index] = (frame.capture_ns, pushed_ns)
         fps = self._config.fps
         buffer = gst.raw_buffer(
             frame.image.tobytes(), pts_of_index(frame.index, fps), NS_PER_S // fps
@@ -170,27 +170,28 @@ class VideoSender:
         return modules.Gst.PadProbeReturn.OK
 
     def _hand_over(self, pad: Any, buffer: Any, Gst: Any) -> None:
+        encoded_ns = self._clock.now_ns()
         # x264enc shifts PTS by 1000 h and says so in its segment
         segment = pad.get_sticky_event(Gst.EventType.SEGMENT, 0).parse_segment()
         running_ns = segment.to_running_time(Gst.Format.TIME, buffer.pts)
         index = index_of_pts(running_ns, self._config.fps)
         keyframe = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
-        capture_ns = self._take_underway(index)
+        capture_ns, pushed_ns = self._take_underway(index)
         self._encoded += 1
         self._keyframes += keyframe
         data = buffer.extract_dup(0, buffer.get_size())
         self._on_encoded(
-            EncodedFrame(self.view, index, capture_ns, self._clock.now_ns(), keyframe, data)
+            EncodedFrame(self.view, index, capture_ns, encoded_ns, keyframe, data, pushed_ns)
         )
 
-    def _take_underway(self, index: int) -> int:
-        """The capture time of `index`; frames before it that never came out were lost."""
+    def _take_underway(self, index: int) -> tuple[int, int]:
+        """When `index` was captured and pushed [ns]; earlier ones that never came out are lost."""
         with self._lock:
-            capture_ns = self._underway.pop(index, None)
+            times = self._underway.pop(index, None)
             overrun = [earlier for earlier in self._underway if earlier < index]
             for earlier in overrun:
                 del self._underway[earlier]
             self._lost += len(overrun)
-        if capture_ns is None:
+        if times is None:
             raise TamsError(f"the encoder returned frame {index}, which was never pushed")
-        return capture_ns
+        return times
