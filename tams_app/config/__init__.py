@@ -1,0 +1,38 @@
+"""The whole configuration as typed models; keys carry their unit."""
+
+from tams_app.config.motion import (
+    LITE6_MAX_JOINT_SPEED_RAD_S,
+    LITE6_MAX_TCP_SPEED_MM_S,
+    ArmConfig,
+    ClutchConfig,
+    HandConfig,
+    LimitsConfig,
+    ProfileConfig,
+    stop_time_s,
+)
+from tams_app.config.reader import CONFIG_DIRECTORY, DEFAULT_CONFIG, dump_config, load_config
+from tams_app.config.streaming import BudgetConfig, Network, PhasesConfig, PolicyConfig, VideoConfig
+from tams_app.config.whole import Config, OperatorConfig, TrialConfig
+
+__all__ = [
+    "CONFIG_DIRECTORY",
+    "DEFAULT_CONFIG",
+    "LITE6_MAX_JOINT_SPEED_RAD_S",
+    "LITE6_MAX_TCP_SPEED_MM_S",
+    "ArmConfig",
+    "BudgetConfig",
+    "ClutchConfig",
+    "Config",
+    "HandConfig",
+    "LimitsConfig",
+    "Network",
+    "OperatorConfig",
+    "PhasesConfig",
+    "PolicyConfig",
+    "ProfileConfig",
+    "TrialConfig",
+    "VideoConfig",
+    "dump_config",
+    "load_config",
+    "stop_time_s",
+]

@@ -1,0 +1,205 @@
+"""The arm, the hand that moves it, and the limits of both.
+
+Hard limits of the Lite 6 are those of UFACTORY's user manual.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from tams_app.config.section import (
+    Finite,
+    Fraction,
+    NonNegative,
+    Port,
+    Positive,
+    Section,
+    Six,
+    Triple,
+)
+
+LITE6_MAX_TCP_SPEED_MM_S = 500.0
+LITE6_MAX_ACCELERATION_MM_S2 = 50_000.0
+LITE6_MAX_JOINT_SPEED_RAD_S = math.pi
+LITE6_REACH_MM = 440.0
+MAX_STOP_TIME_S = 0.1
+
+
+def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
+    """Time [s] from `speed` [m/s] to rest under `acceleration` [m/s²] and `jerk` [m/s³]."""
+    if speed < acceleration**2 / jerk:
+        return 2.0 * math.sqrt(speed / jerk)
+    return speed / acceleration + acceleration / jerk
+
+
+class GuardConfig(Section):
+    """The helper process that stops the arm when the control loop falls silent."""
+
+    heartbeat_timeout_ms: Annotated[float, Field(ge=20, le=1000)] = 100.0
+
+
+class ArmConfig(Section):
+    """The Lite 6 and how it is reached."""
+
+    host: str = "127.0.0.1"
+    control_port: Port = 502
+    report_port: Port = 30001  # the normal report; the real-time one is two above
+    servo: Literal["velocity", "pose"] = "velocity"
+    velocity_deadman_s: Positive = 0.1  # the controller's own deadman: `duration`
+    reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.05
+    tcp_offset_mm_deg: Six = (0, 0, 82, 0, 0, 0)
+    tcp_load_kg: NonNegative = 0.35
+    tcp_load_centre_mm: Triple = (0, 0, 40)
+    collision_sensitivity: Annotated[int, Field(ge=1, le=5)] = 3
+    ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)  # TCP (350, 0, 180) mm, gripper down
+    pose_gain_per_s: Positive = 4.0  # outer P-loop of the velocity servo
+    guard: GuardConfig = GuardConfig()
+
+
+class ClutchConfig(Section):
+    """Trigger hysteresis and the mode button."""
+
+    engage_above: Fraction = 0.6
+    release_below: Fraction = 0.4
+
+    @model_validator(mode="after")
+    def _hysteresis(self) -> Self:
+        if self.release_below >= self.engage_above:
+            raise ValueError("release_below must be smaller than engage_above")
+        return self
+
+
+class HandConfig(Section):
+    """From the controller's poses to velocities."""
+
+    rotation: tuple[Triple, Triple, Triple] = ((0, 0, -1), (-1, 0, 0), (0, 1, 0))
+    translation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
+    rotation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
+    smoothing_s: Positive = 0.04
+    clamp_above_m_s: Positive = 1.5
+    reject_above_m_s: Positive = 4.0
+    clamp_above_rad_s: Positive = 6.0
+    reject_above_rad_s: Positive = 15.0
+    max_rejects: Annotated[int, Field(ge=1)] = 6
+
+    @model_validator(mode="after")
+    def _proper_rotation(self) -> Self:
+        matrix = np.array(self.rotation)
+        if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
+            raise ValueError("rotation must be orthonormal")
+        if np.linalg.det(matrix) < 0:
+            raise ValueError("rotation is mirrored (determinant -1); calibrate the frame again")
+        if self.reject_above_m_s <= self.clamp_above_m_s:
+            raise ValueError("reject_above_m_s must exceed clamp_above_m_s")
+        if self.reject_above_rad_s <= self.clamp_above_rad_s:
+            raise ValueError("reject_above_rad_s must exceed clamp_above_rad_s")
+        return self
+
+
+class ProfileConfig(Section):
+    """Acceleration and jerk of one motion profile, linear and angular."""
+
+    acceleration_m_s2: Positive
+    jerk_m_s3: Positive
+    acceleration_rad_s2: Positive
+    jerk_rad_s3: Positive
+
+    @model_validator(mode="after")
+    def _hard_limit(self) -> Self:
+        if self.acceleration_m_s2 * 1000 > LITE6_MAX_ACCELERATION_MM_S2:
+            raise ValueError(
+                f"acceleration_m_s2 exceeds the Lite 6's {LITE6_MAX_ACCELERATION_MM_S2 / 1000:g}"
+            )
+        return self
+
+
+class MotionProfileConfig(ProfileConfig):
+    """While engaged."""
+
+    acceleration_m_s2: Positive = 1.5
+    jerk_m_s3: Positive = 20.0
+    acceleration_rad_s2: Positive = 4.0
+    jerk_rad_s3: Positive = 60.0
+
+
+class StopProfileConfig(ProfileConfig):
+    """After a release: 250 mm/s to rest within 100 ms."""
+
+    acceleration_m_s2: Positive = 5.0
+    jerk_m_s3: Positive = 100.0
+    acceleration_rad_s2: Positive = 12.0
+    jerk_rad_s3: Positive = 250.0  # also from 0.5 rad/s while it still speeds up
+
+
+class LimitsConfig(Section):
+    """Speed, acceleration, jerk and space the arm never leaves."""
+
+    max_speed_mm_s: Annotated[float, Field(gt=0, le=LITE6_MAX_TCP_SPEED_MM_S)] = 250.0
+    max_rotation_rad_s: Annotated[float, Field(gt=0, le=LITE6_MAX_JOINT_SPEED_RAD_S)] = 0.5
+    motion: MotionProfileConfig = MotionProfileConfig()
+    stop: StopProfileConfig = StopProfileConfig()
+    box_min_mm: Triple = (150, -330, 5)
+    box_max_mm: Triple = (420, 330, 400)
+    radius_min_mm: NonNegative = 180.0  # from the base axis
+    radius_max_mm: Annotated[float, Field(gt=0, le=LITE6_REACH_MM)] = 425.0
+    floor_mm: Finite = 5.0
+    slow_down_mm: Positive = 30.0  # the outward speed shrinks to zero over this distance
+    cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0  # about the ready orientation
+    singularity_scale_from: Annotated[float, Field(gt=0, lt=1)] = 0.7
+    leash_mm: Positive = 15.0  # following error at which the target waits for the arm
+    leash_fault_mm: Positive = 60.0
+    leash_rad: Positive = 0.15
+
+    @model_validator(mode="after")
+    def _sane(self) -> Self:
+        if any(low >= high for low, high in zip(self.box_min_mm, self.box_max_mm, strict=True)):
+            raise ValueError("box_min_mm must be below box_max_mm on every axis")
+        if self.radius_min_mm >= self.radius_max_mm:
+            raise ValueError("radius_min_mm must be smaller than radius_max_mm")
+        for key in ProfileConfig.model_fields:
+            if getattr(self.stop, key) < getattr(self.motion, key):
+                raise ValueError(f"stop.{key} must not be below motion.{key}")
+        linear = stop_time_s(
+            self.max_speed_mm_s / 1000, self.stop.acceleration_m_s2, self.stop.jerk_m_s3
+        )
+        angular = stop_time_s(
+            self.max_rotation_rad_s, self.stop.acceleration_rad_s2, self.stop.jerk_rad_s3
+        )
+        for name, needed in (("max_speed_mm_s", linear), ("max_rotation_rad_s", angular)):
+            if needed > MAX_STOP_TIME_S + 1e-9:
+                raise ValueError(
+                    f"{name} needs {needed * 1000:.0f} ms to stop with the stop profile; "
+                    f"at most {MAX_STOP_TIME_S * 1000:.0f} ms are allowed"
+                )
+        return self
+
+
+class FreshnessConfig(Section):
+    """How old an input may be before the arm holds or faults."""
+
+    hold_pose_ms: Positive = 25.0  # an unchanged pose keeps its velocity this long
+    pose_frozen_ms: Positive = 100.0
+    buttons_ms: Positive = 100.0
+    arm_state_ms: Positive = 100.0
+    arm_reply_ms: Positive = 100.0
+    video_slow_ms: Positive = 500.0
+    video_hold_ms: Positive = 1000.0
+
+    @model_validator(mode="after")
+    def _order(self) -> Self:
+        if self.video_slow_ms >= self.video_hold_ms:
+            raise ValueError("video_slow_ms must be smaller than video_hold_ms")
+        if self.hold_pose_ms >= self.pose_frozen_ms:
+            raise ValueError("hold_pose_ms must be smaller than pose_frozen_ms")
+        return self
+
+
+class ControlConfig(Section):
+    """The control loop."""
+
+    rate_hz: Annotated[float, Field(ge=30, le=250)] = 120.0
+    realtime_priority: Annotated[int, Field(ge=0, le=98)] = 50  # SCHED_FIFO; 0 asks for none

@@ -1,0 +1,102 @@
+"""From YAML files to a checked configuration and back; every error names file, key and reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from tams_app.config.whole import Config
+from tams_app.errors import ConfigError
+
+CONFIG_DIRECTORY = Path(__file__).resolve().parents[2] / "config"
+DEFAULT_CONFIG = CONFIG_DIRECTORY / "tams.yaml"
+
+
+def load_config(path: Path | None = None, overrides: dict[str, Any] | None = None) -> Config:
+    """Read a YAML file, lay dotted-key `overrides` over it and check everything.
+
+    `include:` at the top of a file lists files beside it whose keys it takes over and may replace.
+    Raises ConfigError with file, key and reason.
+    """
+    path = path or DEFAULT_CONFIG
+    content = _read_with_includes(path, ())
+    overrides = overrides or {}
+    for dotted, value in overrides.items():
+        _override(content, dotted, value, path)
+    try:
+        return Config.model_validate(content)
+    except ValidationError as error:
+        key = _key(error)
+        source = "command line" if key in overrides else str(path)
+        raise ConfigError(f"{source}: {describe_validation_error(error)}") from error
+
+
+def describe_validation_error(error: ValidationError) -> str:
+    """One sentence for the first thing that is wrong: key and reason."""
+    first = error.errors()[0]
+    key = _key(error)
+    reason = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "extra_forbidden":
+        reason = "no such key"
+    others = error.error_count() - 1
+    more = f" (and {others} more)" if others else ""
+    return f"{key}: {reason}{more}" if key else f"{reason}{more}"
+
+
+def _key(error: ValidationError) -> str:
+    return ".".join(str(part) for part in error.errors()[0]["loc"])
+
+
+def _override(content: dict[str, Any], dotted: str, value: Any, path: Path) -> None:
+    *parents, leaf = dotted.split(".")
+    section = content
+    for parent in parents:
+        section = section.setdefault(parent, {})
+        if not isinstance(section, dict):
+            raise ConfigError(f"{path}: {parent}: must hold keys and values")
+    section[leaf] = value
+
+
+def _read_with_includes(path: Path, including: tuple[Path, ...]) -> dict[str, Any]:
+    """The content of `path` over that of the files it includes; `including`: how we got here."""
+    resolved = path.resolve()
+    if resolved in including:
+        raise ConfigError(f"{path}: include: the file includes itself")
+    content = _read_yaml(path)
+    includes = content.pop("include", [])
+    if not isinstance(includes, list) or not all(isinstance(name, str) for name in includes):
+        raise ConfigError(f"{path}: include: must be a list of file names")
+    merged: dict[str, Any] = {}
+    for name in includes:
+        _lay_over(merged, _read_with_includes(path.parent / name, (*including, resolved)))
+    _lay_over(merged, content)
+    return merged
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        line = " ".join(str(error).split())
+        raise ConfigError(f"{path}: is not valid YAML: {line}") from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: must hold keys and values")
+    return content
+
+
+def _lay_over(base: dict[str, Any], top: dict[str, Any]) -> None:
+    for key, value in top.items():
+        if isinstance(value, dict) and isinstance(base.get(key), dict):
+            _lay_over(base[key], value)
+        else:
+            base[key] = value
+
+
+def dump_config(config: Config) -> str:
+    """The effective configuration as YAML that `load_config` reads back."""
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)

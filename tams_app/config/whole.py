@@ -1,0 +1,88 @@
+"""The rig, the trial, the recording, and the whole."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tams_app.config.motion import (
+    ArmConfig,
+    ClutchConfig,
+    ControlConfig,
+    FreshnessConfig,
+    HandConfig,
+    LimitsConfig,
+)
+from tams_app.config.section import NonNegative, Positive, Section
+from tams_app.config.streaming import Network, PolicyConfig, VideoConfig
+from tams_app.records import Phase
+
+
+class OperatorConfig(Section):
+    """The scripted operator of the simulated rig."""
+
+    reach_speed_m_s: Positive = 0.20
+    fine_speed_m_s: Positive = 0.06
+    arm_reach_m: Positive = 0.18  # hand travel from its rest point before it must re-clutch
+    position_noise_mm: NonNegative = 0.15
+    rotation_noise_deg: NonNegative = 0.05
+    reaction_s: NonNegative = 0.25
+
+
+class RigConfig(Section):
+    """The simulated rig, started in processes of its own."""
+
+    enabled: bool = True
+    render_nice: Annotated[int, Field(ge=0, le=19)] = 10
+    camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5  # grey levels of 255
+    operator: OperatorConfig = OperatorConfig()
+
+
+class TrialConfig(Section):
+    """The rules of a trial (paper, section IV)."""
+
+    limit_s: Positive = 120.0
+    success_within_s: Positive = 90.0
+    max_drops: Annotated[int, Field(ge=0)] = 2
+
+
+class RecordingConfig(Section):
+    """What a session leaves behind."""
+
+    directory: str = "logs"
+    record_reference: bool = False
+    min_free_mb: NonNegative = 500.0
+
+
+class Config(Section):
+    """Everything a session is built from."""
+
+    version: Literal[1]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "run"
+    seed: Annotated[int, Field(ge=0)] = 0
+    strategy: str = "tams"
+    network: str = "s2"
+    seconds: Positive | None = None
+    headless: bool = False
+    arm: ArmConfig = ArmConfig()
+    clutch: ClutchConfig = ClutchConfig()
+    hand: HandConfig = HandConfig()
+    limits: LimitsConfig = LimitsConfig()
+    freshness: FreshnessConfig = FreshnessConfig()
+    control: ControlConfig = ControlConfig()
+    policy: PolicyConfig
+    video: VideoConfig = VideoConfig()
+    networks: dict[str, Network]
+    rig: RigConfig = RigConfig()
+    trial: TrialConfig = TrialConfig()
+    recording: RecordingConfig = RecordingConfig()
+
+    @model_validator(mode="after")
+    def _views_have_weights(self) -> Self:
+        weighted = set(self.policy.weights.matrix[Phase.REACH])
+        if weighted != set(self.video.views):
+            raise ValueError(f"policy.weights name {sorted(weighted)}, video.views do not")
+        if set(self.policy.allocation.static_weights) != set(self.video.views):
+            raise ValueError("policy.allocation.static_weights must name each of video.views")
+        return self
