@@ -35,7 +35,7 @@ def finished(tmp_path_factory):
     """The folder and the words of one session on s2 that ran to its end."""
     out = tmp_path_factory.mktemp("run")
     result = subprocess.run(
-        command(out, "--seed", "1"),
+        command(out, "--seed", "1", "--seconds", "90"),
         cwd=PROJECT_DIRECTORY,
         capture_output=True,
         text=True,
@@ -57,6 +57,13 @@ def summary(finished):
     return json.loads((finished[0] / "summary.json").read_text())
 
 
+def require_real_time(summary):
+    """Whether the task succeeds can be asked only of a machine that kept up: skip elsewhere."""
+    late = summary["control"]["late_fraction"]
+    if late > 0.2:
+        pytest.skip(f"this machine was too busy for a session in real time: {late:.0%} late ticks")
+
+
 def test_a_session_leaves_log_configuration_summary_and_picture(finished):
     folder, words = finished
     names = {path.name for path in folder.iterdir()}
@@ -67,6 +74,7 @@ def test_a_session_leaves_log_configuration_summary_and_picture(finished):
 
 
 def test_the_block_is_placed_and_the_verdict_is_in_the_summary(summary, log):
+    require_real_time(summary)
     outcome = summary["outcome"]
     assert outcome["completed"] is True
     assert outcome["reason"] == "placed"
@@ -84,7 +92,8 @@ def test_the_summary_is_that_of_the_log(summary, log):
     assert summary == json.loads(json.dumps(summarise(log)))
 
 
-def test_the_task_passes_through_all_six_phases(log):
+def test_the_task_passes_through_all_six_phases(summary, log):
+    require_real_time(summary)
     seen = [change.phase for change in log.phases]
     assert seen[0] is Phase.REACH
     assert set(seen) == set(Phase)
