@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -266,5 +267,6 @@ def test_a_killed_session_leaves_a_readable_log_and_no_process(running):
     running.process.kill()
     code, _, log = running.end()
     assert code == -signal.SIGKILL
+    assert not list(Path("/dev/shm").glob(f"tams-{running.process.pid}-*"))
     assert log.truncated
     assert len(log.ticks) > 100

@@ -14,6 +14,7 @@ from hw.sim.controller_model import ControllerModel
 from hw.sim.controller_server import ControllerServer
 from hw.sim.layout import draw_layout
 from hw.sim.published_world import PublishedWorld
+from hw.sim.shared_block import remove_memory
 from hw.sim.world import World
 from hw.sim.world_memory import WorldWriter
 from tams_app.clock import MonotonicClock
@@ -63,6 +64,7 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | N
     finally:
         server.close()
         writer.close()
+        remove_memory(name)  # the session that chose the name may have been killed
     return server.failure
 
 
