@@ -223,7 +223,7 @@ def running(tmp_path):
     session.process.communicate()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_session_ends_in_order(running, number):
     running.process.send_signal(number)
     code, words, log = running.end()

@@ -55,6 +55,7 @@ def test_a_helper_survives_ctrl_c_and_leaves_the_stopping_to_the_session(tmp_pat
     process = helper(tmp_path, "serve")
     process.start()
     process.wait_ready()
+    assert os.getsid(process.pid) != os.getsid(0)  # nor does Ctrl-Z or a hang-up reach it
     os.kill(process.pid, signal.SIGINT)
     assert process.exit_code is None
     process.stop()

@@ -1,0 +1,41 @@
+"""The guard follows the arm's arming."""
+
+from hw.guard_link import GuardLink
+from tams_app.config import load_config
+from tams_app.session.guarding import Guarding
+from tams_app.session.signals import Signals
+from tams_app.teleop.safety import ArmingState, Reason
+
+SILENCE_NS = 200_000_000
+
+
+def guarding(tmp_path, signals):
+    made = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    made._link = GuardLink(9, SILENCE_NS)  # the discard port: nobody answers
+    return made
+
+
+def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
+    guard = guarding(tmp_path, Signals())
+    armed = []
+    for arming, stopping in (
+        (ArmingState.DISARMED, True),
+        (ArmingState.READY, False),
+        (ArmingState.FAULT, True),
+        (ArmingState.FAULT, False),
+    ):
+        guard.follow(arming, stopping)
+        armed.append(guard._link.armed)
+    guard.close()
+    assert armed == [False, True, True, False]
+
+
+def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
+    signals = Signals()
+    guard = guarding(tmp_path, signals)
+    guard.follow(ArmingState.READY, stopping=False)
+    guard.beat(0)
+    assert signals.take().faults == ()
+    guard.beat(SILENCE_NS + 1)
+    guard.close()
+    assert signals.take().faults == (Reason.GUARD_LOST,)
