@@ -57,6 +57,7 @@ class ControllerStatus(StrEnum):
     STANDBY = "standby"
     DASHBOARD = "dashboard open"
     RUNTIME_QUIT = "runtime quit"
+    ROLE_SWAPPED = "role swapped"  # another device plays the operator's hand now
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +110,15 @@ class ArmState:
     gripper_closed: bool | None
 
 
+class LinkFault(StrEnum):
+    """What kind of failure ended the arm's command link."""
+
+    NONE = ""
+    LOST = "lost"  # nothing gets through
+    REFUSED = "refused"  # the arm answers, and refuses
+    GRIPPER = "gripper"  # the tool's outputs do not do what was commanded
+
+
 @dataclass(frozen=True, slots=True)
 class CommandLink:
     """Health of the arm's command connection, as its sender sees it."""
@@ -118,6 +128,7 @@ class CommandLink:
     round_trip_ns: int  # of the last acknowledged command
     slow: int  # replies later than one control period
     failure: str  # "" or one sentence: why commands no longer get through
+    fault: LinkFault = LinkFault.NONE  # NONE exactly when `failure` is ""
 
 
 # --- policy -------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """What holds for every test."""
 
 import socket
+from collections.abc import Iterator
 
 import pytest
 
@@ -10,3 +11,23 @@ def _no_default_timeout():
     """The xArm SDK sets a time-out for all sockets of the process: no test passes it on."""
     yield
     socket.setdefaulttimeout(None)
+
+
+@pytest.fixture
+def glib_complaints() -> Iterator[list[str]]:
+    """Criticals and warnings of GLib's log; a test that provokes one clears the list."""
+    from tams_app import gst  # tests without GStreamer need not load it
+
+    glib = gst.load().GLib
+    complaints: list[str] = []
+    levels = glib.LogLevelFlags.LEVEL_CRITICAL | glib.LogLevelFlags.LEVEL_WARNING
+
+    def note(domain: str, level: object, message: str, *_: object) -> None:
+        complaints.append(f"{domain}: {message}")
+
+    domains = ("GStreamer", "GLib", "GLib-GObject", "GLib-GIO")
+    handlers = [(domain, glib.log_set_handler(domain, levels, note, None)) for domain in domains]
+    yield complaints
+    for domain, handler in handlers:
+        glib.log_remove_handler(domain, handler)
+    assert complaints == []

@@ -1,5 +1,6 @@
 """The whole configuration as typed models; keys carry their unit."""
 
+from tams_app.config.devices import CameraConfig, ControllerConfig
 from tams_app.config.motion import (
     LITE6_MAX_JOINT_SPEED_RAD_S,
     LITE6_MAX_TCP_SPEED_MM_S,
@@ -21,8 +22,10 @@ __all__ = [
     "LITE6_MAX_TCP_SPEED_MM_S",
     "ArmConfig",
     "BudgetConfig",
+    "CameraConfig",
     "ClutchConfig",
     "Config",
+    "ControllerConfig",
     "HandConfig",
     "LimitsConfig",
     "Network",

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tams_app.config.devices import CameraConfig, ControllerConfig
 from tams_app.config.motion import (
     ArmConfig,
     ClutchConfig,
@@ -71,6 +72,10 @@ class Config(Section):
     limits: LimitsConfig = LimitsConfig()
     freshness: FreshnessConfig = FreshnessConfig()
     control: ControlConfig = ControlConfig()
+    controller: ControllerConfig = ControllerConfig()
+    cameras: dict[str, CameraConfig] = Field(
+        default_factory=dict
+    )  # by view; the rig brings its own
     policy: PolicyConfig
     video: VideoConfig = VideoConfig()
     networks: dict[str, Network]
@@ -85,4 +90,10 @@ class Config(Section):
             raise ValueError(f"policy.weights name {sorted(weighted)}, video.views do not")
         if set(self.policy.allocation.static_weights) != set(self.video.views):
             raise ValueError("policy.allocation.static_weights must name each of video.views")
+        return self
+
+    @model_validator(mode="after")
+    def _views_have_cameras(self) -> Self:
+        if not self.rig.enabled and set(self.cameras) != set(self.video.views):
+            raise ValueError("cameras must name each of video.views, and nothing else")
         return self

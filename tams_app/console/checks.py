@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
+from tams_app import gst
 from tams_app.config import Config
 from tams_app.errors import SetupError, TamsError
 from tams_app.realtime import use_fifo
-from tams_app.video import gst
 from tams_app.video.ports import requested_ports
 from tams_app.worker import Worker
 

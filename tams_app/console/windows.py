@@ -7,11 +7,12 @@ import sys
 
 import cv2
 
+from tams_app import gst
 from tams_app.clock import NS_PER_S
 from tams_app.config import VideoConfig
 from tams_app.errors import SetupError
 from tams_app.records import Image, ShownFrame
-from tams_app.video import gst, pipelines
+from tams_app.video import pipelines
 
 WINDOW_ELEMENTS = ("appsrc", "videoconvert", "autovideosink")
 _LABEL_AT = (8, 20)

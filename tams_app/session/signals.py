@@ -9,7 +9,7 @@ from tams_app.teleop.safety import Reason
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """What has come in since the last tick; faults stay until the session ends."""
+    """What has come in since the last tick, and the faults that stay until the session ends."""
 
     confirm: bool
     estop: bool
@@ -26,6 +26,7 @@ class Signals:
         self._confirm = False
         self._estop = False
         self._faults: dict[Reason, None] = {}
+        self._trips: dict[Reason, None] = {}
 
     def confirm(self) -> None:
         """The operator agrees: arm, or clear a fault."""
@@ -39,12 +40,19 @@ class Signals:
         """Something the arm must not move without is gone, until the session ends."""
         self._faults[reason] = None  # one operation: two threads never lose one of two faults
 
+    def trip(self, reason: Reason) -> None:
+        """Something that stopped the arm once; the operator may confirm it away."""
+        self._trips[reason] = None
+
     def take(self) -> Pending:
         """Everything pending; confirmations and stops are used up by this."""
-        pending = Pending(self._confirm, self._estop, tuple(self._faults))
+        trips = tuple(self._trips)
+        pending = Pending(self._confirm, self._estop, (*self._faults, *trips))
         # only what was seen is used up: a stop that comes in between is taken by the next tick
         if pending.confirm:
             self._confirm = False
         if pending.estop:
             self._estop = False
+        for reason in trips:
+            del self._trips[reason]
         return pending

@@ -21,6 +21,7 @@ from tams_app.teleop.safety import (
 from tams_app.teleop.shaping import TrajectoryError
 from tams_app.teleop.watch import STOPPED_STATE, Watch
 
+_TOLD_BY_THE_LINK = (Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED)
 _PRECEDENCE = {reason: rank for rank, reason in enumerate(Reason)}
 
 
@@ -197,7 +198,7 @@ class Teleop:
         reason = self._arming.reason
         if reason is Reason.ARM_ERROR and tick.arm is not None and tick.arm.error_code:
             return describe_arm_error(tick.arm.error_code)
-        return tick.link.failure if reason is Reason.ARM_LINK_LOST else ""
+        return tick.link.failure if reason in _TOLD_BY_THE_LINK else ""
 
 
 def _ranked(reasons: list[Reason]) -> tuple[Reason, ...]:

@@ -28,6 +28,12 @@ class Reason(Enum):
         Severity.FAULT,
         "The guard process that stops the arm independently is gone: start the session again.",
     )
+    GUARD_STOPPED = (
+        "guard stopped the arm",
+        Severity.FAULT,
+        "The control loop was silent for too long and the guard stopped the arm: close other "
+        "programs on this computer, release the trigger, then confirm.",
+    )
     ARM_ERROR = (
         "arm error",
         Severity.FAULT,
@@ -37,6 +43,17 @@ class Reason(Enum):
         "arm link lost",
         Severity.FAULT,
         "Commands no longer reach the arm: check its power and network cable, then confirm.",
+    )
+    ARM_REFUSES = (
+        "arm refuses",
+        Severity.FAULT,
+        "The arm refused a command: see why, free the arm, release the trigger, then confirm.",
+    )
+    GRIPPER_FAILED = (
+        "gripper failed",
+        Severity.FAULT,
+        "The gripper does not do what it was told: check its plug at the flange, "
+        "release the trigger, then confirm.",
     )
     ARM_SILENT = (
         "arm silent",
@@ -69,6 +86,12 @@ class Reason(Enum):
         "VR runtime quit",
         Severity.FAULT,
         "Start SteamVR, then start the session again.",
+    )
+    ROLE_SWAPPED = (
+        "controller swapped",
+        Severity.FAULT,
+        "Another controller has taken the operator's hand: take the right one, wait until it is "
+        "tracked, release the trigger, then confirm.",
     )
     POSE_FROZEN = (
         "pose frozen",

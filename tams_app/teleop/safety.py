@@ -37,7 +37,9 @@ ENABLE_CONSENT_NS = 60 * NS_PER_S  # brakes, mode and the way to the ready pose
 CLEAR_CONSENT_NS = 3 * NS_PER_S  # the arm's errors are cleared and reported so
 
 # What clearing the arm's errors can take away; every other fault must be gone before the confirm.
-CLEARABLE = frozenset({Reason.ARM_ERROR, Reason.ARM_LINK_LOST})
+CLEARABLE = frozenset(
+    {Reason.ARM_ERROR, Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED}
+)
 
 
 class ArmingState(StrEnum):

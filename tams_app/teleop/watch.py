@@ -6,7 +6,7 @@ import numpy as np
 
 from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import Config
-from tams_app.records import ArmState, ControllerSample, ControllerStatus
+from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault
 from tams_app.teleop.clutch import is_fresh
 from tams_app.teleop.motion import is_frozen
 from tams_app.teleop.records import TeleopInput
@@ -21,6 +21,12 @@ _VIDEO_FLOOR_FACTOR = 3
 _LOST = {
     ControllerStatus.DISCONNECTED: Reason.CONTROLLER_DISCONNECTED,
     ControllerStatus.RUNTIME_QUIT: Reason.RUNTIME_QUIT,
+    ControllerStatus.ROLE_SWAPPED: Reason.ROLE_SWAPPED,
+}
+_LINK_FAULTS = {
+    LinkFault.LOST: Reason.ARM_LINK_LOST,
+    LinkFault.REFUSED: Reason.ARM_REFUSES,
+    LinkFault.GRIPPER: Reason.GRIPPER_FAILED,
 }
 _AWAY = {
     ControllerStatus.TRACKING_LOST: Reason.TRACKING_LOST,
@@ -48,7 +54,7 @@ class Watch:
         elif state is ArmingState.ENGAGED and self._pose_is_frozen(tick):
             found.append(Reason.POSE_FROZEN)
         if tick.link.failure:
-            found.append(Reason.ARM_LINK_LOST)
+            found.append(_LINK_FAULTS.get(tick.link.fault, Reason.ARM_LINK_LOST))
         if tick.arm is not None:
             found += self._arm_faults(tick.arm, tick.now_ns, state)
         return found

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from tams_app import gst
 from tams_app.clock import Clock
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.mailbox import Mailbox
 from tams_app.records import Image, ShownFrame
-from tams_app.video import gst, pipelines
+from tams_app.video import pipelines
 from tams_app.video.frame_identity import FrameIdentity
 from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
 from tams_app.video.repair import KeyframeRequests, RepairRule

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from tams_app import gst
 from tams_app.clock import NS_PER_S, Clock
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
-from tams_app.video import gst, pipelines
+from tams_app.video import pipelines
 from tams_app.video.encoder_servo import EncoderServo
 from tams_app.video.frame_identity import index_of_pts, pts_of_index
 from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports

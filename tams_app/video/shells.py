@@ -5,9 +5,9 @@ from __future__ import annotations
 import ipaddress
 from typing import Any
 
+from tams_app import gst
 from tams_app.errors import ConfigError
 from tams_app.records import IP_UDP_HEADER_BYTES
-from tams_app.video import gst
 from tams_app.video.ports import ViewPorts
 
 # A 33 ms frame at 20 Mbit/s is 80 kB; room for many while the decoder waits for the GIL.

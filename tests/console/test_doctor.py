@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from tams_app import gst
 from tams_app.config import Config, load_config
 from tams_app.console import checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
-from tams_app.video import gst
 
 
 def config(**overrides: Any) -> Config:

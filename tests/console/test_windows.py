@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import SetupError
 from tams_app.records import Image, ShownFrame
-from tams_app.video import gst
 
 SCREEN_WIDTH, SCREEN_HEIGHT = 800, 600
 

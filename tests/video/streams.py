@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from zlib import crc32
 
+from tams_app import gst
 from tams_app.clock import MonotonicClock
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
-from tams_app.video import gst
 from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule

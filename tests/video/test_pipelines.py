@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
+from tams_app import gst
 from tams_app.clock import NS_PER_S
 from tams_app.config import VideoConfig
-from tams_app.video import gst, pipelines
+from tams_app.video import pipelines
 from tams_app.video.frame_identity import FrameIdentity, pts_of_index
 from tams_app.video.repair import RepairRule
 from tests.video.scenes import picture

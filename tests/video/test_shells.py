@@ -6,8 +6,8 @@ import socket
 
 import pytest
 
+from tams_app import gst
 from tams_app.errors import ConfigError
-from tams_app.video import gst
 from tams_app.video.ports import ViewPorts
 from tams_app.video.shells import UdpSocket, udp_sink, wire_bytes_sent
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tams_app import gst
 from tams_app.errors import SetupError
-from tams_app.video import gst
 
 
 def test_a_machine_with_all_packages_lacks_nothing() -> None:
