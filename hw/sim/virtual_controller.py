@@ -33,6 +33,7 @@ class SensorFault(Enum):
     DASHBOARD = ControllerStatus.DASHBOARD  # poses go on; the runtime keeps the buttons
     DISCONNECTED = ControllerStatus.DISCONNECTED  # flat battery, out of radio reach
     RUNTIME_QUIT = ControllerStatus.RUNTIME_QUIT
+    ROLE_SWAPPED = ControllerStatus.ROLE_SWAPPED  # another controller plays the hand: not this one
     FROZEN_POSE = "frozen pose"  # status OK, the same pose for ever
     FROZEN_BUTTONS = "frozen buttons"  # status OK, the buttons as they last were
 
@@ -43,9 +44,13 @@ _WITHOUT_POSE = frozenset(
         SensorFault.STANDBY,
         SensorFault.DISCONNECTED,
         SensorFault.RUNTIME_QUIT,
+        SensorFault.ROLE_SWAPPED,
     }
 )
 _WITH_FRESH_BUTTONS = frozenset({None, SensorFault.TRACKING_LOST, SensorFault.FROZEN_POSE})
+_OUT_OF_HAND = frozenset(  # pulses do not reach the operator
+    {SensorFault.DISCONNECTED, SensorFault.RUNTIME_QUIT, SensorFault.ROLE_SWAPPED}
+)
 _NOTHING = ControllerSample(
     ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
@@ -71,16 +76,14 @@ class VirtualController(Controller):
 
     def sample(self, now_ns: int) -> ControllerSample:
         if not self._started:
-            return replace(self._last, status=ControllerStatus.DISCONNECTED, pose=None, trigger=0.0)
+            times = self._last.pose_ns, self._last.buttons_ns
+            return replace(_NOTHING, pose_ns=times[0], buttons_ns=times[1])
         self.operator.step(now_ns)
         self._last = self._read(now_ns)
         return self._last
 
     def pulse(self, haptic: Haptic) -> None:
-        if self._started and self._fault not in (
-            SensorFault.DISCONNECTED,
-            SensorFault.RUNTIME_QUIT,
-        ):
+        if self._started and self._fault not in _OUT_OF_HAND:
             self.operator.feel(haptic)
 
     def inject(self, fault: SensorFault | None) -> None:

@@ -1,6 +1,6 @@
 """The whole configuration as typed models; keys carry their unit."""
 
-from tams_app.config.devices import CameraConfig, ControllerConfig
+from tams_app.config.devices import CameraConfig, ControllerConfig, MappingConfig
 from tams_app.config.motion import (
     LITE6_MAX_JOINT_SPEED_RAD_S,
     LITE6_MAX_TCP_SPEED_MM_S,
@@ -28,6 +28,7 @@ __all__ = [
     "ControllerConfig",
     "HandConfig",
     "LimitsConfig",
+    "MappingConfig",
     "Network",
     "OperatorConfig",
     "PhasesConfig",

@@ -8,6 +8,27 @@ from pydantic import Field, model_validator
 
 from tams_app.config.section import Positive, Section
 
+# A part of a controller and what is read of it, as SteamVR names them: `trigger/pull`, `a/click`.
+ComponentPath = Annotated[str, Field(pattern=r"^[a-z_]+/[a-z]+$")]
+ControllerType = Literal["vive_focus3_controller", "vive_controller", "knuckles"]
+
+
+class MappingConfig(Section):
+    """Which component plays each part; None leaves it to the default of the controller's type."""
+
+    trigger: ComponentPath | None = None  # deadman and clutch, analog
+    grip: ComponentPath | None = None  # toggles translation/orientation
+    a: ComponentPath | None = None  # closes the gripper
+    b: ComponentPath | None = None  # opens it
+    menu: ComponentPath | None = None  # held: confirm; clicked: emergency stop
+
+    @model_validator(mode="after")
+    def _leaves_the_system_button(self) -> Self:
+        for role, path in self.model_dump(exclude_none=True).items():
+            if path.startswith("system/"):
+                raise ValueError(f"{role} cannot be the system button, SteamVR keeps it to itself")
+        return self
+
 
 class ControllerConfig(Section):
     """The tracked VR controller, over OpenVR."""
@@ -15,6 +36,8 @@ class ControllerConfig(Section):
     hand: Literal["right", "left"] = "right"
     # actions: SteamVR Input, which the operator can rebind; legacy: the raw controller state
     input: Literal["auto", "actions", "legacy"] = "auto"
+    # Departures from the defaults, by the type that `doctor --devices` shows.
+    mapping: dict[ControllerType, MappingConfig] = Field(default_factory=dict)
 
 
 class CameraConfig(Section):

@@ -67,6 +67,7 @@ def test_without_noise_the_tremor_still_keeps_the_pose_alive():
         (SensorFault.STANDBY, ControllerStatus.STANDBY),
         (SensorFault.DISCONNECTED, ControllerStatus.DISCONNECTED),
         (SensorFault.RUNTIME_QUIT, ControllerStatus.RUNTIME_QUIT),
+        (SensorFault.ROLE_SWAPPED, ControllerStatus.ROLE_SWAPPED),
     ],
 )
 def test_a_controller_that_is_not_tracked_has_no_pose(working, fault, status):
@@ -85,6 +86,7 @@ def test_a_controller_that_is_not_tracked_has_no_pose(working, fault, status):
         SensorFault.DASHBOARD,
         SensorFault.DISCONNECTED,
         SensorFault.RUNTIME_QUIT,
+        SensorFault.ROLE_SWAPPED,
     ],
 )
 def test_buttons_that_cannot_be_read_are_released_and_grow_old(working, fault):
@@ -134,12 +136,13 @@ def test_a_fault_that_ends_leaves_a_working_controller(working):
     assert sample.pose_ns == sample.buttons_ns == working.now_ns
 
 
-def test_a_disconnected_controller_passes_no_pulses_on():
+@pytest.mark.parametrize("fault", [SensorFault.DISCONNECTED, SensorFault.ROLE_SWAPPED])
+def test_a_controller_that_is_not_in_the_hand_passes_no_pulses_on(fault):
     controller = _controller()
     felt: list[Haptic] = []
     controller.operator.feel = felt.append  # type: ignore[method-assign]
     controller.pulse(Haptic.ENGAGE)
-    controller.inject(SensorFault.DISCONNECTED)
+    controller.inject(fault)
     controller.pulse(Haptic.FAULT)
     assert felt == [Haptic.ENGAGE]
 

@@ -1,0 +1,111 @@
+"""The connection to the OpenVR runtime: loading the binding, opening, events, closing.
+
+The runtime is one per process: its binding keeps a single connection, so only one of these may be
+open at a time. All calls belong to one thread.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from typing import Any
+
+from tams_app.errors import DeviceError, SetupError
+
+MAX_EVENTS_PER_LOOK = 64
+_NOT_INSTALLED = (
+    "SteamVR is not installed for this user: install it, start it once, then try again."
+)
+_NOT_RUNNING = "SteamVR is not running: start it, switch the controller on, then try again."
+_NO_HEADSET = "SteamVR finds no headset: connect it and check SteamVR's window, then try again."
+_SENTENCES = {
+    "Init_InstallationNotFound": _NOT_INSTALLED,
+    "Init_InstallationCorrupt": _NOT_INSTALLED,
+    "Init_VRClientDLLNotFound": _NOT_INSTALLED,
+    "Init_PathRegistryNotFound": _NOT_INSTALLED,
+    "Init_NoServerForBackgroundApp": _NOT_RUNNING,
+    "Init_ShuttingDown": _NOT_RUNNING,
+    "Init_HmdNotFound": _NO_HEADSET,
+    "Init_HmdNotFoundPresenceFailed": _NO_HEADSET,
+}
+
+
+def load_binding() -> Any:
+    """The `openvr` module; SetupError where it or its library cannot be loaded.
+
+    Loaded only here, so that the simulated rig runs on machines OpenVR has no library for.
+    """
+    try:
+        return importlib.import_module("openvr")
+    except (ImportError, OSError, ValueError) as error:
+        raise SetupError(
+            f"The OpenVR library cannot be loaded ({error}): "
+            "use an x86-64 machine and run `make setup`."
+        ) from error
+
+
+def binding_errors(vr: Any) -> tuple[type[Exception], ...]:
+    """What the binding raises: its own errors, and KeyError for a code that is newer than it."""
+    return (vr.OpenVRError, KeyError)
+
+
+class OpenVrRuntime:
+    """An open connection; nothing but `close` may be called after `close`."""
+
+    def __init__(self, application: int) -> None:
+        """Connect as `application`, a VRApplication_*; DeviceError with one sentence if refused."""
+        self.vr = load_binding()
+        try:
+            self.system = self.vr.init(application)
+        except binding_errors(self.vr) as error:
+            raise DeviceError(_sentence(error)) from error
+        self._poses = (self.vr.TrackedDevicePose_t * self.vr.k_unMaxTrackedDeviceCount)()
+        self._event = self.vr.VREvent_t()
+        self._open = True
+
+    @classmethod
+    def join(cls) -> OpenVrRuntime:
+        """Connect as an overlay application, but never start a runtime that is not running.
+
+        An overlay application would start it; a background application is refused instead, but
+        gets no input.
+        """
+        vr = load_binding()
+        cls(vr.VRApplication_Background).close()
+        return cls(vr.VRApplication_Overlay)
+
+    def provides(self, interface_version: str) -> bool:
+        """Whether the runtime has an interface; asking the binding for one it lacks disconnects."""
+        return bool(self.vr.isInterfaceVersionValid(interface_version))
+
+    def events(self) -> Iterator[int]:
+        """The types of the events since the last call."""
+        for _ in range(MAX_EVENTS_PER_LOOK):
+            if not self.system.pollNextEvent(self._event):
+                return
+            yield int(self._event.eventType)
+
+    def poses(self) -> Any:
+        """TrackedDevicePose_t of every device, now, in the standing universe.
+
+        The array is used again by the next call.
+        """
+        return self.system.getDeviceToAbsoluteTrackingPose(
+            self.vr.TrackingUniverseStanding, 0.0, self._poses
+        )
+
+    def acknowledge_quit(self) -> None:
+        """Tell a runtime that quits that this process is letting go of it."""
+        self.system.acknowledgeQuit_Exiting()
+
+    def close(self) -> None:
+        """Disconnect; may be called twice. A runtime that quits ends processes that do not."""
+        if self._open:
+            self._open = False
+            self.vr.shutdown()
+
+
+def _sentence(error: Exception) -> str:
+    name = type(error).__name__.removeprefix("InitError_")
+    known = _SENTENCES.get(name)
+    return known or f"SteamVR cannot be reached ({name}): restart it, then try again."

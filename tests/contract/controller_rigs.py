@@ -1,0 +1,169 @@
+"""One rig per kind of controller: the simulated hand, and OpenVR's binding over a fake runtime.
+
+A rig holds a controller whose trigger is pressed and whose hand is never quite still, lets time
+pass, and makes the controller suffer what `SensorFault` names.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import ExitStack
+
+import numpy as np
+import openvr
+
+from hw.controller import Controller
+from hw.openvr_controller import OpenVrController
+from hw.sim.hand import Button, Hand, HandWish
+from hw.sim.virtual_controller import SensorFault, VirtualController
+from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.config import ControllerConfig, OperatorConfig
+from tams_app.records import ControllerSample, Haptic
+from tests.hw.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
+
+TICK_NS = 8 * NS_PER_MS
+WITHIN_S = 20.0  # generous: the machine may be busy
+
+
+class ControllerRig(ABC):
+    """A controller, the hand that holds it, and a way to let time pass."""
+
+    controller: Controller
+
+    @abstractmethod
+    def make_controller(self) -> Controller:
+        """Another driver of the same controller, not started."""
+
+    @abstractmethod
+    def press_menu(self) -> None:
+        """The thumb goes on the menu button and stays there."""
+
+    @abstractmethod
+    def inject(self, fault: SensorFault | None) -> None:
+        """From now on suffer `fault`; None ends it."""
+
+    @abstractmethod
+    def advance(self) -> int:
+        """Let one tick pass; the time now [ns]."""
+
+    @abstractmethod
+    def felt(self) -> int:
+        """How many vibrations have reached the hand."""
+
+    def sample(self) -> ControllerSample:
+        return self.controller.sample(self.advance())
+
+    def until(self, holds: Callable[[ControllerSample], bool]) -> ControllerSample:
+        """The first sample that `holds`, within good time."""
+        deadline_ns = self.advance() + round(WITHIN_S * NS_PER_S)
+        while True:
+            now_ns = self.advance()
+            sample = self.controller.sample(now_ns)
+            if holds(sample):
+                return sample
+            assert now_ns < deadline_ns, f"still {sample}"
+
+
+class _Holding:
+    """In place of an operator: somebody who holds the trigger and otherwise keeps still."""
+
+    def __init__(self) -> None:
+        self.hand = Hand(np.random.default_rng(0), 0.5)
+        self.button: Button | None = None
+        self.pulses = 0
+        self._last_ns: int | None = None
+
+    def step(self, now_ns: int) -> None:
+        elapsed_ns = now_ns - (self._last_ns or now_ns)
+        self._last_ns = now_ns
+        self.hand.step(HandWish.still(trigger=True, button=self.button), elapsed_ns / NS_PER_S)
+
+    def feel(self, haptic: Haptic) -> None:
+        self.pulses += 1
+
+
+class VirtualControllerRig(ControllerRig):
+    """Virtual time; passes only when asked."""
+
+    def __init__(self) -> None:
+        self._clock = VirtualClock()
+        self._holding = _Holding()
+        self.controller = self._virtual = self.make_controller()
+
+    def make_controller(self) -> VirtualController:
+        return VirtualController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
+
+    def press_menu(self) -> None:
+        self._holding.button = Button.MENU
+
+    def inject(self, fault: SensorFault | None) -> None:
+        self._virtual.inject(fault)
+
+    def advance(self) -> int:
+        self._clock.advance_ns(TICK_NS)
+        return self._clock.now_ns()
+
+    def felt(self) -> int:
+        return self._holding.pulses
+
+
+class OpenVrRig(ControllerRig):
+    """The real driver and binding over a fake runtime, in real time."""
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        self.runtime = FakeRuntime()
+        cleaning.enter_context(self.runtime.in_place_of_the_library())
+        self._clock = MonotonicClock()
+        self._cleaning = cleaning
+        self.runtime.devices[RIGHT].trembles = True
+        self.runtime.press("trigger")
+        self.controller = self.make_controller()
+
+    def make_controller(self) -> OpenVrController:
+        made = OpenVrController(ControllerConfig(), self._clock, lambda level, text: None)
+        self._cleaning.callback(made.close)
+        return made
+
+    def press_menu(self) -> None:
+        self.runtime.press("menu")
+
+    def inject(self, fault: SensorFault | None) -> None:
+        hand = self.runtime.devices[RIGHT]
+        match fault:
+            case SensorFault.TRACKING_LOST:
+                hand.valid = False
+            case SensorFault.STANDBY:
+                hand.activity = openvr.k_EDeviceActivityLevel_Standby
+            case SensorFault.DASHBOARD:
+                self.runtime.dashboard = True
+            case SensorFault.DISCONNECTED:
+                hand.connected = False
+            case SensorFault.RUNTIME_QUIT:
+                self.runtime.quit()
+            case SensorFault.ROLE_SWAPPED:
+                self.runtime.devices[SPARE] = FakeDevice("CTL_SPARE")
+                self.runtime.give_hand_to(SPARE)
+            case SensorFault.FROZEN_POSE:
+                hand.trembles = False
+            case SensorFault.FROZEN_BUTTONS:
+                self.runtime.bound.remove("trigger")
+            case None:
+                self._recover()
+
+    def advance(self) -> int:
+        time.sleep(TICK_NS / NS_PER_S)
+        return self._clock.now_ns()
+
+    def felt(self) -> int:
+        return len(self.runtime.vibrations)
+
+    def _recover(self) -> None:
+        hand = self.runtime.devices[RIGHT]
+        hand.activity = openvr.k_EDeviceActivityLevel_UserInteraction
+        hand.trembles = True
+        self.runtime.dashboard = False
+        self.runtime.bound.add("trigger")
+        self.runtime.give_hand_to(RIGHT)
+        self.runtime.restart()

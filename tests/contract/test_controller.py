@@ -1,0 +1,187 @@
+"""What every controller keeps to: the simulated hand, and the OpenVR driver over its binding."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from hw.sim.virtual_controller import SensorFault
+from tams_app.clock import NS_PER_MS
+from tams_app.errors import DeviceError
+from tams_app.records import ControllerSample, ControllerStatus, Haptic
+
+from .controller_rigs import ControllerRig, OpenVrRig, VirtualControllerRig
+
+STATUS_OF = {f: f.value for f in SensorFault if isinstance(f.value, ControllerStatus)}
+SILENT_FAULTS = [fault for fault in SensorFault if fault not in STATUS_OF]
+WITH_POSE = {SensorFault.DASHBOARD}
+FRESH_WITHIN_NS = 100 * NS_PER_MS  # what the safety logic takes for fresh
+
+
+@pytest.fixture(params=["virtual", "openvr"])
+def rig(request: pytest.FixtureRequest) -> Iterator[ControllerRig]:
+    with ExitStack() as cleaning:
+        yield OpenVrRig(cleaning) if request.param == "openvr" else VirtualControllerRig()
+
+
+@pytest.fixture
+def held(rig: ControllerRig) -> ControllerRig:
+    """Started and in use: the trigger is held, pose and buttons are fresh."""
+    rig.controller.start()
+    rig.until(is_in_use)
+    return rig
+
+
+def is_in_use(sample: ControllerSample) -> bool:
+    return sample.status is ControllerStatus.OK and sample.trigger == 1.0
+
+
+def is_released(sample: ControllerSample) -> bool:
+    pressed = sample.a or sample.b or sample.menu
+    return (sample.trigger, sample.grip, pressed) == (0.0, 0.0, False)
+
+
+def test_a_controller_that_was_not_started_is_disconnected_and_released(
+    rig: ControllerRig,
+) -> None:
+    sample = rig.sample()
+    assert sample.status is ControllerStatus.DISCONNECTED
+    assert sample.pose is None
+    assert is_released(sample)
+
+
+def test_the_first_sample_after_the_start_is_fresh(rig: ControllerRig) -> None:
+    rig.controller.start()
+    before_ns = rig.advance()
+    sample = rig.until(lambda sample: sample.pose_ns >= before_ns)
+    assert sample.status is ControllerStatus.OK
+    assert sample.pose is not None
+
+
+def test_pose_and_buttons_stay_fresh(held: ControllerRig) -> None:
+    for _ in range(20):
+        asked_ns = held.advance()
+        sample = held.until(lambda s, a=asked_ns: min(s.pose_ns, s.buttons_ns) >= a)  # type: ignore[misc]
+        assert is_in_use(sample)
+
+
+def test_times_never_go_back_and_never_lie_ahead(held: ControllerRig) -> None:
+    pose_ns = buttons_ns = 0
+    for _ in range(30):
+        now_ns = held.advance()
+        sample = held.controller.sample(now_ns)
+        assert pose_ns <= sample.pose_ns <= now_ns + FRESH_WITHIN_NS
+        assert buttons_ns <= sample.buttons_ns <= now_ns + FRESH_WITHIN_NS
+        pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
+
+
+@pytest.mark.parametrize("fault", STATUS_OF, ids=lambda fault: fault.name)
+def test_missing_input_is_a_status_and_reads_as_released(
+    held: ControllerRig, fault: SensorFault
+) -> None:
+    held.inject(fault)
+    sample = held.until(lambda sample: sample.status is STATUS_OF[fault])
+    assert (sample.pose is not None) == (fault in WITH_POSE)
+    if fault is not SensorFault.TRACKING_LOST:  # whose buttons are known, and go on
+        assert is_released(sample)
+
+
+@pytest.mark.parametrize("fault", STATUS_OF, ids=lambda fault: fault.name)
+def test_times_stand_still_for_what_is_missing(held: ControllerRig, fault: SensorFault) -> None:
+    held.inject(fault)
+    first = held.until(lambda sample: sample.status is STATUS_OF[fault])
+    for _ in range(5):
+        sample = held.sample()
+        if fault not in WITH_POSE:
+            assert sample.pose_ns == first.pose_ns
+        if fault not in (SensorFault.TRACKING_LOST, SensorFault.ROLE_SWAPPED):
+            assert sample.buttons_ns == first.buttons_ns
+
+
+@pytest.mark.parametrize("fault", SensorFault, ids=lambda fault: fault.name)
+def test_what_ends_leaves_a_working_controller(held: ControllerRig, fault: SensorFault) -> None:
+    held.inject(fault)
+    if fault in STATUS_OF:
+        held.until(lambda sample: sample.status is STATUS_OF[fault])
+    held.inject(None)
+    asked_ns = held.advance()
+    held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
+
+
+def test_a_frozen_pose_keeps_its_time_while_the_buttons_go_on(held: ControllerRig) -> None:
+    held.inject(SensorFault.FROZEN_POSE)
+    first = held.until(lambda sample: sample.pose_ns < sample.buttons_ns)
+    sample = held.until(lambda sample: sample.buttons_ns > first.buttons_ns + FRESH_WITHIN_NS)
+    assert sample.status is ControllerStatus.OK
+    assert sample.pose is first.pose
+    assert sample.pose_ns == first.pose_ns
+    assert sample.trigger == 1.0
+
+
+def test_frozen_buttons_keep_their_time_while_the_pose_goes_on(held: ControllerRig) -> None:
+    held.inject(SensorFault.FROZEN_BUTTONS)
+    first = held.until(lambda sample: sample.buttons_ns < sample.pose_ns)
+    sample = held.until(lambda sample: sample.pose_ns > first.pose_ns + FRESH_WITHIN_NS)
+    assert sample.status is ControllerStatus.OK
+    assert sample.buttons_ns == first.buttons_ns
+    assert sample.trigger == 1.0
+
+
+@pytest.mark.parametrize("haptic", Haptic)
+def test_pulses_reach_the_hand(held: ControllerRig, haptic: Haptic) -> None:
+    held.controller.pulse(haptic)
+    held.until(lambda _: held.felt() > 0)
+
+
+def test_pulses_reach_nobody_before_the_start(rig: ControllerRig) -> None:
+    rig.controller.pulse(Haptic.FAULT)
+    rig.controller.start()
+    rig.until(is_in_use)
+    for _ in range(10):
+        rig.advance()
+    assert rig.felt() == 0
+
+
+def test_a_pulse_to_a_controller_that_is_gone_is_harmless(held: ControllerRig) -> None:
+    held.inject(SensorFault.DISCONNECTED)
+    held.until(lambda sample: sample.status is ControllerStatus.DISCONNECTED)
+    held.controller.pulse(Haptic.FAULT)
+    assert held.sample().status is ControllerStatus.DISCONNECTED
+
+
+def test_after_closing_everything_is_released_and_pulses_are_harmless(held: ControllerRig) -> None:
+    held.press_menu()
+    held.until(lambda sample: sample.menu)
+    held.controller.close()
+    held.controller.close()
+    held.controller.pulse(Haptic.FAULT)
+    sample = held.sample()
+    assert sample.status is ControllerStatus.DISCONNECTED
+    assert sample.pose is None
+    assert is_released(sample)
+
+
+def test_a_controller_that_was_closed_can_be_started_again(held: ControllerRig) -> None:
+    held.controller.close()
+    held.controller.start()
+    asked_ns = held.advance()
+    held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
+
+
+def test_closing_what_was_never_started_is_harmless(rig: ControllerRig) -> None:
+    rig.controller.close()
+    assert rig.sample().status is ControllerStatus.DISCONNECTED
+
+
+def test_a_start_with_nothing_to_connect_to_is_a_device_error() -> None:
+    with ExitStack() as cleaning:
+        rig = OpenVrRig(cleaning)
+        rig.runtime.running = False
+        with pytest.raises(DeviceError, match="SteamVR"):
+            rig.controller.start()
+        assert rig.sample().status is ControllerStatus.DISCONNECTED
+        rig.runtime.running = True
+        rig.controller.start()
+        rig.until(is_in_use)
