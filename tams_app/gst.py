@@ -33,10 +33,16 @@ ELEMENT_PACKAGES = {
     "avdec_h264": "gstreamer1.0-libav",
     "nvh264dec": _BAD,
     "vah264dec": _BAD,
+    "v4l2src": _GOOD,
+    "jpegdec": _GOOD,
+    "videoscale": _BASE,
+    "videotestsrc": _BASE,
+    "decodebin": _BASE,
     "autovideosink": _GOOD,
     "ximagesink": "gstreamer1.0-x",
 }
-_OPTIONAL = ("nvh264dec", "vah264dec", "autovideosink", "ximagesink")
+CAPTURE_ELEMENTS = ("v4l2src", "jpegdec", "videoscale", "videotestsrc", "decodebin")
+_OPTIONAL = ("nvh264dec", "vah264dec", "autovideosink", "ximagesink", *CAPTURE_ELEMENTS)
 STREAMING_ELEMENTS = tuple(name for name in ELEMENT_PACKAGES if name not in _OPTIONAL)
 DECODERS_BY_PREFERENCE = ("nvh264dec", "vah264dec", "avdec_h264")
 

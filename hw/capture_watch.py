@@ -1,0 +1,100 @@
+"""Whether a camera still sees: pure judgement of when its pictures came and if they changed."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tams_app.clock import NS_PER_MS, NS_PER_S
+
+SILENCE_NS = 500 * NS_PER_MS  # without a picture: frozen
+REPETITION_NS = NS_PER_S  # of one picture to the last bit: frozen, since a sensor has noise
+START_PATIENCE_NS = 3 * NS_PER_S  # a USB camera takes its time to the first picture
+_WINDOW_NS = 2 * NS_PER_S
+
+
+class Sight(StrEnum):
+    """What can be said of a camera that is open."""
+
+    SEEING = "seeing"
+    SILENT = "delivers no pictures"
+    REPEATING = "repeats one picture to the last bit"
+
+
+class FreezeWatch:
+    """Watches one camera over its re-openings; `noisy`: no two of its pictures can be the same."""
+
+    def __init__(self, noisy: bool) -> None:
+        self._noisy = noisy
+        self._picture = b""
+        self._changed_ns = 0
+        self._seen_ns = 0
+        self._patience_ns = START_PATIENCE_NS
+
+    def opened(self, now_ns: int) -> None:
+        """The camera was opened (again); its first picture may take a while.
+
+        What it showed before is kept: one that repeats itself still does so after re-opening.
+        """
+        self._seen_ns = now_ns
+        self._patience_ns = START_PATIENCE_NS
+
+    def picture(self, now_ns: int, picture: bytes) -> Sight:
+        """A picture came, at `now_ns`; REPEATING means that it must not be shown as a new one."""
+        self._seen_ns = now_ns
+        self._patience_ns = SILENCE_NS
+        if not self._noisy:
+            return Sight.SEEING
+        if picture != self._picture:  # ends at the first byte that differs
+            self._picture, self._changed_ns = picture, now_ns
+            return Sight.SEEING
+        return Sight.REPEATING if now_ns - self._changed_ns > REPETITION_NS else Sight.SEEING
+
+    def silent_from_ns(self) -> int:
+        """When the camera is to be called silent if no picture comes before."""
+        return self._seen_ns + self._patience_ns
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureStats:
+    """What a camera has done so far; rate and ages over the last two seconds of pictures."""
+
+    frames: int
+    missed: int  # places on the time grid that stayed empty
+    openings: int
+    rate_hz: float  # measured, 0 until there are two pictures
+    age_ms: float  # median time from capture to delivery
+    oldest_ms: float
+    last_capture_ns: int  # 0 before the first
+
+
+class CaptureMeter:
+    """Measures frame rate and age of the pictures a camera delivers."""
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[int, int]] = deque()
+        self._frames = 0
+
+    def add(self, capture_ns: int, delivered_ns: int) -> None:
+        """A picture captured at `capture_ns` left the camera's chain at `delivered_ns`."""
+        self._frames += 1
+        self._recent.append((capture_ns, delivered_ns - capture_ns))
+        while capture_ns - self._recent[0][0] > _WINDOW_NS:
+            self._recent.popleft()
+
+    def stats(self, missed: int, openings: int) -> CaptureStats:
+        """Everything measured, together with what the grid missed and how often it was opened."""
+        recent = list(self._recent)
+        span_ns = recent[-1][0] - recent[0][0] if recent else 0
+        ages_ms = [age_ns / NS_PER_MS for _, age_ns in recent] or [0.0]
+        return CaptureStats(
+            frames=self._frames,
+            missed=missed,
+            openings=openings,
+            rate_hz=(len(recent) - 1) * NS_PER_S / span_ns if span_ns else 0.0,
+            age_ms=statistics.median(ages_ms),
+            oldest_ms=max(ages_ms),
+            last_capture_ns=recent[-1][0] if recent else 0,
+        )

@@ -1,0 +1,27 @@
+"""The camera a configuration asks for."""
+
+from __future__ import annotations
+
+from hw.file_camera import FileSource, PatternSource
+from hw.gst_camera import GstCamera, Note, PictureSource
+from hw.v4l2_camera import V4l2Source
+from tams_app.clock import Clock
+from tams_app.config import CameraConfig, VideoConfig
+
+
+def make_camera(
+    view: str, config: CameraConfig, video: VideoConfig, clock: Clock, note: Note
+) -> GstCamera:
+    """The camera of `view`, not started yet; ConfigError if its settings cannot go together.
+
+    `clock` must be CLOCK_MONOTONIC, by which the pictures are timed. `note` is called with level
+    and sentence, from the thread that calls next_frame, when the camera goes blind and comes back.
+    """
+    source: PictureSource
+    if config.source == "file":
+        source = FileSource(config.file, video)
+    elif config.source == "pattern":
+        source = PatternSource(video)
+    else:
+        source = V4l2Source(view, config, video)
+    return GstCamera(view, source, video, clock, note)

@@ -1,0 +1,160 @@
+"""One rig per kind of camera: simulated in virtual time; pattern, file and V4L2 in real time."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hw.camera import Camera
+from hw.make_camera import make_camera
+from hw.sim.camera import SimCamera
+from hw.sim.frame_memory import FrameShape, FrameWriter
+from hw.sim.shared_block import new_memory_name, remove_memory
+from tams_app import gst
+from tams_app.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.config import CameraConfig, VideoConfig
+from tests.hw.fake_cameras import Behaviour, CameraProcess, RemoteCamera
+
+SMALL = VideoConfig(width=160, height=120)
+VIEW = "gt"
+
+
+class CameraRig(ABC):
+    """Makes cameras of `SMALL` pictures, and lets time pass for them."""
+
+    def __init__(self) -> None:
+        self.cleaning = ExitStack()
+
+    @abstractmethod
+    def camera(self) -> Camera:
+        """A camera that is there, not started."""
+
+    def absent_camera(self) -> Camera:
+        """A camera that is not there, of the kinds that can be absent."""
+        raise NotImplementedError
+
+    def silence(self) -> None:
+        """Have the started camera give no more pictures, of the kinds that can fall silent."""
+        raise NotImplementedError
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+
+class FeedingClock(VirtualClock):
+    """A virtual clock in whose time a renderer publishes pictures."""
+
+    def __init__(self, writer: FrameWriter, shape: FrameShape) -> None:
+        super().__init__()
+        self._writer = writer
+        self._shape = shape
+        self._start_ns = self.now_ns()
+        self._published = 0
+        self.feeding = True
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        super().sleep_until_ns(deadline_ns)
+        while self.feeding and self._due_ns() <= self.now_ns():
+            number = self._published
+            picture = np.full((self._shape.height, self._shape.width, 3), number % 256, np.uint8)
+            self._writer.publish(VIEW, number, self._due_ns(), picture, 0)
+            self._published += 1
+
+    def _due_ns(self) -> int:
+        return self._start_ns + self._published * NS_PER_S // SMALL.fps
+
+
+class SimRig(CameraRig):
+    def __init__(self) -> None:
+        super().__init__()
+        self._name = new_memory_name()
+        self.cleaning.callback(remove_memory, self._name)
+        self._shape = FrameShape((VIEW,), SMALL.width, SMALL.height)
+        writer = FrameWriter(self._name, self._shape)
+        self.cleaning.callback(writer.close)
+        self._clock = FeedingClock(writer, self._shape)
+
+    def camera(self) -> Camera:
+        return SimCamera(VIEW, self._name, self._clock, self._shape)
+
+    def absent_camera(self) -> Camera:
+        return SimCamera("left", self._name, self._clock, self._shape)
+
+    def silence(self) -> None:
+        self._clock.feeding = False
+
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    def wait(self, seconds: float) -> None:
+        self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))
+
+
+def _make(config: CameraConfig) -> Camera:
+    return make_camera(VIEW, config, SMALL, MonotonicClock(), lambda *_: None)
+
+
+class PatternRig(CameraRig):
+    def camera(self) -> Camera:
+        return _make(CameraConfig(source="pattern"))
+
+
+class FileRig(CameraRig):
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder = folder
+
+    def camera(self) -> Camera:
+        video = self._folder / "video.mkv"
+        write_video(video, pictures=15)
+        return _make(CameraConfig(source="file", file=str(video)))
+
+    def absent_camera(self) -> Camera:
+        return _make(CameraConfig(source="file", file=str(self._folder / "none.mkv")))
+
+
+class V4l2Rig(CameraRig):
+    """The real v4l2src, in a process where a kernel's device is played."""
+
+    def __init__(self, process: CameraProcess) -> None:
+        super().__init__()
+        self._process = process
+        self._machine = process.machine
+        self._webcam = self._machine.plug(name="Webcam")
+        self.cleaning.callback(self._machine.unplug)
+
+    def camera(self) -> Camera:
+        return RemoteCamera(self._process, CameraConfig(name="Webcam"), SMALL)
+
+    def absent_camera(self) -> Camera:
+        return RemoteCamera(self._process, CameraConfig(name="Microscope"), SMALL)
+
+    def silence(self) -> None:
+        self._webcam.behaviour = Behaviour.SILENT
+
+
+def write_video(
+    path: Path, pictures: int, fps: int = 30, size: str = "width=160,height=120"
+) -> None:
+    """A video with sound in which every picture is another."""
+    Gst: Any = gst.load().Gst
+    sound = max(1, pictures * 44100 // fps // 1024)
+    pipeline = gst.parse_pipeline(
+        f"videotestsrc num-buffers={pictures} pattern=smpte horizontal-speed=3 "
+        f"! video/x-raw,format=I420,{size},framerate={fps}/1 ! jpegenc ! matroskamux name=mux "
+        f"! filesink name=file audiotestsrc num-buffers={sound} ! vorbisenc ! mux."
+    )
+    pipeline.get_by_name("file").set_property("location", str(path))
+    pipeline.set_state(Gst.State.PLAYING)
+    kinds = Gst.MessageType.EOS | Gst.MessageType.ERROR
+    message = pipeline.get_bus().timed_pop_filtered(60 * Gst.SECOND, kinds)
+    gst.shut_down(pipeline)
+    assert message.type == Gst.MessageType.EOS
