@@ -32,8 +32,12 @@ class Arm(ABC):
         """Release the brakes and enter the servo mode; the arm does not move by this."""
 
     @abstractmethod
-    def move_to_joints(self, joints: list[float], speed: float, timeout_s: float) -> None:
-        """Move to `joints` [rad] at `speed` [rad/s] and wait; for reaching the ready pose."""
+    def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
+        """Release the brakes and begin to move to `joints` [rad] at `speed` [rad/s].
+
+        For reaching the ready pose. Where the arm is shows in `state()`; `stop` ends the move, and
+        no servo is enabled afterwards.
+        """
 
     @abstractmethod
     def state(self) -> ArmState | None:
@@ -64,8 +68,16 @@ class Arm(ABC):
 
     @abstractmethod
     def clear_errors(self) -> None:
-        """Clear the controller's error with the operator's consent; the arm stays stopped."""
+        """Clear the controller's error with the operator's consent; the arm stays stopped.
+
+        A lost connection is made anew, with all checks and settings. DeviceError if it persists.
+        """
 
     @abstractmethod
     def close(self) -> None:
         """Stop the arm and disconnect; may be called twice."""
+
+    @property
+    def realtime_thread_ids(self) -> dict[str, int]:
+        """Kernel ids of the threads between the control loop and the arm, by name."""
+        return {}

@@ -15,19 +15,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from hw.arm import Arm, ServoMode
-from hw.lite6_codes import Code, Mode, State
+from hw.boundary import TcpBoundary
+from hw.lite6_codes import Mode
 from hw.lite6_kinematics import within_joint_limits
-from hw.lite6_setup import STOP_TIMEOUT_S, Lite6Connection, accept
+from hw.lite6_setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.clock import NS_PER_S, Clock
 from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, Pose, Twist, Vector
-
-READY_ACCELERATION_RAD_S2 = 1.0
-ARRIVED_RAD = 0.005
-ERROR_GONE_TIMEOUT_S = 1.0  # five periods of the report that tells
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
 
 _MODES = {ServoMode.VELOCITY: Mode.CARTESIAN_VELOCITY, ServoMode.POSE: Mode.SERVO}
+_NOT_CONNECTED = "The arm is not connected; connect it first."
 _STOPPED_MEANWHILE = "The arm was stopped meanwhile; arm it again when that is wanted."
 
 
@@ -37,12 +35,22 @@ class Lite6(Arm):
     `send_*`, `set_gripper`, `stop`, `state` and `link` may be called from any thread; the others
     from one thread at a time. A single reply that does not come within `reply_timeout_s` counts as
     slow; a second one in a row, a refused command or a lost connection is `link().failure`, after
-    which nothing moves until `enable`. After a lost connection: `close`, then `connect`.
+    which nothing moves until `enable`. A lost connection is made anew by `clear_errors`.
     """
 
-    def __init__(self, config: ArmConfig, clock: Clock, control_rate_hz: float = 120.0) -> None:
-        """`control_rate_hz`: a reply that takes longer than one control period counts as slow."""
+    def __init__(
+        self,
+        config: ArmConfig,
+        clock: Clock,
+        control_rate_hz: float = 120.0,
+        boundary: TcpBoundary | None = None,
+    ) -> None:
+        """`control_rate_hz`: a reply that takes longer than one control period counts as slow.
+
+        `boundary`: set in the controller on connecting; None leaves the controller's as it is.
+        """
         self._config, self._clock = config, clock
+        self._boundary = boundary
         self._slow_after_ns = round(NS_PER_S / control_rate_hz)
         self._connection: Lite6Connection | None = None
         self._stop_lock = threading.Lock()
@@ -54,9 +62,13 @@ class Lite6(Arm):
         An error of the controller (an emergency stop, say) is also a DeviceError, but the
         connection stays, for `clear_errors` and another `connect`.
         """
-        if self._connection is None:
-            self._connection = Lite6Connection(self._config, self._clock, self._slow_after_ns)
-        self._connection.configure()
+        connection = self._connection
+        if connection is not None and connection.broken:
+            connection.close()
+            connection = self._connection = None
+        if connection is None:
+            connection = self._connection = self._open()
+        connection.configure()
 
     def enable(self, servo: ServoMode) -> None:
         connection, stops = self._required(), self._stops
@@ -71,8 +83,7 @@ class Lite6(Arm):
         self.stop()  # the earlier one may have been undone by getting ready
         raise DeviceError(_STOPPED_MEANWHILE)
 
-    def move_to_joints(self, joints: list[float], speed: float, timeout_s: float) -> None:
-        """Move to `joints` [rad] at `speed` [rad/s] and wait; no servo is enabled afterwards."""
+    def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
         goal = np.array(joints, dtype=np.float64)
         if goal.shape != (6,) or not np.isfinite(goal).all() or not within_joint_limits(goal):
             raise DeviceError("The joint angles to move to are outside the Lite 6's limits.")
@@ -82,17 +93,10 @@ class Lite6(Arm):
         connection.outbox.shut()
         with self._stopped_on_failure():
             connection.make_ready(Mode.POSITION)
-            with connection.patiently():
-                code = connection.api.set_servo_angle(
-                    angle=goal.tolist(),
-                    speed=speed,
-                    mvacc=READY_ACCELERATION_RAD_S2,
-                    is_radian=True,
-                    wait=False,  # the SDK's own waiting cannot be interrupted
-                )
             if self._stops == stops:
-                accept(code, "the move")
-        self._await_arrival(connection, goal, stops, timeout_s)
+                connection.begin_move(goal, speed)
+            if self._stops != stops:
+                raise DeviceError(_STOPPED_MEANWHILE)
 
     def state(self) -> ArmState | None:
         connection = self._connection
@@ -115,7 +119,7 @@ class Lite6(Arm):
     def link(self) -> CommandLink:
         connection = self._connection
         if connection is None:
-            return CommandLink(0, 0, 0, 0, "The arm is not connected; connect it first.")
+            return CommandLink(0, 0, 0, 0, _NOT_CONNECTED, LinkFault.LOST)
         return connection.link
 
     def send_twist(self, twist: Twist) -> None:
@@ -139,27 +143,17 @@ class Lite6(Arm):
                 connection.stop.request_stop()
 
     def clear_errors(self) -> None:
-        """Clear the controller's error and the link's failure; DeviceError if it persists."""
+        """Clear the controller's error and the link's failure; DeviceError if it persists.
+
+        Where only a new connection helps (the controller was restarted, say) it is made, and the
+        arm is checked and configured as by `connect`. Until that is done `state` and `link` show
+        the old one, and `stop` goes to both.
+        """
         connection = self._required()
-        connection.outbox.shut()
-        with connection.patiently():
-            # the reply to these still tells of the error: whether it went is seen in the reports
-            accept(connection.api.clean_error(), "clearing the error", but=Code.ERROR)
-            accept(connection.api.clean_warn(), "clearing the warning", but=Code.ERROR)
-            accept(connection.api.set_state(State.STOPPED), "a stop")
-        asked_ns = self._clock.now_ns()
-        reports = connection.reports
-
-        def is_clear() -> bool:
-            status = reports.status
-            return status is not None and status.received_ns > asked_ns and not status.error_code
-
-        if not reports.wait_for(is_clear, ERROR_GONE_TIMEOUT_S):
-            connection.raise_error()
-            raise DeviceError(
-                reports.failure or "The arm sends no reports; close the connection and connect."
-            )
-        connection.sender.forget_failure()
+        if connection.broken:
+            self._renew(connection)
+        else:
+            connection.clear_errors()
 
     def close(self) -> None:
         """Stop the arm and hang up; DeviceError, with all closed, if it acknowledged no stop."""
@@ -183,19 +177,30 @@ class Lite6(Arm):
         For real-time scheduling: without the SDK's receiver (`arm-replies`) a command's way back
         is as slow as without any.
         """
-        connection = self._connection
-        if connection is None:
-            return {}
-        ids = {
-            **connection.sender.thread_ids,
-            "arm-report": connection.reports.native_id,
-            "arm-stop": connection.stop.native_id,
-        }
-        return {name: native_id for name, native_id in ids.items() if native_id is not None}
+        return {} if self._connection is None else self._connection.thread_ids
+
+    def _open(self) -> Lite6Connection:
+        return Lite6Connection(self._config, self._clock, self._slow_after_ns, self._boundary)
+
+    def _renew(self, broken: Lite6Connection) -> None:
+        """Replace a connection; the stop of the old one works until the new one's does."""
+        broken.hang_up()
+        stops = self._stops
+        renewed = self._open()
+        with self._stop_lock:
+            self._connection = renewed
+            if self._stops != stops:
+                renewed.stop.request_stop()
+        try:
+            renewed.clear_errors()
+            renewed.configure()
+        finally:
+            renewed.take_scheduling(broken)
+            broken.close()
 
     def _required(self) -> Lite6Connection:
         if self._connection is None:
-            raise DeviceError("The arm is not connected; connect it first.")
+            raise DeviceError(_NOT_CONNECTED)
         return self._connection
 
     @contextlib.contextmanager
@@ -206,37 +211,3 @@ class Lite6(Arm):
         except BaseException:
             self.stop()
             raise
-
-    def _await_arrival(
-        self, connection: Lite6Connection, goal: Vector, stops: int, timeout_s: float
-    ) -> None:
-        reports = connection.reports
-        started_ns = self._clock.now_ns()
-
-        def arrived() -> bool:
-            motion = reports.motion
-            return (
-                motion is not None
-                and motion.received_ns > started_ns
-                and motion.state == State.STANDBY
-                and float(np.abs(motion.joints - goal).max()) < ARRIVED_RAD
-            )
-
-        def ended() -> bool:
-            motion = reports.motion
-            stopped = motion is not None and motion.state >= State.STOPPED
-            return self._stops != stops or stopped or arrived()
-
-        reports.wait_for(ended, timeout_s)
-        if self._stops == stops and arrived():
-            return
-        stopped_meanwhile = self._stops != stops
-        self.stop()
-        if stopped_meanwhile:
-            raise DeviceError(_STOPPED_MEANWHILE)
-        connection.raise_error()
-        raise DeviceError(
-            connection.failure
-            or f"The arm did not get where it was sent within {timeout_s:g} s; "
-            "look for what holds it and try again."
-        )

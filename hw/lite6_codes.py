@@ -42,6 +42,10 @@ class Code(IntEnum):
     NOT_READY = 9
 
 
+# Return codes that mean: nothing gets through. The others are answers.
+NOTHING_GETS_THROUGH = frozenset({Code.DISCONNECTED, Code.NOT_SENT, Code.TIMEOUT})
+
+
 CONTROLLER_ERRORS = {
     1: "the emergency stop button is pressed; release it",
     2: "the emergency stop is pressed; release it",
@@ -57,7 +61,7 @@ CONTROLLER_ERRORS = {
     28: "the tool flange does not answer; switch the control box off and on",
     30: "a joint was faster than commanded; call UFACTORY",
     31: "the arm met resistance; remove what it hit and check tcp_load_kg in the configuration",
-    35: "the arm is at its safety boundary; move it back by hand guiding",
+    35: "the arm is at the edge of its workspace; bring it back with `home` or by hand guiding",
     38: "a joint angle is wrong; press the emergency stop and call UFACTORY",
     60: "the arm would be too fast; lower limits.max_speed_mm_s",
 }
@@ -72,7 +76,7 @@ def controller_error_sentence(code: int) -> str:
 def return_code_sentence(code: int, call: str) -> str:
     """One sentence for a `code` other than 0 that the SDK returned for `call`."""
     if code in (Code.DISCONNECTED, Code.NOT_SENT):
-        return f"The connection to the arm is lost ({call}); check power and cable, then reconnect."
+        return f"The connection to the arm is lost ({call}); check power and cable, then confirm."
     if code == Code.TIMEOUT:
         return f"The arm does not answer ({call}); check the network between here and the arm."
     if code == Code.NOT_READY:

@@ -224,9 +224,7 @@ class ReportReader:
         self._status = parse_status(frame, received_ns)
 
     def _on_death(self, name: str, failure: BaseException) -> None:
-        self.failure = (
-            f"The arm's reports ended ({failure}); check power and cable, then reconnect."
-        )
+        self.failure = f"The arm's reports ended ({failure}); check power and cable, then confirm."
         with self._news:
             self._news.notify_all()
 

@@ -86,6 +86,11 @@ def note_mode(api: Any, mode: Mode) -> None:
     api._arm._mode = int(mode)
 
 
+def set_collision_sensitivity(api: Any, value: int) -> int:
+    """As the SDK's own, which makes the controller ready afterwards (`set_state(0)`), unasked."""
+    return int(api._arm.arm_cmd.set_collis_sens(value)[0])
+
+
 def reply_thread_id(api: Any) -> int | None:
     """Kernel id of the SDK's receiving thread, through which every reply comes."""
     native_id: int | None = api._arm._stream.native_id

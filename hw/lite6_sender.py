@@ -14,12 +14,17 @@ from typing import Any
 import numpy as np
 
 from hw.arm import ServoMode
-from hw.lite6_codes import Code, controller_error_sentence, return_code_sentence
+from hw.lite6_codes import (
+    NOTHING_GETS_THROUGH,
+    Code,
+    controller_error_sentence,
+    return_code_sentence,
+)
 from hw.lite6_outbox import Outbox
 from hw.lite6_sdk import reply_thread_id
 from tams_app.clock import NS_PER_MS, Clock
 from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, LITE6_MAX_TCP_SPEED_MM_S
-from tams_app.records import CommandLink, Pose, Twist
+from tams_app.records import CommandLink, LinkFault, Pose, Twist
 from tams_app.worker import Worker
 
 KEEPALIVE_PERIOD_S = 0.25
@@ -29,6 +34,7 @@ GRIPPER_ATTEMPTS = 3
 READ_BACK_AFTER_NS = 50 * NS_PER_MS
 _OUTPUTS_OPEN, _OUTPUTS_CLOSED = (1, 0), (0, 1)
 _MM_PER_M = 1000.0
+_NO_FAILURE = ("", LinkFault.NONE)
 
 
 @dataclass(slots=True)
@@ -68,7 +74,7 @@ class CommandSender:
         self._slow = 0
         self._acknowledged_ns = clock.now_ns()
         self._round_trip_ns = 0
-        self._failure = ""
+        self._failure: tuple[str, LinkFault] = _NO_FAILURE
         self._death = ""  # of the thread, which nothing but a new connection brings back
         self.gripper_closed: bool | None = None
         self.native_id: int | None = None
@@ -88,17 +94,14 @@ class CommandSender:
     def forget_failure(self) -> None:
         """The operator has dealt with it; the end of the thread stays a failure."""
         self._misses = 0
-        self._failure = ""
-
-    @property
-    def failure(self) -> str:
-        """Why commands no longer get through, in one sentence; "" if they do."""
-        return self._death or self._failure
+        self._failure = _NO_FAILURE
 
     @property
     def link(self) -> CommandLink:
+        """Its `failure` says why commands no longer get through; "" if they do."""
+        failure, fault = (self._death, LinkFault.LOST) if self._death else self._failure
         return CommandLink(
-            self._sent, self._acknowledged_ns, self._round_trip_ns, self._slow, self.failure
+            self._sent, self._acknowledged_ns, self._round_trip_ns, self._slow, failure, fault
         )
 
     def close(self) -> None:
@@ -123,7 +126,7 @@ class CommandSender:
             if work.gripper_closed is not None:
                 self._send_gripper(work.opening, work.gripper_closed)
             if work.motion is None and work.gripper_closed is None:
-                self._call(work.opening, "a keep-alive", lambda: self._api.get_state()[0])
+                self._outcome(work.opening, "a keep-alive", self._timed(self._ask_state))
             self._check_gripper(work.opening)
 
     # --- motion ---------------------------------------------------------------------------------
@@ -136,13 +139,13 @@ class CommandSender:
             refusal = self._pose_refusal(motion)
             send = self._pose_call(motion)
         if refusal:
-            self._fail(opening, refusal)
+            self._fail(opening, refusal, LinkFault.REFUSED)
             return
         if not self._outbox.is_current(opening):
             return
         self._sent += 1
         self._last_pose = motion if isinstance(motion, Pose) else None
-        self._call(opening, "a motion command", send)
+        self._outcome(opening, "a motion command", self._timed(send))
 
     def _velocity_call(self, twist: Twist) -> Callable[[], int]:
         speeds = [*(twist.linear * _MM_PER_M).tolist(), *twist.angular.tolist()]
@@ -189,10 +192,16 @@ class CommandSender:
             if not self._outbox.is_current(opening):  # stopped, or the last attempt was a failure
                 return
             self._sent += 1
-            if self._call(opening, "a gripper command", lambda: int(call(sync=sync))):
+            code = self._timed(lambda: int(call(sync=sync)))
+            if code == Code.ERROR or code in NOTHING_GETS_THROUGH:
+                self._outcome(opening, "a gripper command", code)
+            elif code in (Code.OK, Code.WARNING):
+                self._misses = 0
                 self.gripper_closed = closed
                 self._read_back = _ReadBack(closed, self._clock.now_ns() + READ_BACK_AFTER_NS)
                 return
+        sentence = return_code_sentence(code, "a gripper command")
+        self._fail(opening, sentence, LinkFault.GRIPPER)
 
     def _check_gripper(self, opening: int) -> None:
         """When it is due, compare the tool outputs with the last command."""
@@ -210,6 +219,7 @@ class CommandSender:
             self._fail(
                 opening,
                 "The gripper's outputs are not what was commanded; check its plug at the flange.",
+                LinkFault.GRIPPER,
             )
 
     def _read_gripper(self) -> bool | None:
@@ -224,30 +234,36 @@ class CommandSender:
 
     # --- what became of it ----------------------------------------------------------------------
 
-    def _call(self, opening: int, what: str, send: Callable[[], int]) -> bool:
-        """Do one call and take note of its outcome; True if it was acknowledged."""
+    def _timed(self, send: Callable[[], int]) -> int:
+        """Do one call; its return code. The time it took is noted if it was acknowledged."""
         started_ns = self._clock.now_ns()
         code = send()
         now_ns = self._clock.now_ns()
         if code in (Code.OK, Code.WARNING):
+            self._acknowledged_ns = now_ns
+            self._round_trip_ns = now_ns - started_ns
+            self._slow += self._round_trip_ns > self._slow_after_ns
+        elif code == Code.TIMEOUT:
+            self._slow += 1
+        return code
+
+    def _outcome(self, opening: int, what: str, code: int) -> None:
+        """Take note of what `code` says of the link."""
+        if code in (Code.OK, Code.WARNING):
             self._misses = 0
-            self._note_reply(started_ns, now_ns)
-            return True
+            return
         if code == Code.TIMEOUT:
             self._misses += 1
-            self._slow += 1
             if self._misses < MISSES_UNTIL_FAILURE:
-                return False
+                return
         sentence = return_code_sentence(code, what)
         if code == Code.ERROR:
             sentence = self._ask_for_error() or sentence
-        self._fail(opening, sentence)
-        return False
+        lost = code in NOTHING_GETS_THROUGH
+        self._fail(opening, sentence, LinkFault.LOST if lost else LinkFault.REFUSED)
 
-    def _note_reply(self, started_ns: int, now_ns: int) -> None:
-        self._acknowledged_ns = now_ns
-        self._round_trip_ns = now_ns - started_ns
-        self._slow += self._round_trip_ns > self._slow_after_ns
+    def _ask_state(self) -> int:
+        return int(self._api.get_state()[0])
 
     def _ask_for_error(self) -> str:
         """The report brings an error up to 200 ms later: ask at once."""
@@ -257,10 +273,10 @@ class CommandSender:
         self._on_error(codes[0], codes[1])
         return controller_error_sentence(codes[0])
 
-    def _fail(self, opening: int, sentence: str) -> None:
+    def _fail(self, opening: int, sentence: str, fault: LinkFault) -> None:
         """Keep the first failure; a reply to something older than the last stop is none."""
-        if self._outbox.is_current(opening) and not self._failure:
-            self._failure = sentence
+        if self._outbox.is_current(opening) and self._failure is _NO_FAILURE:
+            self._failure = (sentence, fault)
             self._outbox.shut()
 
     def _on_death(self, name: str, failure: BaseException) -> None:

@@ -13,13 +13,15 @@ RETRY_PAUSE_S = 0.01
 RECONNECT_TIMEOUT_S = 0.2
 KEEPALIVE_PERIOD_S = 0.5  # also how long a dead connection may go unnoticed
 KEEPALIVE_MISSES = 2
+LONGEST_REPLY_TIMEOUT_S = 1.0
 
 
 class StopChannel:
     """Sends controller state 4 when asked, again and again until the controller acknowledges it.
 
-    A request during a stop is sent after it. A broken connection is made anew for a stop.
-    Between stops a keep-alive shows whether the channel would work: see `failure`.
+    A request during a stop is sent after it. A connection that is broken, or stays silent, is made
+    anew: after one missed reply to a stop, after two missed keep-alives. Between stops these show
+    whether the channel would work: see `failure`.
     """
 
     def __init__(self, host: str, port: int, reply_timeout_s: float, name: str) -> None:
@@ -89,13 +91,18 @@ class StopChannel:
             if self.pending:
                 self._stop_until_acknowledged(stop)
             elif not stop.is_set():
-                misses = 0 if self._answers(GET_STATE, b"") else misses + 1
+                misses = 0 if self._answers(GET_STATE, b"", self._reply_timeout_s) else misses + 1
                 self._failure = self._sentence() if misses >= KEEPALIVE_MISSES else ""
+                if misses >= KEEPALIVE_MISSES:
+                    self._client.close()
 
     def _stop_until_acknowledged(self, stop: threading.Event) -> None:
         requested = self._requested
-        while not self._answers(SET_STATE, bytes([State.STOPPED])):
+        timeout_s = self._reply_timeout_s
+        while not self._answers(SET_STATE, bytes([State.STOPPED]), timeout_s):
             self._failure = self._sentence()
+            self._client.close()  # it may be open and dead: only a new one gets through
+            timeout_s = min(2 * timeout_s, LONGEST_REPLY_TIMEOUT_S)  # or alive and slow
             if stop.wait(RETRY_PAUSE_S):
                 return
         self._failure = ""
@@ -103,12 +110,12 @@ class StopChannel:
             self._acknowledged = requested
             self._wake.notify_all()
 
-    def _answers(self, register: int, payload: bytes) -> bool:
+    def _answers(self, register: int, payload: bytes, timeout_s: float) -> bool:
         """One attempt at a request, over a new connection if the old one is gone."""
         try:
             if not self._client.connected:
                 self._client.connect(RECONNECT_TIMEOUT_S)
-            reply = self._client.request(register, payload, self._reply_timeout_s)
+            reply = self._client.request(register, payload, timeout_s)
         except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
             return False
         return not reply.status & STATUS_INVALID

@@ -18,6 +18,7 @@ from tams_app.errors import DeviceError
 GET_VERSION = 1
 SET_STATE = 12
 GET_STATE = 13
+GET_ERROR = 15
 
 STATUS_INVALID = 0x08  # the request was not understood
 

@@ -16,7 +16,9 @@ holds up the control loop, whatever that one's priority. So none of them runs be
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Iterable
 
 GUARD_PRIORITY = 60
 RELAY_PRIORITY = 20
@@ -40,6 +42,17 @@ def use_fifo(priority: int, thread_id: int = 0) -> str:
 def use_round_robin(priority: int) -> str:
     """Put the calling thread, and all it will start, under SCHED_RR; see `use_fifo`."""
     return _use("SCHED_RR", "rr", priority, 0)
+
+
+def copy_scheduling(from_thread_id: int, to_thread_ids: Iterable[int]) -> None:
+    """Schedule threads that replace others as those were; threads that have ended are left out."""
+    if not hasattr(os, "sched_getscheduler"):
+        return
+    with contextlib.suppress(PermissionError, ProcessLookupError):
+        policy = os.sched_getscheduler(from_thread_id)
+        parameters = os.sched_getparam(from_thread_id)
+        for thread_id in to_thread_ids:
+            os.sched_setscheduler(thread_id, policy, parameters)
 
 
 def use_ordinary() -> None:

@@ -28,3 +28,9 @@ class ControllerSettings:
     def gripper(self) -> GripperDrive:
         """What the tool outputs drive the gripper to; both at once do nothing."""
         return _DRIVES.get(self.tool_outputs & 0b11, GripperDrive.OFF)
+
+
+def outputs_for(closed: bool | None) -> int:
+    """The tool outputs that drive the gripper closed or open; None: neither."""
+    drive = {None: GripperDrive.OFF, True: GripperDrive.CLOSE, False: GripperDrive.OPEN}[closed]
+    return next((outputs for outputs, driven in _DRIVES.items() if driven is drive), 0)

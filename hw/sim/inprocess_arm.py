@@ -12,23 +12,24 @@ import struct
 import numpy as np
 
 from hw.arm import Arm, ServoMode
+from hw.boundary import TcpBoundary
 from hw.lite6_codes import Code, controller_error_sentence, return_code_sentence
 from hw.lite6_kinematics import pose_from_matrix, within_joint_limits
 from hw.sim.controller_codes import Mode, Register, ReplyBit, State
 from hw.sim.controller_model import CYCLE_NS, ControllerModel, ReportKind
 from hw.sim.controller_registers import ALL_JOINTS, TOOL_DIGITAL_OUT
 from hw.sim.plant import GripperDrive, IdealPlant
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.clock import NS_PER_S, Clock
 from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, LITE6_MAX_TCP_SPEED_MM_S, ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, Pose, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
 
 MOVE_ACCELERATION_RAD_S2 = 1.0
 MAX_POSE_STEP_MM = 10.0
+GRIPPER_ATTEMPTS = 3
 OLDEST_FIRMWARE = (1, 8, 0)  # older ones know no deadman time
 
 _REPORT_PERIOD_NS = NS_PER_S // ReportKind.REAL.rate_hz
-_POLL_NS = 10 * NS_PER_MS
 _MODES = {ServoMode.VELOCITY: Mode.CARTESIAN_VELOCITY, ServoMode.POSE: Mode.SERVO}
 _TOOL_HOST = 9
 # writes to the tool outputs: which ones change (high byte), and to what
@@ -40,6 +41,7 @@ _CLOSED_BY_DRIVE = {
 }
 _REFUSED = ReplyBit.INVALID | ReplyBit.NOT_READY | ReplyBit.ERROR
 _INVALID_CODE = 10  # what the SDK returns for it
+_NO_FAILURE = ("", LinkFault.NONE)
 _NOT_CONNECTED = "The arm is not connected; connect it first."
 
 
@@ -50,9 +52,17 @@ class InProcessArm(Arm):
     """
 
     def __init__(
-        self, config: ArmConfig, clock: Clock, model: ControllerModel | None = None
+        self,
+        config: ArmConfig,
+        clock: Clock,
+        model: ControllerModel | None = None,
+        boundary: TcpBoundary | None = None,
     ) -> None:
-        """Without a `model` an ideal arm at the factory's home."""
+        """Without a `model` an ideal arm at the factory's home.
+
+        `boundary`: set in the controller on connecting; None leaves the controller's as it is.
+        """
+        self._boundary = boundary
         self.model = model or ControllerModel(IdealPlant())
         self._config = config
         self._clock = clock
@@ -65,7 +75,7 @@ class InProcessArm(Arm):
         self._gripper_closed: bool | None = None
         self._sent = 0
         self._acknowledged_ns = 0
-        self._failure = ""
+        self._failure: tuple[str, LinkFault] = _NO_FAILURE
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -73,6 +83,13 @@ class InProcessArm(Arm):
         """Let the clock go on by `duration_ns` and the arm with it."""
         self._clock.sleep_until_ns(self._clock.now_ns() + duration_ns)
         self._catch_up()
+
+    def skip_standstill(self, longest_ns: int) -> None:
+        """Leave out what is more than `longest_ns` behind the clock: the process stood still."""
+        behind_ns = self._clock.now_ns() - self._cycle_ns
+        if behind_ns > longest_ns:
+            self._cycle_ns += behind_ns - longest_ns
+            self._report_ns = max(self._report_ns, self._cycle_ns)
 
     def _catch_up(self) -> None:
         now_ns = self._clock.now_ns()
@@ -116,6 +133,10 @@ class InProcessArm(Arm):
         self._request(Register.SET_COLLISION_SENSITIVITY, bytes([config.collision_sensitivity]))
         self._request(Register.SET_SELF_COLLISION_CHECK, bytes([1]))
         self._request(Register.SET_TCP_OFFSET, offset)
+        if self._boundary is not None:
+            edges = struct.pack("<6i", *self._boundary.on_the_wire)
+            self._request(Register.SET_BOUNDARY, edges)
+            self._request(Register.SET_FENCE, bytes([1]))
         self._request(Register.SET_LOAD, load)
         self._gripper_closed = _CLOSED_BY_DRIVE[self.model.gripper]
         self._acknowledged_ns = self._clock.now_ns()
@@ -128,26 +149,15 @@ class InProcessArm(Arm):
         self._servo = servo
         self._last_pose = pose_from_matrix(self.model.tcp)
 
-    def move_to_joints(self, joints: list[float], speed: float, timeout_s: float) -> None:
-        """Move to `joints` [rad] at `speed` [rad/s] and wait; no servo is enabled afterwards."""
+    def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
         goal = np.array(joints, dtype=np.float64)
         if goal.shape != (6,) or not np.isfinite(goal).all() or not within_joint_limits(goal):
             raise DeviceError("The joint angles to move to are outside the Lite 6's limits.")
         if not 0 < speed <= LITE6_MAX_JOINT_SPEED_RAD_S:
             raise DeviceError(f"A joint speed of {speed:g} rad/s is outside the Lite 6's limits.")
         self._enter(Mode.POSITION)
-        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
         command = struct.pack("<10f", *goal, 0.0, speed, MOVE_ACCELERATION_RAD_S2, 0.0)
         self._demand(Register.MOVE_JOINT, command)
-        while self.model.state == State.MOVING:
-            if self._clock.now_ns() >= deadline_ns:
-                self.stop()
-                raise DeviceError(
-                    f"The arm did not get where it was sent within {timeout_s:g} s; "
-                    "look for what holds it and try again."
-                )
-            self.advance(_POLL_NS)
-        self._demand(Register.GET_STATE)
 
     def clear_errors(self) -> None:
         self._servo = None
@@ -155,7 +165,7 @@ class InProcessArm(Arm):
         self._request(Register.CLEAN_WARNING)
         self.stop()
         self._raise_error()
-        self._failure = ""
+        self._failure = _NO_FAILURE
 
     def close(self) -> None:
         self.stop()
@@ -169,15 +179,17 @@ class InProcessArm(Arm):
         return self._state
 
     def link(self) -> CommandLink:
-        failure = self._failure if self._connected else _NOT_CONNECTED
-        return CommandLink(self._sent, self._acknowledged_ns, 0, 0, failure)
+        sentence, fault = self._failure
+        if not self._connected:
+            sentence, fault = _NOT_CONNECTED, LinkFault.LOST
+        return CommandLink(self._sent, self._acknowledged_ns, 0, 0, sentence, fault)
 
     def send_twist(self, twist: Twist) -> None:
         if self._servo is None:
             return
         refusal = self._twist_refusal(twist)
         if refusal:
-            self._fail(refusal)
+            self._fail(refusal, LinkFault.REFUSED)
             return
         payload = struct.pack("<6f", *(twist.linear * 1000.0), *twist.angular) + bytes(1)
         deadman = struct.pack("<f", self._config.velocity_deadman_s)
@@ -188,7 +200,7 @@ class InProcessArm(Arm):
             return
         refusal = self._pose_refusal(pose)
         if refusal:
-            self._fail(refusal)
+            self._fail(refusal, LinkFault.REFUSED)
             return
         self._last_pose = pose
         payload = struct.pack("<6f", *(pose.position * 1000.0), *pose.rotation.as_rotvec())
@@ -200,8 +212,29 @@ class InProcessArm(Arm):
             return
         outputs = struct.pack("<f", _CLOSE_COMMAND if closed else _OPEN_COMMAND)
         address = struct.pack(">BH", _TOOL_HOST, TOOL_DIGITAL_OUT)
-        if self._command(Register.TOOL_GPIO_WRITE, address + outputs):
+        for _ in range(GRIPPER_ATTEMPTS):
+            self._sent += 1
+            status = self._request(Register.TOOL_GPIO_WRITE, address + outputs)
+            if not status & ReplyBit.INVALID:
+                break
+        if status & ReplyBit.ERROR:
+            self._fail(self._reason(Register.TOOL_GPIO_WRITE, status), LinkFault.REFUSED)
+        elif status & ReplyBit.INVALID:
+            self._fail(self._reason(Register.TOOL_GPIO_WRITE, status), LinkFault.GRIPPER)
+        else:
+            self._acknowledged_ns = self._clock.now_ns()
             self._gripper_closed = closed
+            self._check_gripper(closed)
+
+    def _check_gripper(self, closed: bool) -> None:
+        """Compare the tool outputs with the command."""
+        driven = _CLOSED_BY_DRIVE[self.model.gripper]
+        if driven is not closed:
+            self._gripper_closed = driven
+            self._fail(
+                "The gripper's outputs are not what was commanded; check its plug at the flange.",
+                LinkFault.GRIPPER,
+            )
 
     def stop(self) -> None:
         self._servo = None
@@ -244,9 +277,9 @@ class InProcessArm(Arm):
             return f"A step of {step_mm:g} mm was refused; please report this error."
         return ""
 
-    def _fail(self, sentence: str) -> None:
+    def _fail(self, sentence: str, fault: LinkFault) -> None:
         """Nothing moves until the arm is enabled again."""
-        self._failure = sentence
+        self._failure = (sentence, fault)
         self._servo = None
 
     def _raise_error(self) -> None:
@@ -261,7 +294,7 @@ class InProcessArm(Arm):
         self._request(Register.MOTION_ENABLE, bytes([ALL_JOINTS, 1]))
         self._request(Register.SET_MODE, bytes([mode]))
         self._demand(Register.SET_STATE, bytes(1))
-        self._failure = ""
+        self._failure = _NO_FAILURE
 
     def _demand(self, register: Register, payload: bytes = b"") -> None:
         """A request that must find or leave the controller ready; DeviceError if not."""
@@ -269,15 +302,14 @@ class InProcessArm(Arm):
         if status & _REFUSED:
             raise DeviceError(self._reason(register, status))
 
-    def _command(self, register: Register, payload: bytes) -> bool:
+    def _command(self, register: Register, payload: bytes) -> None:
         """A command of the control loop; what became of it shows in `link`."""
         self._sent += 1
         status = self._request(register, payload)
         if status & _REFUSED:
-            self._fail(self._reason(register, status))
-            return False
+            self._fail(self._reason(register, status), LinkFault.REFUSED)
+            return
         self._acknowledged_ns = self._clock.now_ns()
-        return True
 
     def _request(self, register: Register, payload: bytes = b"") -> int:
         """The status byte of the reply."""

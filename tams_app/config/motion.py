@@ -36,6 +36,17 @@ def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
     return speed / acceleration + acceleration / jerk
 
 
+def longest_stop_s(speed: float, gained: float, acceleration: float, jerk: float) -> float:
+    """Time [s] in which any motion of at most `speed` and acceleration `gained` comes to rest.
+
+    A release may come while the arm still speeds up, so that acceleration has to go first; what it
+    adds meanwhile stays within `speed`, because the shaping lets no acceleration grow that could
+    not die out below it. Then the arm stops from full speed at worst. (teleop/plan.py is never
+    slower than this order.)
+    """
+    return gained / jerk + stop_time_s(speed, acceleration, jerk)
+
+
 class GuardConfig(Section):
     """The helper process that stops the arm when the control loop falls silent."""
 
@@ -55,7 +66,10 @@ class ArmConfig(Section):
     tcp_load_kg: NonNegative = 0.35
     tcp_load_centre_mm: Triple = (0, 0, 40)
     collision_sensitivity: Annotated[int, Field(ge=1, le=5)] = 3
+    # the controller's own fence stands this far outside limits.box
+    boundary_margin_mm: Annotated[float, Field(ge=5, le=200)] = 20.0
     ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)  # TCP (350, 0, 180) mm, gripper down
+    ready_speed_deg_s: Annotated[float, Field(gt=0, le=30)] = 10.0  # of `home`, the way there
     pose_gain_per_s: Positive = 4.0  # outer P-loop of the velocity servo
     guard: GuardConfig = GuardConfig()
 
@@ -127,12 +141,12 @@ class MotionProfileConfig(ProfileConfig):
 
 
 class StopProfileConfig(ProfileConfig):
-    """After a release: 250 mm/s to rest within 100 ms."""
+    """After a release: from any motion to rest within 100 ms (`longest_stop_s`)."""
 
     acceleration_m_s2: Positive = 5.0
-    jerk_m_s3: Positive = 100.0
+    jerk_m_s3: Positive = 130.0  # 100 would do from 250 mm/s, but not while the arm speeds up
     acceleration_rad_s2: Positive = 12.0
-    jerk_rad_s3: Positive = 250.0  # also from 0.5 rad/s while it still speeds up
+    jerk_rad_s3: Positive = 280.0
 
 
 class LimitsConfig(Section):
@@ -163,17 +177,29 @@ class LimitsConfig(Section):
         for key in ProfileConfig.model_fields:
             if getattr(self.stop, key) < getattr(self.motion, key):
                 raise ValueError(f"stop.{key} must not be below motion.{key}")
-        linear = stop_time_s(
-            self.max_speed_mm_s / 1000, self.stop.acceleration_m_s2, self.stop.jerk_m_s3
+        return self
+
+    @model_validator(mode="after")
+    def _stops_in_time(self) -> Self:
+        motion, stop = self.motion, self.stop
+        linear = longest_stop_s(
+            self.max_speed_mm_s / 1000,
+            motion.acceleration_m_s2,
+            stop.acceleration_m_s2,
+            stop.jerk_m_s3,
         )
-        angular = stop_time_s(
-            self.max_rotation_rad_s, self.stop.acceleration_rad_s2, self.stop.jerk_rad_s3
+        angular = longest_stop_s(
+            self.max_rotation_rad_s,
+            motion.acceleration_rad_s2,
+            stop.acceleration_rad_s2,
+            stop.jerk_rad_s3,
         )
         for name, needed in (("max_speed_mm_s", linear), ("max_rotation_rad_s", angular)):
             if needed > MAX_STOP_TIME_S + 1e-9:
                 raise ValueError(
-                    f"{name} needs {needed * 1000:.0f} ms to stop with the stop profile; "
-                    f"at most {MAX_STOP_TIME_S * 1000:.0f} ms are allowed"
+                    f"{name} needs {needed * 1000:.0f} ms to stop with the stop profile, from the "
+                    f"motion profile's acceleration; at most {MAX_STOP_TIME_S * 1000:.0f} ms are "
+                    "allowed"
                 )
         return self
 

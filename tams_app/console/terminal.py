@@ -97,16 +97,20 @@ class TerminalKeys:
 
     def read(self, timeout_s: float) -> list[Key]:
         """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
+        return decode_keys(self.read_bytes(timeout_s))
+
+    def read_bytes(self, timeout_s: float) -> bytes:
+        """What the terminal sent within `timeout_s`, as it came; DeviceError if it is gone."""
         ready, _, _ = select.select([self._fd], [], [], timeout_s)
         if not ready:
-            return []
+            return b""
         try:
             data = os.read(self._fd, 1024)
         except OSError as error:
             raise DeviceError("The terminal is gone; start TAMS again from a new one.") from error
         if not data:
             raise DeviceError("The terminal was closed; start TAMS again from a new one.")
-        return decode_keys(data)
+        return data
 
     def body(self, on_key: Callable[[Key], None]) -> Callable[[threading.Event], None]:
         """A worker's body that hands every key to `on_key` until it is told to stop."""

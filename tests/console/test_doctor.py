@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from tams_app import gst
-from tams_app.config import Config, load_config
+from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
@@ -81,7 +81,7 @@ def test_a_missing_library_is_named_as_pip_calls_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_hardware_needs_neither_mujoco_nor_rendering() -> None:
-    hardware = config(rig__enabled=False)
+    hardware = load_config(CONFIG_DIRECTORY / "lite6.yaml")
     assert not list(checks.rendering(hardware))
 
 
@@ -152,13 +152,6 @@ def test_a_name_that_run_would_refuse_is_found(key: str, value: str, what: str) 
     assert finding.what == what
     assert finding.essential
     assert value in finding.fix
-
-
-def test_hardware_without_drivers_is_found() -> None:
-    (finding,) = lacks(rig__enabled=False)
-    assert finding.essential
-    assert "no drivers for the VR controller and the cameras" in finding.detail
-    assert "--sim" in finding.fix
 
 
 def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(

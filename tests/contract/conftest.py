@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 
 from hw.arm import Arm, ServoMode
+from hw.boundary import TcpBoundary, session_boundary
 from hw.lite6 import Lite6
 from hw.sim.controller_model import ControllerModel, ReportKind
 from hw.sim.controller_server import ControllerServer
 from hw.sim.inprocess_arm import InProcessArm
 from hw.sim.plant import IdealPlant
 from tams_app.clock import NS_PER_S, MonotonicClock, VirtualClock
-from tams_app.config import ArmConfig
+from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.records import ArmState, Twist
 
+BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())
 READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
 CONTROL_RATE_HZ = 120
 WITHIN_S = 10.0  # generous: the machine may be busy
@@ -32,7 +34,7 @@ class ArmRig(ABC):
         self.model = ControllerModel(IdealPlant(), start_joints=READY_JOINTS)
 
     @abstractmethod
-    def make_arm(self) -> Arm:
+    def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
         """Another driver of the same controller, not connected."""
 
     @abstractmethod
@@ -90,14 +92,14 @@ class TcpRig(ArmRig):
         self.server = ControllerServer(self.model)
         self.server.start()
 
-    def make_arm(self) -> Arm:
+    def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
         ports = self.server.ports
         config = ArmConfig(
             control_port=ports.control,
             report_port=ports.report,
             reply_timeout_s=0.5,  # both ends share one busy process here
         )
-        return Lite6(config, MonotonicClock(), CONTROL_RATE_HZ)
+        return Lite6(config, MonotonicClock(), CONTROL_RATE_HZ, boundary)
 
     def advance(self, seconds: float) -> None:
         time.sleep(seconds)
@@ -121,8 +123,8 @@ class VirtualRig(ArmRig):
         self._clock = VirtualClock()
         self._arms: list[InProcessArm] = []
 
-    def make_arm(self) -> Arm:
-        arm = InProcessArm(ArmConfig(), self._clock, self.model)
+    def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
+        arm = InProcessArm(ArmConfig(), self._clock, self.model, boundary)
         self._arms.append(arm)
         return arm
 

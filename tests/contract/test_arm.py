@@ -8,15 +8,17 @@ from scipy.spatial.transform import Rotation
 
 from hw.arm import Arm, ServoMode
 from hw.lite6_kinematics import offset_from_mm_deg, tcp_pose
+from hw.sim.controller_codes import Register
 from hw.sim.plant import GripperDrive
-from tams_app.config import ArmConfig
+from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Pose, Twist
+from tams_app.records import LinkFault, Pose, Twist
 
 from .conftest import READY_JOINTS, ArmRig
 
 COLLISION = 31
-STOPPED = 4
+BOUNDARY = 35
+STANDBY, STOPPED = 2, 4
 SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
 
 
@@ -38,6 +40,7 @@ def test_before_connecting_nothing_moves_and_nothing_breaks(unconnected: Arm) ->
     unconnected.stop()
     assert unconnected.state() is None
     assert "connect" in unconnected.link().failure
+    assert unconnected.link().fault is LinkFault.LOST
     with pytest.raises(DeviceError, match="connect"):
         unconnected.enable(ServoMode.VELOCITY)
 
@@ -48,6 +51,7 @@ def test_connecting_leaves_the_arm_stopped_where_it_is(rig: ArmRig, arm: Arm) ->
     assert state.error_code == 0
     np.testing.assert_allclose(state.joints, READY_JOINTS, atol=1e-6)
     assert arm.link().failure == ""
+    assert arm.link().fault is LinkFault.NONE
 
 
 def test_the_reported_tcp_is_the_tool_centre_point_of_the_configuration(
@@ -161,6 +165,7 @@ def test_a_twist_that_no_arm_may_follow_is_refused_and_nothing_moves_until_enabl
     ):
         enabled.send_twist(impossible)
         assert rig.until(lambda: "refused" in enabled.link().failure)
+        assert enabled.link().fault is LinkFault.REFUSED
         rig.stream(enabled, SIDEWAYS, 0.1)
         assert distance_mm(before, position_of(rig, enabled)) < 1e-3
         enabled.enable(ServoMode.VELOCITY)
@@ -209,25 +214,97 @@ def test_commands_of_the_other_servo_are_refused(rig: ArmRig, arm: Arm) -> None:
 
 def test_moving_to_joints_arrives_and_leaves_no_servo_enabled(rig: ArmRig, arm: Arm) -> None:
     goal = READY_JOINTS + np.radians([6.0, -4.0, -4.0, 3.0, 5.0, -6.0])
-    arm.move_to_joints(goal.tolist(), 0.8, 20.0)
-    state = rig.next_state(arm)
-    np.testing.assert_allclose(state.joints, goal, atol=0.006)
-    assert state.mode == 0
+    arm.begin_move_to_joints(goal.tolist(), 0.8)
+
+    def arrived() -> bool:
+        state = rig.next_state(arm)
+        return state.state == STANDBY and float(np.abs(state.joints - goal).max()) < 0.002
+
+    assert rig.until(arrived)
+    assert rig.next_state(arm).mode == 0
     sent = arm.link().sent
     rig.stream(arm, SIDEWAYS, 0.1)
     assert arm.link().sent == sent
 
 
-def test_joints_out_of_reach_are_refused(arm: Arm) -> None:
+def test_a_move_to_joints_keeps_its_speed(rig: ArmRig, arm: Arm) -> None:
+    goal = READY_JOINTS + np.radians([60.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    arm.begin_move_to_joints(goal.tolist(), 0.2)
+    rig.advance(0.5)
+    first = rig.next_state(arm)
+    rig.advance(0.5)
+    second = rig.next_state(arm)
+    speed = (second.joints[0] - first.joints[0]) / ((second.received_ns - first.received_ns) / 1e9)
+    assert speed == pytest.approx(0.2, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("joints", "speed"),
+    [([0.0, 3.0, 0.0, 0.0, 0.0, 0.0], 0.5), ([0.0] * 5, 0.5), ([0.0] * 6, 4.0), ([0.0] * 6, 0.0)],
+    ids=["out of reach", "five joints", "too fast", "no speed"],
+)
+def test_a_move_that_no_arm_may_make_is_refused(
+    arm: Arm, joints: list[float], speed: float
+) -> None:
     with pytest.raises(DeviceError, match="limits"):
-        arm.move_to_joints([0.0, 3.0, 0.0, 0.0, 0.0, 0.0], 0.5, 5.0)
+        arm.begin_move_to_joints(joints, speed)
 
 
-def test_a_move_that_takes_too_long_is_stopped(rig: ArmRig, arm: Arm) -> None:
-    goal = READY_JOINTS + np.radians([40.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(DeviceError, match=r"within 0\.3 s"):
-        arm.move_to_joints(goal.tolist(), 0.2, 0.3)
+def test_a_move_is_ended_by_a_stop_and_not_taken_up_again(rig: ArmRig, arm: Arm) -> None:
+    goal = READY_JOINTS + np.radians([60.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    arm.begin_move_to_joints(goal.tolist(), 0.5)
+    rig.advance(0.3)
+    arm.stop()
     assert rig.until(lambda: rig.next_state(arm).state == STOPPED)
+    rig.advance(0.3)
+    at_rest = rig.next_state(arm).joints
+    assert at_rest[0] > 0.01
+    arm.enable(ServoMode.VELOCITY)
+    rig.advance(0.3)
+    np.testing.assert_array_equal(rig.next_state(arm).joints, at_rest)
+
+
+# --- the controller's own boundary --------------------------------------------------------------
+
+
+def test_connecting_sets_the_controllers_own_boundary_outside_the_workspace(
+    rig: ArmRig, arm: Arm
+) -> None:
+    settings, limits = rig.model.settings, LimitsConfig()
+    margin = ArmConfig().boundary_margin_mm
+    assert settings.fence
+    np.testing.assert_allclose(settings.boundary.upper_mm, np.array(limits.box_max_mm) + margin)
+    np.testing.assert_allclose(settings.boundary.lower_mm, np.array(limits.box_min_mm) - margin)
+
+
+def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, enabled: Arm) -> None:
+    height_mm = rig.next_state(enabled).tcp.position[2] * 1000.0
+    with rig.model_lock:  # a fence just below the gripper: no need to travel far
+        rig.model.settings.boundary.lower_mm[2] = height_mm - 5.0
+    down = Twist(np.array([0.0, 0.0, -0.05]), np.zeros(3))
+
+    def refused() -> bool:
+        enabled.send_twist(down)
+        state = enabled.state()
+        return state is not None and state.error_code == BOUNDARY
+
+    assert rig.until(refused)
+    assert rig.until(lambda: "C35" in enabled.link().failure)
+    assert enabled.link().fault is LinkFault.REFUSED
+    assert position_of(rig, enabled).position[2] * 1000.0 > height_mm - 5.5
+
+
+def test_without_a_boundary_the_controllers_own_is_left_alone(rig: ArmRig, arm: Arm) -> None:
+    arm.close()
+    with rig.model_lock:
+        rig.model.settings.boundary.upper_mm[:] = 600.0
+        rig.model.settings.fence = False
+    other = rig.make_arm(boundary=None)
+    other.connect()
+    other.enable(ServoMode.VELOCITY)
+    assert not rig.model.settings.fence
+    np.testing.assert_array_equal(rig.model.settings.boundary.upper_mm, 600.0)
+    other.close()
 
 
 # --- the gripper --------------------------------------------------------------------------------
@@ -252,6 +329,53 @@ def test_connecting_reads_the_gripper_back_and_leaves_it_alone(rig: ArmRig, enab
     assert rig.next_state(enabled).gripper_closed is True
     with rig.model_lock:
         assert rig.model.gripper is GripperDrive.CLOSE
+
+
+def test_a_gripper_command_that_is_refused_is_a_gripper_fault_after_three_attempts(
+    rig: ArmRig, enabled: Arm
+) -> None:
+    sent = enabled.link().sent
+    answer_gripper_writes(rig, bytes([0x08]))
+    enabled.set_gripper(True)
+    assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
+    assert enabled.link().failure
+    assert enabled.link().sent == sent + 3
+    assert rig.next_state(enabled).gripper_closed is None
+
+
+def test_outputs_that_differ_from_the_command_are_a_gripper_fault(
+    rig: ArmRig, enabled: Arm
+) -> None:
+    answer_gripper_writes(rig, bytes(1))
+    enabled.set_gripper(True)
+    assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
+    assert "outputs" in enabled.link().failure
+    assert rig.until(lambda: rig.next_state(enabled).gripper_closed is None)
+
+
+def test_enabling_anew_ends_a_gripper_fault(rig: ArmRig, enabled: Arm) -> None:
+    handle = rig.model.handle
+    answer_gripper_writes(rig, bytes([0x08]))
+    enabled.set_gripper(True)
+    assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
+    rig.model.handle = handle  # type: ignore[method-assign]
+    enabled.clear_errors()
+    assert enabled.link().fault is LinkFault.NONE
+    enabled.enable(ServoMode.VELOCITY)
+    enabled.set_gripper(True)
+    assert rig.until(lambda: rig.next_state(enabled).gripper_closed is True)
+
+
+def answer_gripper_writes(rig: ArmRig, answer: bytes) -> None:
+    """Let the controller answer so to writes of the tool's outputs, and do nothing."""
+    handle = rig.model.handle
+
+    def deaf(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register != Register.TOOL_GPIO_WRITE:
+            return handle(register, payload, now_ns)
+        return answer
+
+    rig.model.handle = deaf  # type: ignore[method-assign]
 
 
 # --- stopping and errors ------------------------------------------------------------------------
@@ -284,6 +408,7 @@ def test_an_error_shows_in_state_and_link_with_its_code(rig: ArmRig, enabled: Ar
     assert rig.until(lambda: rig.next_state(enabled).error_code == COLLISION)
     rig.stream(enabled, SIDEWAYS, 0.1)
     assert rig.until(lambda: "C31" in enabled.link().failure)
+    assert enabled.link().fault is LinkFault.REFUSED
     with pytest.raises(DeviceError, match="C31"):
         enabled.enable(ServoMode.VELOCITY)
 
@@ -299,6 +424,7 @@ def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> No
     assert state.error_code == 0
     assert state.state == STOPPED
     assert enabled.link().failure == ""
+    assert enabled.link().fault is LinkFault.NONE
     rig.stream(enabled, SIDEWAYS, 0.2)
     assert distance_mm(before, position_of(rig, enabled)) < 1e-3
     enabled.enable(ServoMode.VELOCITY)

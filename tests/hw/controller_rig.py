@@ -25,6 +25,16 @@ class ControllerRig:
         self.server = ControllerServer(self.model)
         self.server.start()
 
+    def restart(self) -> None:
+        """The control box is switched off and on: same address, nothing of what was set."""
+        ports = self.server.ports
+        self.server.close()
+        self.model = ControllerModel(IdealPlant(), start_joints=self.model.joints)
+        self.server = ControllerServer(
+            self.model, control_port=ports.control, report_port=ports.report
+        )
+        self.server.start()
+
     def config(self, reply_timeout_s: float = 0.5) -> ArmConfig:
         ports = self.server.ports
         return ArmConfig(

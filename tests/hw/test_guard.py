@@ -237,6 +237,10 @@ class GuardedArm:
             pause.wait(0.005)
 
     @property
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    @property
     def stopped(self) -> bool:
         with self.rig.server.lock:
             return self.rig.model.state == State.STOPPED
@@ -343,3 +347,52 @@ def test_the_guard_starts_without_the_heavy_libraries() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert out.stdout.strip() == "[]"
+
+
+# --- what the guard says unasked ----------------------------------------------------------------
+
+
+def test_the_guard_tells_of_its_stop_without_being_asked(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.1)
+    assert until(lambda: guarded.stopped)
+    guarded.link.beat(guarded.now_ns)  # one beat: it takes in what was said before it
+    assert guarded.link.latched
+
+
+def test_the_link_takes_in_everything_that_waits_before_it_beats(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    for latched in (False, False, True):
+        answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
+        silent_guard.sendto(answer.encode(), sender)
+    link.beat(1)
+    assert link.latched
+
+
+def test_a_latch_lasts_until_the_next_arming(silent_guard: socket.socket, link: GuardLink) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    for latched in (True, False):  # the second may have been under way when it latched
+        answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
+        silent_guard.sendto(answer.encode(), sender)
+    link.beat(1)
+    assert link.latched
+    link.arm()
+    assert not link.latched
+
+
+def test_a_guard_whose_port_is_closed_is_gone_at_the_second_beat() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+    link = GuardLink(port, silence_ns=NS_PER_S)
+    link.arm()
+    link.beat(0)
+    link.beat(1)
+    assert not link.alive(1)
+    link.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -14,14 +15,17 @@ import pytest
 import hw.lite6_setup
 import hw.sim.controller_registers
 from hw.arm import ServoMode
+from hw.boundary import session_boundary
 from hw.lite6 import Lite6
 from hw.lite6_outbox import Outbox, Work
 from hw.sim.controller_codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller_model import ReportKind
+from hw.sim.controller_server import ControllerServer
 from tams_app.clock import MonotonicClock
-from tams_app.config import ArmConfig
+from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Twist
+from tams_app.realtime import use_fifo, use_ordinary
+from tams_app.records import LinkFault, Twist
 
 from .controller_rig import WITHIN_S, ControllerRig, controller, until
 
@@ -102,6 +106,17 @@ def test_connecting_stops_what_somebody_left_moving(rig: ControllerRig) -> None:
     with rig.server.lock:
         assert rig.model.commands_waiting == 0
         assert rig.model.state == State.STOPPED
+    arm.close()
+
+
+def test_connecting_never_makes_the_arm_ready(rig: ControllerRig) -> None:
+    with rig.server.lock:
+        rig.model.enable(True)  # somebody left the motors on
+    changes = record_changes(rig)
+    arm = make_bounded_arm(rig)
+    arm.connect()
+    states = [payload for register, payload in changes if register == Register.SET_STATE]
+    assert set(states) == {bytes([State.STOPPED])}
     arm.close()
 
 
@@ -270,6 +285,12 @@ def test_a_stop_does_not_wait_for_a_hanging_command(rig: ControllerRig, arm: Lit
     answer_again(rig)
 
 
+def test_an_idle_arm_that_no_longer_answers_is_lost(rig: ControllerRig, arm: Lite6) -> None:
+    rig.server.reply_delay_s = 30.0
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    answer_again(rig)
+
+
 def test_a_lost_connection_is_a_failure_and_connecting_anew_mends_it(
     rig: ControllerRig, arm: Lite6
 ) -> None:
@@ -302,7 +323,7 @@ Move = Callable[[Lite6], None]
 def move(arm: Lite6) -> None:
     state = arm.state()
     assert state is not None
-    arm.move_to_joints([*state.joints[:5], state.joints[5] + 0.1], 0.5, 5.0)
+    arm.begin_move_to_joints([*state.joints[:5], state.joints[5] + 0.1], 0.5)
 
 
 def stand(rig: ControllerRig, arm: Lite6) -> None:
@@ -418,17 +439,209 @@ def test_what_was_taken_from_the_outbox_before_a_stop_is_not_sent_after_it(
     assert {register for register, _ in changes} == {Register.SET_STATE}
 
 
-def test_the_end_of_the_sender_stays_a_failure(arm: Lite6, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_end_of_the_sender_is_a_lost_link_until_errors_are_cleared(
+    arm: Lite6, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def break_down(outbox: Outbox, timeout_s: float) -> Work:
         raise RuntimeError("worn out")
 
-    monkeypatch.setattr(Outbox, "take", break_down)
-    ended = "arm-sender ended (worn out)"
-    assert until(lambda: ended in arm.link().failure)
+    with monkeypatch.context() as broken:
+        broken.setattr(Outbox, "take", break_down)
+        assert until(lambda: "arm-sender ended (worn out)" in arm.link().failure)
+        assert arm.link().fault is LinkFault.LOST
+        with pytest.raises(DeviceError, match="worn out"):
+            arm.enable(ServoMode.VELOCITY)
     arm.clear_errors()
-    assert ended in arm.link().failure
+    assert arm.link().fault is LinkFault.NONE
     arm.enable(ServoMode.VELOCITY)
-    assert ended in arm.link().failure
+    assert moves(arm)
+
+
+# --- a link made anew -----------------------------------------------------------------------------
+
+
+def test_a_restarted_controller_is_taken_up_again_with_all_settings_when_errors_are_cleared(
+    rig: ControllerRig,
+) -> None:
+    arm = make_bounded_arm(rig)
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    rig.restart()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    assert not rig.model.settings.fence
+    arm.clear_errors()
+    settings, config = rig.model.settings, ArmConfig()
+    assert settings.fence
+    np.testing.assert_allclose(settings.tcp_offset[:3], config.tcp_offset_mm_deg[:3])
+    assert arm.link().failure == ""
+    assert rig.model.state == State.STOPPED
+    arm.enable(ServoMode.VELOCITY)
+    np.testing.assert_allclose(settings.load[0], config.tcp_load_kg)
+    assert moves(arm)
+    arm.close()
+
+
+def test_until_the_controller_is_back_the_link_stays_lost_and_nothing_breaks(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    ports = rig.server.ports
+    rig.server.close()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    for _ in range(2):
+        with pytest.raises(DeviceError, match="No arm answers"):
+            arm.clear_errors()
+        assert arm.link().fault is LinkFault.LOST
+        assert arm.state() is not None
+        arm.stop()
+        arm.send_twist(SIDEWAYS)
+        with pytest.raises(DeviceError):
+            arm.enable(ServoMode.VELOCITY)
+    rig.server = ControllerServer(rig.model, control_port=ports.control, report_port=ports.report)
+    rig.server.start()
+    arm.clear_errors()
+    assert arm.link().fault is LinkFault.NONE
+
+
+def test_connecting_again_mends_a_lost_link_too_and_clears_no_error(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    rig.restart()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    with rig.server.lock:
+        rig.model.raise_error(ErrorCode.COLLISION)
+    with pytest.raises(DeviceError, match="C31"):
+        arm.connect()
+    assert rig.model.error_code == ErrorCode.COLLISION
+    with rig.server.lock:
+        rig.model.clean_error()
+    assert until(lambda: (state := arm.state()) is not None and state.error_code == 0)
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    assert moves(arm)
+
+
+def test_state_link_and_stop_do_not_wait_for_a_link_that_is_made_anew(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    rig.server.drop_connections()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    connecting, go_on = threading.Event(), threading.Event()
+    handle = rig.model.handle
+
+    def linger(register: int, payload: bytes, now_ns: int) -> bytes:
+        if register == Register.GET_VERSION:
+            connecting.set()
+            go_on.wait(WITHIN_S)
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = linger  # type: ignore[method-assign]
+    clearing = threading.Thread(target=arm.clear_errors)
+    clearing.start()
+    assert connecting.wait(WITHIN_S)
+    assert arm.link().fault is LinkFault.LOST
+    assert arm.state() is not None
+    arm.stop()
+    assert clearing.is_alive()
+    go_on.set()
+    clearing.join()
+    assert arm.link().fault is LinkFault.NONE
+    assert rig.model.state == State.STOPPED
+
+
+def test_frozen_reports_need_a_new_connection_and_get_it(rig: ControllerRig, arm: Lite6) -> None:
+    rig.model.reports_frozen = True
+    assert until(lambda: arm_is_silent(arm))
+    threads = arm.realtime_thread_ids
+    with pytest.raises(DeviceError, match="reports"):
+        arm.clear_errors()
+    rig.model.reports_frozen = False
+    arm.clear_errors()
+    assert arm.link().fault is LinkFault.NONE
+    assert arm.realtime_thread_ids["arm-report"] != threads["arm-report"]
+
+
+def arm_is_silent(arm: Lite6) -> bool:
+    state = arm.state()
+    return state is not None and MonotonicClock().now_ns() - state.received_ns > 1_100_000_000
+
+
+def test_a_new_links_threads_are_scheduled_as_the_old_ones_were(
+    rig: ControllerRig, arm: Lite6
+) -> None:
+    if use_fifo(1).startswith("other"):
+        pytest.skip("real-time scheduling is not permitted here")
+    use_ordinary()
+    for thread_id in arm.realtime_thread_ids.values():
+        use_fifo(3, thread_id)
+    rig.server.drop_connections()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    arm.clear_errors()
+    for thread_id in arm.realtime_thread_ids.values():
+        assert os.sched_getscheduler(thread_id) == os.SCHED_FIFO
+        assert os.sched_getparam(thread_id).sched_priority == 3
+
+
+# --- the controller's boundary --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ignored", [Register.SET_BOUNDARY, Register.SET_FENCE])
+def test_a_boundary_that_does_not_come_back_is_refused(
+    rig: ControllerRig, ignored: Register
+) -> None:
+    ignore(rig, ignored)
+    arm = make_bounded_arm(rig)
+    with pytest.raises(DeviceError, match="safety boundary"):
+        arm.connect()
+    arm.close()
+
+
+def test_an_arm_whose_boundary_somebody_took_away_is_not_enabled(rig: ControllerRig) -> None:
+    arm = make_bounded_arm(rig)
+    arm.connect()
+    with rig.server.lock:
+        rig.model.settings.fence = False
+    with pytest.raises(DeviceError, match="safety boundary"):
+        arm.enable(ServoMode.VELOCITY)
+    assert until(lambda: rig.model.state == State.STOPPED)
+    arm.close()
+
+
+def make_bounded_arm(rig: ControllerRig) -> Lite6:
+    boundary = session_boundary(ArmConfig(), LimitsConfig())
+    return Lite6(rig.config(reply_timeout_s=0.25), MonotonicClock(), 120.0, boundary)
+
+
+def moves(arm: Lite6) -> bool:
+    """Whether the arm follows commands."""
+    before = arm.state()
+    assert before is not None
+
+    def moved() -> bool:
+        arm.send_twist(SIDEWAYS)
+        state = arm.state()
+        return state is not None and bool(state.tcp.position[1] > before.tcp.position[1] + 0.001)
+
+    return until(moved)
+
+
+def test_the_control_loop_never_waits_for_a_reply(rig: ControllerRig) -> None:
+    arm = make_arm(rig.config(reply_timeout_s=1.0))
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    before = arm.link()
+    rig.server.reply_delay_s = 30.0
+    arm.send_twist(SIDEWAYS)
+    assert until(lambda: arm.link().sent > before.sent)  # and now the sender waits for its reply
+    for _ in range(100):
+        arm.send_twist(SIDEWAYS)
+        arm.set_gripper(True)
+        arm.state()
+    link = arm.link()
+    assert (link.acknowledged_ns, link.failure) == (before.acknowledged_ns, "")
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    assert arm.link().slow >= before.slow + 2
+    answer_again(rig)
+    arm.close()
 
 
 def test_an_error_is_known_from_a_reply_before_a_report_tells_of_it(

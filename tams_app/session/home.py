@@ -1,0 +1,166 @@
+"""Moves the arm to its ready pose while the operator holds Enter; see `homing.py`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import Protocol
+
+import numpy as np
+
+from hw.arm import Arm
+from tams_app.clock import NS_PER_S, Clock
+from tams_app.config import Config
+from tams_app.errors import DeviceError
+from tams_app.session.homing import (
+    Action,
+    Homing,
+    HomingInput,
+    HomingPath,
+    HomingState,
+    plan_path,
+)
+
+POLL_S = 0.01  # also the period of the guard's heartbeat
+PROGRESS_NS = NS_PER_S
+_DEADMAN = b"\r\n"
+
+_SAY = {
+    HomingState.WAITING: "The arm stands. Hold Enter to go on; space, Esc or any other key ends.",
+    HomingState.STARTING: "Releasing the brakes ...",
+    HomingState.MOVING: "Moving. Let go of Enter to stop.",
+    HomingState.DONE: "The arm is in its ready pose.",
+    HomingState.ENDED: "Ended before the arm was in its ready pose.",
+}
+
+
+class Guard(Protocol):
+    """What stops the arm if this process does not live on; `hw.guard_link.GuardLink` is one."""
+
+    latched: bool
+
+    def arm(self) -> None: ...
+
+    def beat(self, now_ns: int) -> None: ...
+
+    def alive(self, now_ns: int) -> bool: ...
+
+
+class HomeRun:
+    """One way home: the loop around `Homing`, for the main thread.
+
+    `read_keys(timeout_s)` returns what the terminal sent meanwhile. Starting the move may wait for
+    the arm, which the key and the heartbeat cannot: it is done in `executor`.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        arm: Arm,
+        guard: Guard,
+        executor: Executor,
+        read_keys: Callable[[float], bytes],
+        say: Callable[[str], None],
+    ) -> None:
+        self._clock, self._arm, self._guard = clock, arm, guard
+        self._executor, self._read_keys, self._say = executor, read_keys, say
+        self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
+        self._starting: Future[None] | None = None
+        self._said: HomingState | None = None
+        self._progress_ns = 0
+        self._path = plan_path(config, self._joints())
+        self._homing = Homing(self._path.goal)
+
+    def run(self) -> HomingState:
+        """DONE or ENDED, the arm stopped; DeviceError, with the arm stopped, if it failed."""
+        self._say(describe_path(self._path, self._speed_rad_s))
+        try:
+            while not self._homing.over:
+                self._step(self._read_keys(POLL_S))
+        finally:
+            self._arm.stop()
+        if self._homing.state is HomingState.FAILED:
+            raise DeviceError(self._homing.reason)
+        return self._homing.state
+
+    def _step(self, keys: bytes) -> None:
+        now_ns = self._clock.now_ns()
+        self._guard.beat(now_ns)
+        presses = sum(key in _DEADMAN for key in keys)
+        began, refused = self._start_result()
+        action = self._homing.step(
+            HomingInput(
+                now_ns,
+                presses,
+                presses < len(keys),
+                self._arm.state(),
+                self._arm.link(),
+                began,
+                refused,
+                self._guard_problem(now_ns),
+            )
+        )
+        if action is Action.STOP:
+            self._arm.stop()
+        elif action is Action.START:
+            self._guard.arm()
+            goal = self._path.goal.tolist()
+            self._starting = self._executor.submit(
+                self._arm.begin_move_to_joints, goal, self._speed_rad_s
+            )
+        self._tell(now_ns)
+
+    def _start_result(self) -> tuple[bool, str]:
+        """Whether the move that was started has begun, or why not; once."""
+        starting = self._starting
+        if starting is None or not starting.done():
+            return False, ""
+        self._starting = None
+        try:
+            starting.result()
+        except DeviceError as error:
+            return False, str(error)
+        return True, ""
+
+    def _guard_problem(self, now_ns: int) -> str:
+        if not self._guard.alive(now_ns):
+            return "The guard process does not answer; start again."
+        if self._guard.latched and self._homing.state is not HomingState.WAITING:
+            return "The guard stopped the arm: this computer was too busy; close other programs."
+        return ""
+
+    def _tell(self, now_ns: int) -> None:
+        state = self._homing.state
+        if state is not self._said:
+            self._said = state
+            if state in _SAY:
+                self._say(_SAY[state])
+            self._progress_ns = now_ns
+        elif state is HomingState.MOVING and now_ns - self._progress_ns >= PROGRESS_NS:
+            self._progress_ns = now_ns
+            left = float(np.abs(self._path.goal - self._joints()).max())
+            self._say(f"{math.degrees(left):.0f}° to go")
+
+    def _joints(self) -> np.ndarray:
+        state = self._arm.state()
+        if state is None:
+            raise DeviceError("The arm sends no reports; restart its control box.")
+        return state.joints
+
+
+def describe_path(path: HomingPath, speed_rad_s: float) -> str:
+    """Where the arm is, where it will go, and how far that is."""
+    rows = [
+        f"joints now    {_degrees(path.start)}",
+        f"ready pose    {_degrees(path.goal)}",
+        f"on the way    {math.degrees(path.travel_rad):.0f}° of the joint that turns most, "
+        f"{path.tcp_path_m * 1000:.0f} mm of the gripper, lowest {path.lowest_m * 1000:.0f} mm; "
+        f"{path.duration_s(speed_rad_s):.0f} s",
+    ]
+    return "\n".join(rows)
+
+
+def _degrees(joints: np.ndarray) -> str:
+    return " ".join(f"{math.degrees(joint):7.1f}" for joint in joints) + "  °"

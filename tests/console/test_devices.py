@@ -1,0 +1,103 @@
+"""What `doctor --devices` prints, and what the doctor says of the hardware a file names."""
+
+from __future__ import annotations
+
+import io
+from fractions import Fraction
+
+from rich.console import Console
+
+from hw.lite6_discovery import ArmInfo
+from hw.openvr_devices import ControllerInfo
+from hw.sim.controller_model import ControllerModel
+from hw.sim.controller_server import ControllerServer
+from hw.sim.plant import IdealPlant
+from hw.v4l2_devices import CameraInfo, CameraMode
+from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
+from tams_app.console import device_checks
+from tams_app.console.devices import arm_lines, camera_lines, controller_lines, show_devices
+
+MODE = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
+LEFT = CameraInfo("Cam", "A1", "/dev/video0", ("/dev/v4l/by-path/left",), (MODE,))
+RIGHT = CameraInfo("Cam", "B2", "/dev/video2", (), (MODE,))
+
+
+def hardware(**overrides: object) -> Config:
+    keys = {key.replace("__", "."): value for key, value in overrides.items()}
+    return load_config(CONFIG_DIRECTORY / "lite6.yaml", keys)
+
+
+def test_each_camera_is_listed_with_its_view_stable_path_and_modes() -> None:
+    cameras = {"eih": CameraConfig(serial="B2"), "gt": CameraConfig(serial="nowhere")}
+    lines = list(camera_lines([LEFT, RIGHT], cameras))
+    assert lines == [
+        "'Cam', serial A1 at /dev/video0",
+        "    /dev/v4l/by-path/left",
+        "    MJPG 640x480 at 30",
+        "'Cam', serial B2 at /dev/video2  <- eih",
+        "    MJPG 640x480 at 30",
+    ]
+
+
+def test_no_camera_and_no_controller_are_sentences() -> None:
+    assert list(camera_lines([], {})) == ["no camera is plugged in"]
+    assert list(controller_lines([])) == ["SteamVR knows no controller: switch one on."]
+
+
+def test_a_controller_is_listed_with_hand_battery_and_tracking() -> None:
+    tracked = ControllerInfo("right", "vive_focus3_controller", "Focus", "S1", 0.5, True, True)
+    away = ControllerInfo("", "knuckles", "Index", "", None, False, False)
+    assert list(controller_lines([tracked, away])) == [
+        "right: vive_focus3_controller S1, battery 50%, tracked",
+        "no hand: knuckles, switched off",
+    ]
+
+
+def test_an_arm_that_is_not_there_is_listed_with_what_to_do() -> None:
+    info = ArmInfo("host", reachable=False, problem="Nothing answers; switch it on.")
+    assert list(arm_lines([info])) == ["host: Nothing answers; switch it on."]
+
+
+def test_the_list_is_printed_whatever_is_missing() -> None:
+    output = io.StringIO()
+    settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
+    assert show_devices(settings, Console(file=output, width=200)) == 0
+    titles = [line for line in output.getvalue().splitlines() if not line.startswith(" ")]
+    assert titles == ["Arms", "Controllers", "Cameras"]
+
+
+def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -> None:
+    model = ControllerModel(IdealPlant(), firmware="1.7.0")
+    server = ControllerServer(model)
+    server.start()
+    try:
+        ports = server.ports
+        settings = hardware(
+            arm__host="127.0.0.1", arm__control_port=ports.control, arm__report_port=ports.report
+        )
+        (old,) = device_checks.arm(settings)
+        model.firmware = "2.6.0"
+        (new,) = device_checks.arm(settings)
+    finally:
+        server.close()
+    assert not old.ok
+    assert "1.8.0" in old.fix
+    assert new.ok
+    assert "Lite 6" in new.detail
+
+
+def test_the_doctor_names_each_view_without_a_camera() -> None:
+    missing = list(device_checks.cameras(hardware()))
+    assert [finding.what for finding in missing] == ["Camera eih", "Camera gt", "Camera gs"]
+    assert all("SET-" in finding.fix for finding in missing)
+
+
+def test_a_test_pattern_is_a_camera_like_any_other() -> None:
+    pattern = {"source": "pattern"}
+    settings = hardware(cameras={"eih": pattern, "gt": pattern, "gs": pattern})
+    assert all(finding.ok for finding in device_checks.cameras(settings))
+
+
+def test_the_simulated_rig_needs_no_devices() -> None:
+    for check in (device_checks.arm, device_checks.controller, device_checks.cameras):
+        assert list(check(load_config())) == []

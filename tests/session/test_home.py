@@ -1,0 +1,223 @@
+"""The loop around the homing, in virtual time with the in-process arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hw.arm import Arm
+from hw.boundary import reach_boundary, session_boundary
+from hw.lite6_kinematics import HOME_JOINTS
+from hw.sim.controller_codes import ErrorCode, State
+from hw.sim.controller_model import ControllerModel
+from hw.sim.inprocess_arm import InProcessArm
+from hw.sim.plant import IdealPlant
+from tams_app.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.config import Config, load_config
+from tams_app.errors import DeviceError
+from tams_app.session.home import HomeRun
+from tams_app.session.homing import HomingState
+
+REPEAT_NS = 40 * NS_PER_MS
+FIRST_REPEAT_NS = 660 * NS_PER_MS
+
+
+class AtOnce(Executor):
+    """Does what it is given before it returns."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except DeviceError as error:
+            future.set_exception(error)
+        return future
+
+
+class WatchedGuard:
+    """Notes what the guard would hear."""
+
+    def __init__(self) -> None:
+        self.armed = 0
+        self.beats: list[int] = []
+        self.latched = False
+        self.is_alive = True
+
+    def arm(self) -> None:
+        self.armed += 1
+        self.latched = False
+
+    def beat(self, now_ns: int) -> None:
+        self.beats.append(now_ns)
+
+    def alive(self, now_ns: int) -> bool:
+        return self.is_alive
+
+
+class Bench:
+    """An operator who holds Enter as `held` says, at the factory's home."""
+
+    def __init__(
+        self, held: Callable[[float], bool], other: Callable[[float], bytes] | None = None
+    ):
+        self.config: Config = load_config(None)
+        self.clock = VirtualClock()
+        self.began_ns = self.clock.now_ns()
+        self.model = ControllerModel(IdealPlant(), HOME_JOINTS)
+        boundary = reach_boundary(self.config.arm, self.config.limits)
+        self.arm = InProcessArm(self.config.arm, self.clock, self.model, boundary)
+        self.guard = WatchedGuard()
+        self.said: list[str] = []
+        self._held, self._other = held, other
+        self._next_press_ns = 0
+        self._was_held = False
+        self.every_step: Callable[[], None] = lambda: None
+        self.arm.connect()
+
+    def run(self) -> HomingState:
+        run = HomeRun(
+            self.config, self.clock, self.arm, self.guard, AtOnce(), self._keys, self.said.append
+        )
+        return run.run()
+
+    def elapsed_s(self) -> float:
+        return (self.clock.now_ns() - self.began_ns) / NS_PER_S
+
+    def _keys(self, timeout_s: float) -> bytes:
+        """A terminal: one press when the key goes down, then its repeats."""
+        assert self.elapsed_s() < 120.0, "it does not end"
+        self.arm.advance(round(timeout_s * NS_PER_S))
+        self.every_step()
+        if self._other is not None and (keys := self._other(self.elapsed_s())):
+            return keys
+        held, before = self._held(self.elapsed_s()), self._was_held
+        self._was_held = held
+        if not held:
+            return b""
+        now_ns = self.clock.now_ns()
+        if not before:
+            self._next_press_ns = now_ns + FIRST_REPEAT_NS
+            return b"\n"
+        if now_ns < self._next_press_ns:
+            return b""
+        self._next_press_ns = now_ns + REPEAT_NS
+        return b"\n"
+
+
+def test_from_the_factorys_home_to_the_ready_pose_at_the_configured_speed() -> None:
+    bench = Bench(held=lambda _: True)
+    fastest = [0.0]
+
+    def measure() -> None:
+        fastest[0] = max(fastest[0], float(np.abs(bench.model.joint_speeds).max()))
+
+    bench.every_step = measure
+    assert bench.run() is HomingState.DONE
+    ready = np.radians(bench.config.arm.ready_joints_deg)
+    np.testing.assert_allclose(bench.model.joints, ready, atol=1e-3)
+    assert np.degrees(fastest[0]) == pytest.approx(10.0, abs=0.1)
+    assert bench.model.state == State.STOPPED
+    assert any("5" in line and "°" in line for line in bench.said)
+    assert bench.said[-1] == "The arm is in its ready pose."
+
+
+def test_the_guard_is_armed_before_the_arm_moves_and_beaten_all_the_way() -> None:
+    bench = Bench(held=lambda _: True)
+    moved_unarmed = []
+    bench.every_step = lambda: moved_unarmed.append(bench.model.moving and not bench.guard.armed)
+    bench.run()
+    assert not any(moved_unarmed)
+    assert bench.guard.armed == 1
+    gaps_ms = np.diff(bench.guard.beats) / NS_PER_MS
+    assert gaps_ms.max() < bench.config.arm.guard.heartbeat_timeout_ms / 2
+
+
+def test_letting_go_stops_the_arm_and_holding_again_brings_it_home() -> None:
+    bench = Bench(held=lambda at: not 2.0 < at < 4.0)
+    stood = []
+
+    def note() -> None:
+        if 2.5 < bench.elapsed_s() < 4.0:
+            stood.append(bench.model.joints)
+
+    bench.every_step = note
+    assert bench.run() is HomingState.DONE
+    np.testing.assert_array_equal(stood[0], stood[-1])
+    assert np.abs(stood[0] - HOME_JOINTS).max() > 0.1
+    assert bench.guard.armed == 2
+
+
+def test_a_tap_moves_nothing_and_escape_ends() -> None:
+    bench = Bench(held=lambda at: 1.0 < at < 1.02, other=lambda at: b"\x1b" if at > 5.0 else b"")
+    assert bench.run() is HomingState.ENDED
+    np.testing.assert_array_equal(bench.model.joints, HOME_JOINTS)
+
+
+@pytest.mark.parametrize("key", [b" ", b"\x1b", b"x", b"\nq"])
+def test_any_other_key_stops_the_arm_on_its_way(key: bytes) -> None:
+    bench = Bench(held=lambda _: True, other=lambda at: key if at > 3.0 else b"")
+    assert bench.run() is HomingState.ENDED
+    assert bench.model.state == State.STOPPED
+    bench.arm.advance(NS_PER_S)
+    ready = np.radians(bench.config.arm.ready_joints_deg)
+    assert np.abs(bench.model.joints - ready).max() > 0.1
+
+
+def test_an_error_on_the_way_is_told_and_ends_it() -> None:
+    bench = Bench(held=lambda _: True)
+
+    def collide() -> None:
+        if bench.elapsed_s() > 2.0:
+            bench.model.raise_error(ErrorCode.COLLISION)
+
+    bench.every_step = collide
+    with pytest.raises(DeviceError, match="C31"):
+        bench.run()
+
+
+@pytest.mark.parametrize("what", ["gone", "latched"])
+def test_without_a_guard_that_watches_the_arm_is_stopped(what: str) -> None:
+    bench = Bench(held=lambda _: True)
+
+    def lose() -> None:
+        if bench.elapsed_s() > 2.0:
+            bench.guard.is_alive, bench.guard.latched = what != "gone", what == "latched"
+
+    bench.every_step = lose
+    with pytest.raises(DeviceError, match="guard"):
+        bench.run()
+    assert bench.model.state == State.STOPPED
+
+
+def test_a_failure_of_the_terminal_stops_the_arm() -> None:
+    def hang_up(at: float) -> bytes:
+        if at > 3.0:
+            raise DeviceError("The terminal is gone.")
+        return b""
+
+    bench = Bench(held=lambda _: True, other=hang_up)
+    with pytest.raises(DeviceError, match="terminal"):
+        bench.run()
+    assert bench.model.state == State.STOPPED
+
+
+def test_a_refused_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(arm: Arm, joints: list[float], speed: float) -> None:
+        raise DeviceError("The arm refused the move.")
+
+    monkeypatch.setattr(InProcessArm, "begin_move_to_joints", refuse)
+    with pytest.raises(DeviceError, match="refused the move"):
+        Bench(held=lambda _: True).run()
+
+
+def test_the_boundary_for_the_way_home_has_room_for_the_factorys_home() -> None:
+    bench = Bench(held=lambda _: False)
+    config = load_config(None)
+    limits = config.limits.model_copy(update={"box_min_mm": (230.0, -250.0, 20.0)})
+    position = bench.model.tcp[:3, 3]
+    assert not session_boundary(config.arm, limits).contains(position)
+    assert reach_boundary(config.arm, limits).contains(position)

@@ -1,0 +1,255 @@
+"""The way to the ready pose: only while a key is held, and over when the arm is there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hw.lite6_kinematics import HOME_JOINTS
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config import Config, load_config
+from tams_app.errors import DeviceError
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose
+from tams_app.session.homing import (
+    Action,
+    HeldKey,
+    Homing,
+    HomingInput,
+    HomingState,
+    plan_path,
+)
+
+GOAL = np.zeros(6)
+AWAY = np.full(6, 0.5)
+LINK = CommandLink(0, 0, 0, 0, "")
+MS = NS_PER_MS
+
+
+def pressed(*times_ms: float) -> HeldKey:
+    key = HeldKey()
+    for time_ms in times_ms:
+        key.press(round(time_ms * MS))
+    return key
+
+
+def test_a_tap_holds_nothing() -> None:
+    key = pressed(0)
+    assert not any(key.held(at * MS) for at in (0, 1, 500, 700, 5000))
+
+
+def test_a_held_key_is_held_from_its_first_repeat_until_a_quarter_second_after_its_last() -> None:
+    key = pressed(0, 660, 700, 740)
+    assert key.held(740 * MS)
+    assert key.held(990 * MS)
+    assert not key.held(991 * MS)
+
+
+def test_two_presses_too_far_apart_are_two_taps() -> None:
+    assert not pressed(0, 701).held(701 * MS)
+
+
+def test_after_a_release_holding_begins_anew() -> None:
+    key = pressed(0, 500, 540, 1000)
+    assert not key.held(1000 * MS)
+    key.press(1500 * MS)
+    assert key.held(1500 * MS)
+
+
+# --- the machine --------------------------------------------------------------------------------
+
+
+class Bench:
+    """A homing at 50 steps a second, with an arm that is where the test says."""
+
+    def __init__(self) -> None:
+        self.homing = Homing(GOAL)
+        self.now_ns = NS_PER_S
+        self.joints = AWAY
+        self.controller_state = 2
+
+    def arm(self, error_code: int = 0) -> ArmState:
+        return ArmState(
+            received_ns=self.now_ns,
+            joints=self.joints,
+            tcp=Pose(np.zeros(3), Rotation.identity()),
+            mode=0,
+            state=self.controller_state,
+            error_code=error_code,
+            warning_code=0,
+            gripper_closed=None,
+        )
+
+    def step(self, presses: int = 1, **changes: Any) -> Action:
+        self.now_ns += 20 * MS
+        tick = HomingInput(self.now_ns, presses, False, self.arm(), LINK)
+        return self.homing.step(replace(tick, **changes))
+
+    def moving(self) -> Bench:
+        assert self.step() is Action.NONE
+        assert self.step() is Action.START
+        self.controller_state = 1
+        assert self.step(began=True) is Action.NONE
+        assert self.homing.state is HomingState.MOVING
+        return self
+
+
+def test_nothing_moves_without_the_key() -> None:
+    bench = Bench()
+    assert {bench.step(presses=0) for _ in range(100)} == {Action.NONE}
+    assert bench.homing.state is HomingState.WAITING
+
+
+def test_it_starts_once_however_long_starting_takes() -> None:
+    bench = Bench()
+    actions = [bench.step() for _ in range(50)]
+    assert actions.count(Action.START) == 1
+    assert bench.homing.state is HomingState.STARTING
+
+
+def test_letting_go_stops_within_a_quarter_second_and_holding_again_goes_on() -> None:
+    bench = Bench().moving()
+    steps = 0
+    while bench.step(presses=0) is Action.NONE:
+        steps += 1
+    assert steps * 20 <= 250
+    assert bench.homing.state is HomingState.WAITING
+    bench.controller_state = 4
+    assert bench.step() is Action.NONE
+    assert bench.step() is Action.START
+
+
+def test_letting_go_while_it_starts_stops_at_once_and_again_when_it_has_started() -> None:
+    bench = Bench()
+    bench.step()
+    assert bench.step() is Action.START
+    while bench.step(presses=0) is not Action.STOP:
+        assert bench.homing.state is HomingState.STARTING
+    assert bench.step() is Action.NONE
+    assert bench.step() is Action.NONE  # held again, but the start before is still under way
+    assert bench.step(began=True) is Action.STOP
+    assert bench.homing.state is HomingState.WAITING
+
+
+def test_a_start_that_was_cancelled_and_refused_for_it_is_no_failure() -> None:
+    bench = Bench()
+    bench.step()
+    bench.step()
+    while bench.step(presses=0) is not Action.STOP:
+        pass
+    assert bench.step(presses=0, refused="The arm was stopped meanwhile.") is Action.STOP
+    assert bench.homing.state is HomingState.WAITING
+
+
+def test_it_is_done_when_the_arm_stands_at_the_goal() -> None:
+    bench = Bench().moving()
+    bench.joints = GOAL
+    assert bench.step() is Action.NONE  # there, but still moving
+    bench.controller_state = 2
+    assert bench.step() is Action.STOP
+    assert bench.homing.state is HomingState.DONE
+    assert bench.step() is Action.NONE
+
+
+def test_an_arm_that_is_there_already_is_not_moved() -> None:
+    bench = Bench()
+    bench.joints = GOAL
+    assert bench.step(presses=0) is Action.STOP
+    assert bench.homing.state is HomingState.DONE
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_any_other_key_ends_it(moving: bool) -> None:
+    bench = Bench().moving() if moving else Bench()
+    assert bench.step(other_key=True) is Action.STOP
+    assert bench.homing.state is HomingState.ENDED
+    assert bench.step(presses=5) is Action.NONE
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"refused": "The arm refused the move."}, "refused the move"),
+        ({"link": replace(LINK, failure="Lost.", fault=LinkFault.LOST)}, "Lost"),
+        ({"guard": "The guard is gone."}, "guard"),
+        ({"arm": None}, "reporting"),
+    ],
+    ids=["refused", "link lost", "guard gone", "no reports"],
+)
+def test_what_goes_wrong_stops_the_arm_and_is_told(changes: dict[str, Any], reason: str) -> None:
+    bench = Bench().moving()
+    assert bench.step(**changes) is Action.STOP
+    assert bench.homing.state is HomingState.FAILED
+    assert reason in bench.homing.reason
+
+
+def test_an_error_of_the_controller_is_told_with_its_number() -> None:
+    bench = Bench().moving()
+    assert bench.step(arm=bench.arm(error_code=31)) is Action.STOP
+    assert "C31" in bench.homing.reason
+
+
+def test_reports_that_freeze_stop_the_arm() -> None:
+    bench = Bench().moving()
+    frozen = bench.arm()
+    actions = [bench.step(arm=frozen) for _ in range(17)]
+    assert actions.count(Action.STOP) == 1
+    assert "reporting" in bench.homing.reason
+
+
+def test_an_arm_that_was_stopped_from_elsewhere_is_not_started_again() -> None:
+    bench = Bench().moving()
+    bench.controller_state = 4
+    assert bench.step() is Action.STOP
+    assert "from elsewhere" in bench.homing.reason
+
+
+def test_a_report_from_before_the_start_is_not_taken_for_a_stop() -> None:
+    bench = Bench()
+    bench.controller_state = 4
+    bench.step()
+    assert bench.step() is Action.START
+    old = bench.arm()
+    bench.step(began=True)
+    assert bench.step(arm=old) is Action.NONE
+
+
+def test_an_arm_that_stands_still_on_its_way_is_a_failure() -> None:
+    bench = Bench().moving()
+    bench.controller_state = 2
+    actions = [bench.step() for _ in range(60)]
+    assert Action.STOP in actions
+    assert "stands still" in bench.homing.reason
+
+
+# --- the path -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    return load_config(None)
+
+
+def test_the_path_from_the_factorys_home_is_planned(config: Config) -> None:
+    path = plan_path(config, HOME_JOINTS)
+    np.testing.assert_allclose(np.degrees(path.goal), config.arm.ready_joints_deg)
+    assert np.degrees(path.travel_rad) == pytest.approx(86.74 - 31.8, abs=0.1)
+    assert 0.15 < path.tcp_path_m < 0.5
+    assert path.lowest_m > 0.05
+    assert path.duration_s(np.radians(10)) == pytest.approx(5.5, abs=0.1)
+
+
+def test_a_path_that_dips_under_the_floor_is_refused(config: Config) -> None:
+    above_the_floor = np.radians([0.0, 96.0, 12.0, 180.0, -24.0, 0.0])
+    with pytest.raises(DeviceError, match=r"dip to -\d+ mm"):
+        plan_path(config, above_the_floor)
+
+
+def test_an_arm_that_is_under_the_floor_may_rise(config: Config) -> None:
+    goal = np.radians(config.arm.ready_joints_deg)
+    limits = config.limits.model_copy(update={"floor_mm": 200.0})  # above the ready pose even
+    path = plan_path(config.model_copy(update={"limits": limits}), goal)
+    assert path.travel_rad == 0.0
