@@ -40,6 +40,11 @@ class HeartbeatWatch:
         self._last_beat_ns = 0
         self.watch = Watch.IDLE
 
+    @property
+    def last_heard(self) -> tuple[int, int]:
+        """Arming and sequence of the newest beat that counted."""
+        return self._arming, self._sequence
+
     def hear(self, now_ns: int, heartbeat: Heartbeat) -> None:
         """Take in one heartbeat; late ones of an older or ended arming change nothing."""
         if heartbeat.arming < self._arming:
@@ -81,10 +86,12 @@ class Guard:
         self._watch = watch
         self._arm = arm
         self._clock = clock
+        self._peer: tuple[str, int] | None = None  # who sent the last heartbeat
 
     def step(self) -> None:
         """Wait up to POLL_S for heartbeats, answer them, and stop the arm if they ended.
 
+        The stop is told to the application unasked: its next tick knows why the arm stands.
         Everything queued is heard before silence is judged: a guard that was itself stalled must
         not take its own absence for the application's.
         """
@@ -98,6 +105,8 @@ class Guard:
             self._heartbeats.setblocking(False)
         if self._watch.lost(self._clock.now_ns()):
             self._arm.request_stop()
+            if self._peer is not None:
+                self._acknowledge(*self._watch.last_heard, self._peer)
 
     def farewell(self) -> None:
         """The parent is gone or ends the guard: stop the arm if it was still armed."""
@@ -111,15 +120,19 @@ class Guard:
         if heartbeat is None:
             return
         self._watch.hear(self._clock.now_ns(), heartbeat)
+        self._peer = sender
+        self._acknowledge(heartbeat.arming, heartbeat.sequence, sender)
+
+    def _acknowledge(self, arming: int, sequence: int, peer: tuple[str, int]) -> None:
         answer = Heartbeat(
             GuardMessage.ACKNOWLEDGEMENT,
-            heartbeat.arming,
-            heartbeat.sequence,
+            arming,
+            sequence,
             latched=self._watch.watch is Watch.LATCHED,
             arm_lost=bool(self._arm.failure),
         )
         try:
-            self._heartbeats.sendto(answer.encode(), sender)
+            self._heartbeats.sendto(answer.encode(), peer)
         except OSError:  # the application's socket is gone: the heartbeat ends, which is watched
             return
 

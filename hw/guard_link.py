@@ -1,7 +1,7 @@
 """The heartbeat between the control loop and the guard: datagrams on loopback, both ways.
 
 A beat keeps the guard from stopping the arm; every beat is answered, so that a guard that is gone
-or cannot reach the arm is seen as well.
+or cannot reach the arm is seen as well. When the guard stops the arm it says so unasked.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _DATAGRAM = struct.Struct("!4sBBIQ")  # magic, kind, status bits, arming, sequen
 _MAGIC = b"TAMG"
 _STATUS_LATCHED = 1
 _STATUS_ARM_LOST = 2
-_MAX_ACKNOWLEDGEMENTS_PER_BEAT = 4
+_MAX_ANSWERS_PER_BEAT = 8  # one is usual; a guard that was held up sends many at once
 
 
 def guard_specification(config: ArmConfig) -> dict[str, Any]:
@@ -95,6 +95,7 @@ class GuardLink:
         self._sequence = 0
         self._armed = False
         self._heard_ns: int | None = None
+        self._refused = False  # the guard's port is closed: its process has ended
         self.latched = False
         self.arm_lost = False
 
@@ -110,14 +111,14 @@ class GuardLink:
         self.latched = False
 
     def beat(self, now_ns: int) -> None:
-        """Say that the control loop runs, and take in the guard's answers; nothing if not armed."""
+        """Take in what the guard said, and say that the control loop runs; nothing if not armed."""
         if not self._armed:
             return
-        self._sequence += 1
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        self._send(GuardMessage.BEAT)
         self._receive(now_ns)
+        self._sequence += 1
+        self._send(GuardMessage.BEAT)
 
     def disarm(self) -> None:
         """End the watch without a stop; the caller sees to it that the arm stands."""
@@ -130,7 +131,9 @@ class GuardLink:
         """While armed: beats are answered and the guard could stop the arm. True if not armed."""
         if not self._armed or self._heard_ns is None:
             return True
-        return not self.arm_lost and now_ns - self._heard_ns <= self._silence_ns
+        if self._refused or self.arm_lost:
+            return False
+        return now_ns - self._heard_ns <= self._silence_ns
 
     def close(self) -> None:
         """Disarm and let go; may be called twice."""
@@ -141,19 +144,22 @@ class GuardLink:
     def _send(self, message: GuardMessage) -> None:
         try:
             self._socket.send(Heartbeat(message, self._arming, self._sequence).encode())
-        except OSError:  # a dead guard refuses datagrams: its silence is what `alive` reports
+        except ConnectionRefusedError:
+            self._refused = True
+        except OSError:  # no room at the moment: the guard hears of the next beat
             return
 
     def _receive(self, now_ns: int) -> None:
-        for _ in range(_MAX_ACKNOWLEDGEMENTS_PER_BEAT):
+        for _ in range(_MAX_ANSWERS_PER_BEAT):
             try:
                 answer = decode_heartbeat(self._socket.recv(64))
-            except OSError:  # nothing there, or the guard is gone: see `_send`
+            except ConnectionRefusedError:
+                self._refused = True
+                return
+            except OSError:  # nothing more there
                 return
             if answer is None or answer.arming != self._arming:
                 continue
             self._heard_ns = now_ns
-            self.latched = answer.latched
+            self.latched = self.latched or answer.latched  # until the next arming
             self.arm_lost = answer.arm_lost
-            if answer.sequence >= self._sequence - 1:  # up to date: save a system call
-                return

@@ -85,6 +85,9 @@ def run(
     arm: Annotated[
         bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
     ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Everything but motion of the arm.")
+    ] = False,
     record_reference: Annotated[
         bool, typer.Option("--record-reference", help="Keep lossless captures too.")
     ] = False,
@@ -109,21 +112,35 @@ def run(
     )
     if arm and not settings.rig.enabled:
         raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
-    if not settings.rig.enabled:
-        raise ConfigError(
-            "this version has no drivers for the VR controller and the cameras yet: use --sim"
-        )
     from tams_app.console.app import run_session
 
-    raise typer.Exit(run_session(settings, arm_at_once=arm))
+    raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
 
 
 @app.command()
-def doctor(config: ConfigOption = None) -> None:
+def home(config: ConfigOption = None) -> None:
+    """Move the arm slowly to its ready pose, only while Enter is held."""
+    from tams_app.console.home import run_home
+
+    raise typer.Exit(run_home(load_config(config)))
+
+
+@app.command()
+def doctor(
+    config: ConfigOption = None,
+    devices: Annotated[
+        bool, typer.Option("--devices", help="List the arms, controllers and cameras found.")
+    ] = False,
+) -> None:
     """Check this machine, and print the fix for each thing that is missing."""
+    settings = load_config(config)
+    if devices:
+        from tams_app.console.devices import show_devices
+
+        raise typer.Exit(show_devices(settings))
     from tams_app.console.doctor import run_doctor
 
-    raise typer.Exit(run_doctor(load_config(config)))
+    raise typer.Exit(run_doctor(settings))
 
 
 @app.command()

@@ -10,6 +10,7 @@ import pytest
 
 from tams_app import __version__
 from tams_app.cli import _main
+from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.process import PROJECT_DIRECTORY
 
 
@@ -91,15 +92,45 @@ def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
     assert "line 3" in err
 
 
-def test_hardware_alone_is_refused_in_a_sentence(capsys, tmp_path):
-    config = tmp_path / "hardware.yaml"
-    from tams_app.config import CONFIG_DIRECTORY
+HARDWARE = CONFIG_DIRECTORY / "lite6.yaml"
 
-    names = [str(CONFIG_DIRECTORY / name) for name in ("networks.yaml", "weights.yaml")]
-    config.write_text(f"version: 1\ninclude: {json.dumps(names)}\nrig: {{enabled: false}}\n")
+
+def hardware(tmp_path, **arm):
+    """The hardware profile with an arm that is not there."""
+    config = tmp_path / "hardware.yaml"
+    arm = {"host": "127.0.0.1", "control_port": 1, "report_port": 2, **arm}
+    config.write_text(f"version: 1\ninclude: [{HARDWARE}]\narm: {json.dumps(arm)}\n")
+    return config
+
+
+def test_an_arm_that_is_not_there_is_one_sentence_and_leaves_a_session_folder(capsys, tmp_path):
+    config = hardware(tmp_path)
+    code, _, err = run(capsys, "run", "--config", config, "--headless", "--out", tmp_path / "logs")
+    assert code == 1
+    assert len(err.splitlines()) == 1
+    assert "127.0.0.1:1" in err
+    (folder,) = (tmp_path / "logs").iterdir()
+    assert (folder / "session.mcap").exists()
+
+
+def test_hardware_is_never_armed_without_asking(capsys, tmp_path):
+    code, _, err = run(capsys, "run", "--config", HARDWARE, "--arm", "--out", tmp_path)
+    assert code == 2
+    assert "--arm works on the simulated rig only" in err
+
+
+def test_hardware_needs_a_camera_for_every_view(capsys, tmp_path):
+    config = tmp_path / "hardware.yaml"
+    config.write_text(f"version: 1\ninclude: [{DEFAULT_CONFIG}]\nrig: {{enabled: false}}\n")
     code, _, err = run(capsys, "run", "--config", config, "--out", tmp_path)
     assert code == 2
-    assert "--sim" in err
+    assert "cameras must name each of video.views" in err
+
+
+def test_home_needs_hardware_to_move(capsys):
+    code, _, err = run(capsys, "home")
+    assert code == 2
+    assert len(err.splitlines()) == 1
 
 
 def test_debug_shows_where_it_came_from():

@@ -34,12 +34,12 @@ SUMMARY_NAME = "summary.json"
 FIGURE_NAME = "bitrates.png"
 
 
-def run_session(config: Config, arm_at_once: bool) -> int:
+def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
     """Run one session to its end; the exit code. Everything it leaves is in its own folder."""
     console = Console()
     check_names(config)
     folder = create_session_folder(config)
-    session = Session(config, MonotonicClock(), folder, arm_at_once)
+    session = Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
     with _signals(session):
         session.start()
         try:

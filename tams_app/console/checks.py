@@ -11,12 +11,13 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 from tams_app import gst
 from tams_app.config import Config
+from tams_app.console import device_checks
+from tams_app.console.findings import Check, Finding
 from tams_app.errors import SetupError, TamsError
 from tams_app.realtime import use_fifo
 from tams_app.video.ports import requested_ports
@@ -48,20 +49,6 @@ _LIBRARIES = {  # module: what pip calls it
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing looked at: whether it is there, if TAMS runs without it, and what mends it."""
-
-    what: str
-    ok: bool
-    detail: str = ""
-    fix: str = ""
-    essential: bool = True
-
-
-Check = Callable[[Config], Iterator[Finding]]
-
-
 def libraries(config: Config) -> Iterator[Finding]:
     """The Python libraries, and MuJoCo for the simulated rig."""
     wanted = dict(_LIBRARIES)
@@ -90,7 +77,7 @@ def gstreamer(_: Config) -> Iterator[Finding]:
 
 
 def configuration(config: Config) -> Iterator[Finding]:
-    """What `run` refuses before it makes anything: names that do not exist, devices we lack."""
+    """What `run` refuses before it makes anything: names that do not exist."""
     try:
         from tams_app.session.build import check_names  # needs the libraries looked at above
     except ImportError as error:
@@ -107,13 +94,6 @@ def configuration(config: Config) -> Iterator[Finding]:
             yield Finding(what, False, "", str(error))
         else:
             yield Finding(what, True)
-    if not config.rig.enabled:
-        yield Finding(
-            "Devices",
-            False,
-            "this version has no drivers for the VR controller and the cameras",
-            "run with --sim, or set rig.enabled: true",
-        )
 
 
 def rendering(config: Config) -> Iterator[Finding]:
@@ -268,6 +248,9 @@ CHECKS: tuple[Check, ...] = (
     realtime,
     display,
     network_emulation,
+    device_checks.arm,
+    device_checks.controller,
+    device_checks.cameras,
 )
 
 

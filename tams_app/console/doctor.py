@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from tams_app.config import Config
-from tams_app.console.checks import CHECKS, Check, Finding
+from tams_app.console.checks import CHECKS
+from tams_app.console.findings import Check, Finding
 
 
 def run_doctor(

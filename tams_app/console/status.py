@@ -22,7 +22,8 @@ def status_lines(snapshot: StatusSnapshot) -> list[str]:
     deadman = "trigger held" if snapshot.deadman else "trigger up"
     mode = "orientation" if snapshot.orientation_mode else "translation"
     lines = [
-        f"{_clock(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  {deadman}, {mode}",
+        f"{_clock(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  {deadman}, {mode}"
+        f"{_tcp(snapshot.tcp_mm)}",
         "   ".join(_view(name, view) for name, view in snapshot.views.items()),
         f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)} kbit/s, "
         f"queue {_whole(snapshot.queue_ms)} ms",
@@ -80,6 +81,13 @@ class StatusLine:
     def say(self, sentence: str) -> None:
         """Print a sentence above the line."""
         self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
+def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
+    if tcp_mm is None:
+        return ""
+    x, y, z = tcp_mm
+    return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm"
 
 
 def _view(name: str, view: ViewStatus) -> str:

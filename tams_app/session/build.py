@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
-from hw.arm import ServoMode
+from hw.arm import Arm, ServoMode
+from hw.boundary import session_boundary
 from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.capacity import Capacity
-from tams_app.clock import NS_PER_MS
+from tams_app.clock import NS_PER_MS, Clock
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import Budget, OracleBudget, SenderBudget
 from tams_app.policy.engine import Policy
 from tams_app.policy.phases import PhaseParameters, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
+from tams_app.session.devices import Devices
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.loop import Teleop
 from tams_app.video.networks import resolve_network
@@ -25,6 +29,27 @@ def check_names(config: Config) -> None:
     """ConfigError for a strategy or network that does not exist, before anything is made."""
     make_strategy(config.strategy, config.policy)
     resolve_network(config, config.network)
+
+
+def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
+    """The rig's devices, or the hardware that the configuration names.
+
+    `arm_at_once`: nobody has to confirm the arming, the rig's operator does not either.
+    """
+    if config.rig.enabled:
+        from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
+
+        return SimulatedRig(config, clock, log_directory, operator_confirms=not arm_at_once)
+    from tams_app.session.hardware import HardwareDevices
+
+    return HardwareDevices(config, clock)
+
+
+def dry_run(arm: Arm, config: Config, clock: Clock) -> Arm:
+    """`arm` for everything but motion: commands go to a model of its controller."""
+    from hw.dry_run import DryRunArm  # with the simulated controller, which only this needs
+
+    return DryRunArm(arm, config.arm, clock, session_boundary(config.arm, config.limits))
 
 
 def servo(config: Config) -> ServoMode:

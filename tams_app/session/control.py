@@ -30,7 +30,7 @@ from tams_app.teleop.safety import Request
 class ControlHooks:
     """What the session wants to know of each tick; none of these may block."""
 
-    beat: Callable[[int], None]  # the guard's heartbeat
+    beat: Callable[[int], None]  # the guard's heartbeat; what it brings is a signal of this tick
     video_age_ns: Callable[[int, Phase], int | None]  # of the shown primary view
     request: Callable[[Request], None]  # enable the arm, clear its errors
     arm_ready: Callable[[], bool]
@@ -76,11 +76,12 @@ class ControlLoop:
     def tick(self, due_ns: int, skipped: int = 0) -> TeleopOutput:
         """One control period, due at `due_ns`."""
         now_ns = self._clock.now_ns()
+        # heard first: that the guard stopped the arm is the reason, what the arm reports follows
+        self._hooks.beat(now_ns)
         sample = self._controller.sample(now_ns)
         arm, link = self._arm.state(), self._arm.link()
         output = self._teleop.step(self._input(now_ns, sample, arm, link))
         self._act(output)
-        self._hooks.beat(now_ns)
         phase = self._infer_phase(now_ns, arm).phase
         self._hooks.output(now_ns, output, arm)
         self._hooks.record(

@@ -16,7 +16,7 @@ SILENCE_NS = 200 * NS_PER_MS  # without an answer the guard is gone
 
 
 class Guarding:
-    """Starts the guard, beats it from the control loop, and turns its silence into a fault."""
+    """Starts the guard, beats it from the control loop, turns its silence and stops into faults."""
 
     def __init__(
         self,
@@ -56,13 +56,17 @@ class Guarding:
             link.disarm()
 
     def beat(self, now_ns: int) -> None:
-        """One heartbeat. In the control thread; does not block."""
+        """One heartbeat, and what the guard said becomes a fault of the tick that begins.
+
+        In the control thread, before it takes the signals; does not block.
+        """
         link = self._link
         if link is None:
             return
         link.beat(now_ns)
         if link.latched and not self._latched:
             self._note("warning", "the guard stopped the arm: the control loop beat too late")
+            self._signals.trip(Reason.GUARD_STOPPED)
         self._latched = link.latched
         if not link.alive(now_ns):
             self._signals.fault(Reason.GUARD_LOST)

@@ -12,7 +12,7 @@ from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard
 from tams_app.session.stops import StopWatch
 from tams_app.session.supervisor import ArmSupervisor
-from tams_app.study.trial import TrialJudge
+from tams_app.study.trial import Trial
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 
@@ -29,7 +29,7 @@ class TickObserver:
         self,
         guarding: Guarding,
         supervisor: ArmSupervisor,
-        judge: TrialJudge,
+        trial: Trial,
         stops: StopWatch,
         board: StatusBoard,
         signals: Signals,
@@ -38,7 +38,7 @@ class TickObserver:
     ) -> None:
         self._guarding = guarding
         self._supervisor = supervisor
-        self._judge = judge
+        self._trial = trial
         self._stops = stops
         self._board = board
         self._signals = signals
@@ -53,13 +53,13 @@ class TickObserver:
         if output.stop:
             self._supervisor.stopped()
         if output.arming is ArmingState.ENGAGED:
-            self._judge.engaged(now_ns)
+            self._trial.engaged(now_ns)
         if output.arming is not self._arming:
             self._arming = output.arming
             self._note_arming(output)
         self._confirm(now_ns)
         self._stops.observe(now_ns, output, arm)
-        self._board.tick(output)
+        self._board.tick(output, arm)
 
     def _confirm(self, now_ns: int) -> None:
         self._confirms = self._confirms and self._arming is ArmingState.DISARMED

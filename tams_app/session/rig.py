@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from hw.arm import Arm
+from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
+from hw.lite6 import Lite6
 from hw.sim.camera import SimCamera
 from hw.sim.operator import Operator
 from hw.sim.perception import TruePerception
@@ -18,6 +22,7 @@ from tams_app.clock import Clock
 from tams_app.config import ArmConfig, Config
 from tams_app.process import HelperProcess
 from tams_app.records import SceneTruth
+from tams_app.session.devices import Note
 
 LOOPBACK = "127.0.0.1"
 
@@ -25,11 +30,15 @@ LOOPBACK = "127.0.0.1"
 class SimulatedRig:
     """World and arm controller in one process, the cameras' renderer in another."""
 
-    def __init__(self, config: Config, clock: Clock, log_directory: Path) -> None:
+    def __init__(
+        self, config: Config, clock: Clock, log_directory: Path, operator_confirms: bool
+    ) -> None:
+        """`operator_confirms`: the scripted operator arms the arm by the menu button."""
+        self._operator_confirms = operator_confirms
         self._config = config
         self._clock = clock
         self._memory_name = new_memory_name()
-        self._truth: TruthReader | None = None
+        self._reader: TruthReader | None = None
         self._ports: tuple[int, int] | None = None
         world = {
             "memory_name": self._memory_name,
@@ -61,7 +70,7 @@ class SimulatedRig:
         """Wait until arm and cameras can be reached; HelperError if one could not start."""
         ready = self.helpers["rig"].wait_ready()
         self._ports = (int(ready["control_port"]), int(ready["report_port"]))
-        self._truth = TruthReader(self._memory_name)
+        self._reader = TruthReader(self._memory_name)
         self.helpers["renderer"].wait_ready()
 
     def arm_config(self) -> ArmConfig:
@@ -72,22 +81,34 @@ class SimulatedRig:
             update={"host": LOOPBACK, "control_port": control_port, "report_port": report_port}
         )
 
-    def controller(self, confirms: bool) -> Controller:
-        """The virtual controller in the scripted operator's hand; does he confirm the arming?"""
+    def make_arm(self) -> Arm:
+        """The real driver; only the address is the rig's."""
         config = self._config
-        perception = TruePerception(self.truth)
-        operator = Operator(config.hand, config.rig.operator, perception, config.seed, confirms)
+        boundary = session_boundary(config.arm, config.limits)
+        return Lite6(self.arm_config(), self._clock, config.control.rate_hz, boundary)
+
+    def make_controller(self, note: Note) -> Controller:
+        """The virtual controller in the scripted operator's hand."""
+        config = self._config
+        perception = TruePerception(self._read_truth)
+        operator = Operator(
+            config.hand, config.rig.operator, perception, config.seed, self._operator_confirms
+        )
         return VirtualController(operator, config.rig.operator, config.seed)
 
-    def cameras(self) -> list[Camera]:
+    def make_cameras(self, note: Note) -> list[Camera]:
         """One camera for each view."""
         return [
             SimCamera(view, self._memory_name, self._clock) for view in self._config.video.views
         ]
 
-    def truth(self) -> SceneTruth | None:
-        """Where things really are; None before the world's first cycle."""
-        return self._truth.read() if self._truth else None
+    @property
+    def truth(self) -> Callable[[], SceneTruth | None]:
+        """Tells where things really are; None before the world's first cycle."""
+        return self._read_truth
+
+    def _read_truth(self) -> SceneTruth | None:
+        return self._reader.read() if self._reader else None
 
     def close(self) -> None:
         """End the processes and give the shared memory back, however they ended."""
@@ -95,5 +116,5 @@ class SimulatedRig:
             stack.callback(remove_memory, self._memory_name)
             for helper in self.helpers.values():
                 stack.callback(helper.stop)
-            if self._truth is not None:
-                stack.callback(self._truth.close)
+            if self._reader is not None:
+                stack.callback(self._reader.close)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from hw.lite6 import Lite6
+from hw.arm import Arm
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
 from tams_app.errors import TamsError
@@ -22,6 +22,7 @@ from tams_app.records import (
     PacketRecord,
     Phase,
     PhaseChange,
+    SceneTruth,
     ShownFrame,
 )
 from tams_app.session import build
@@ -32,14 +33,13 @@ from tams_app.session.load import LoadMonitor
 from tams_app.session.observer import TickObserver
 from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import Recorders
-from tams_app.session.rig import SimulatedRig
 from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.stops import StopWatch
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.trial_loop import TrialLoop
 from tams_app.session.uplink import Uplink, UplinkRecords, primary_age_ns
-from tams_app.study.trial import TrialJudge
+from tams_app.study.trial import Trial, TrialJudge, UnjudgedTrial
 from tams_app.teleop.safety import Reason
 from tams_app.video.networks import network_capacity, resolve_network
 from tams_app.worker import Worker
@@ -55,7 +55,15 @@ SUPERVISOR_PATIENCE_S = 10.0  # enabling the arm may be under way
 class Session:
     """Start it, `poll` it a few times a second until `ended`, then `close` it; once."""
 
-    def __init__(self, config: Config, clock: Clock, folder: Path, arm_at_once: bool) -> None:
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        folder: Path,
+        arm_at_once: bool = False,
+        dry_run: bool = False,
+    ) -> None:
+        """`dry_run`: everything but motion, the arm's commands go to a model of it."""
         self.config = config
         self.folder = folder
         self.signals = Signals()
@@ -63,15 +71,16 @@ class Session:
         self.failure = ""  # why the job failed, in one sentence
         self._clock = clock
         self._arm_at_once = arm_at_once
+        self._dry_run = dry_run
         self._end_reason = ""
         self._requested_end = ""
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
         self._weights = WeightMatrix(config.policy.weights.matrix)
         self._network = resolve_network(config, config.network)
-        self._judge = TrialJudge(config.trial, build.task_geometry())
+        self._trial: Trial = UnjudgedTrial()
         self._started_ns = clock.now_ns()
-        self._arm: Lite6 | None = None
+        self._arm: Arm | None = None
         self._supervisor: ArmSupervisor | None = None
         self._control: Worker | None = None
         self.board = StatusBoard(config.video.views)
@@ -96,13 +105,13 @@ class Session:
         self._recorders = Recorders(config, clock, self.folder, self._on_worker_failure)
         self._stack.callback(self._recorders.close)
         self._record = self._recorders.record
-        self._rig = SimulatedRig(config, clock, helper_logs)
-        self._stack.callback(self._rig.close)
-        self._rig.start()
+        self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
+        self._stack.callback(self._devices.close)
+        self._devices.start()
         self._start_uplink(helper_logs)
         self._go_on()
-        self._rig.wait_ready()
-        self._helpers.update(self._rig.helpers)
+        self._devices.wait_ready()
+        self._helpers.update(self._devices.helpers)
         self._go_on()
         arm, supervisor = self._start_arm(helper_logs)
         self._go_on()
@@ -137,12 +146,14 @@ class Session:
         first = self._policy.step(self._clock.now_ns(), Phase.REACH)
         self._uplink.start(first.target_kbps)
 
-    def _start_arm(self, helper_logs: Path) -> tuple[Lite6, ArmSupervisor]:
-        arm_config = self._rig.arm_config()
-        self._guarding = Guarding(arm_config, helper_logs, self.signals, self.note)
+    def _start_arm(self, helper_logs: Path) -> tuple[Arm, ArmSupervisor]:
+        self._guarding = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
         self._stack.callback(self._guarding.close)
         self._guarding.start()
-        arm = Lite6(arm_config, self._clock, self.config.control.rate_hz)
+        arm = self._devices.make_arm()
+        if self._dry_run:
+            arm = build.dry_run(arm, self.config, self._clock)
+            self.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         self._stack.callback(arm.close)
         arm.connect()
         if priority := self.config.control.realtime_priority:
@@ -152,12 +163,12 @@ class Session:
         self._arm, self._supervisor = arm, supervisor
         self._guarding.wait_ready()
         self._helpers["guard"] = self._guarding.process
-        self._controller = self._rig.controller(confirms=not self._arm_at_once)
+        self._controller = self._devices.make_controller(self.note)
         self._stack.callback(self._controller.close)
         self._controller.start()
         return arm, supervisor
 
-    def _start_workers(self, arm: Lite6, supervisor: ArmSupervisor) -> None:
+    def _start_workers(self, arm: Arm, supervisor: ArmSupervisor) -> None:
         config, clock = self.config, self._clock
         self._stops = StopWatch(self._record)
         self._stack.callback(self._stops.finish)
@@ -170,7 +181,7 @@ class Session:
         )
         self._run("arm-supervisor", supervisor.run, SUPERVISOR_PATIENCE_S)
         self._run("policy", self._policy_loop.run)
-        for camera in self._rig.cameras():
+        for camera in self._devices.make_cameras(self.note):
             camera.start()
             self._stack.callback(camera.close)
             capture = Capture(
@@ -178,19 +189,20 @@ class Session:
             )
             self._run(f"capture-{camera.view}", capture.run)
         self._run("load", LoadMonitor(clock, self._helper_pids(), self._record).run)
-        self._run("trial", self._build_trial(arm).run)
+        if self._devices.truth is not None:
+            self._run("trial", self._build_trial(arm, self._devices.truth).run)
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
         pids["relay"] = self._uplink.relay_pid
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def _build_control(self, arm: Lite6, supervisor: ArmSupervisor) -> ControlLoop:
+    def _build_control(self, arm: Arm, supervisor: ArmSupervisor) -> ControlLoop:
         config = self.config
         observer = TickObserver(
             self._guarding,
             supervisor,
-            self._judge,
+            self._trial,
             self._stops,
             self.board,
             self.signals,
@@ -218,11 +230,12 @@ class Session:
             hooks,
         )
 
-    def _build_trial(self, arm: Lite6) -> TrialLoop:
+    def _build_trial(self, arm: Arm, truth: Callable[[], SceneTruth | None]) -> TrialLoop:
+        self._trial = judge = TrialJudge(self.config.trial, build.task_geometry())
         return TrialLoop(
             self._clock,
-            self._judge,
-            self._rig.truth,
+            judge,
+            truth,
             lambda: state.gripper_closed if (state := arm.state()) else None,
             self._record,
             ended=lambda: self.end("the trial is over"),
@@ -322,7 +335,7 @@ class Session:
         """
         try:
             self.stop_arm()
-            self._record(self._judge.outcome(self._end_reason))
+            self._record(self._trial.outcome(self._end_reason))
         finally:
             self._unwind()
 
@@ -332,7 +345,7 @@ class Session:
         except (TamsError, OSError) as failure:
             self.failure = self.failure or str(failure)
 
-    def _await_stop(self, arm: Lite6, control: Worker) -> None:
+    def _await_stop(self, arm: Arm, control: Worker) -> None:
         """Wait, but not for long, until the log has the arm's report that it has stopped."""
         deadline_ns = self._clock.now_ns() + STOP_PATIENCE_NS
         while control.alive and self._clock.now_ns() < deadline_ns:

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 from tams_app.capacity import Capacity
 from tams_app.clock import NS_PER_MS, NS_PER_S
-from tams_app.records import Allocation, PacketKind, PacketRecord, Phase
+from tams_app.records import Allocation, ArmState, PacketKind, PacketRecord, Phase, Vector
 from tams_app.session.control import describe
 from tams_app.session.uplink import Uplink
 from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import ArmingState
 
 WINDOW_NS = 1 * NS_PER_S
 
@@ -36,6 +37,7 @@ class StatusSnapshot:
     orientation_mode: bool
     phase: str
     reason: str
+    tcp_mm: tuple[float, float, float] | None  # in the arm's base frame
     views: Mapping[str, ViewStatus]
     link_kbps: float | None
     capacity_kbps: float | None
@@ -50,15 +52,16 @@ class StatusBoard:
         self.allocation: Allocation | None = None
         self._views = views
         self._output: TeleopOutput | None = None
+        self._arm: ArmState | None = None
         self._reason = ""
         self._lock = threading.Lock()
         self._packets: deque[PacketRecord] = deque()
         self._notes: deque[str] = deque(maxlen=50)
 
-    def tick(self, output: TeleopOutput) -> None:
+    def tick(self, output: TeleopOutput, arm: ArmState | None) -> None:
         """The newest tick of the control loop."""
-        self._output = output
-        if output.reason is not None and output.arming.is_armed:
+        self._output, self._arm = output, arm
+        if output.reason is not None and output.arming is not ArmingState.DISARMED:
             self._reason = describe(output)
 
     def packets(self, packets: list[PacketRecord]) -> None:
@@ -93,7 +96,7 @@ class StatusBoard:
         per_kbps = 1000 * WINDOW_NS / NS_PER_S
         targets = self.allocation.target_kbps if self.allocation else {}
         ages = {view: uplink.age_ns(view, now_ns) for view in self._views}
-        output = self._output
+        output, arm = self._output, self._arm
         return StatusSnapshot(
             t_s=elapsed_s,
             arming=output.arming.value if output else "starting",
@@ -101,6 +104,7 @@ class StatusBoard:
             orientation_mode=output.orientation_mode if output else False,
             phase=self.phase.value,
             reason=self._reason,
+            tcp_mm=None if arm is None else _mm(arm.tcp.position),
             views={
                 view: ViewStatus(
                     target_kbps=targets.get(view),
@@ -113,6 +117,11 @@ class StatusBoard:
             capacity_kbps=_finite(capacity.mean_kbps(now_ns - WINDOW_NS, now_ns)),
             queue_ms=_queue_ms(packets),
         )
+
+
+def _mm(position: Vector) -> tuple[float, float, float]:
+    x, y, z = (position * 1000.0).tolist()
+    return x, y, z
 
 
 def _finite(kbps: float) -> float | None:

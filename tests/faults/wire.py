@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +19,14 @@ _MOTION = (
     Register.MOVE_SERVO_CARTESIAN,
     Register.MOVE_JOINT,
 )
+_QUERIES = (
+    Register.GET_VERSION,
+    Register.GET_ROBOT_SN,
+    Register.GET_STATE,
+    Register.GET_COMMAND_COUNT,
+    Register.GET_ERROR,
+    Register.TOOL_GPIO_READ,
+)
 _MM_PER_M = 1000.0
 
 
@@ -28,6 +38,7 @@ class Request:
     now_ns: int
     register: int
     payload: bytes
+    connection: int = 0  # kernel id of the thread that serves it: one for each connection
 
     @property
     def is_stop(self) -> bool:
@@ -36,6 +47,10 @@ class Request:
     @property
     def is_motion(self) -> bool:
         return self.register in _MOTION
+
+    @property
+    def is_query(self) -> bool:
+        return self.register in _QUERIES
 
     @property
     def velocity(self) -> Vector:
@@ -47,16 +62,23 @@ class Request:
 
 
 class TappedModel(ControllerModel):
-    """The controller model with a tap on its wire; `tick` is set by whoever counts ticks."""
+    """The controller model with a tap on its wire; `tick` is set by whoever counts ticks.
+
+    `interpose(register, payload)` may answer in the model's place (status byte and data), which
+    then never hears of the request; None lets the model answer.
+    """
 
     def __init__(self, *args: object, **kwargs: object) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]
         self.tick = 0
         self.wire: list[Request] = []
+        self.interpose: Callable[[int, bytes], bytes | None] = lambda register, payload: None
 
     def handle(self, register: int, payload: bytes, now_ns: int) -> bytes:
-        self.wire.append(Request(self.tick, now_ns, register, payload))
-        return super().handle(register, payload, now_ns)
+        connection = threading.get_native_id()
+        self.wire.append(Request(self.tick, now_ns, register, payload, connection))
+        reply = self.interpose(register, payload)
+        return super().handle(register, payload, now_ns) if reply is None else reply
 
     def since(self, tick: int) -> list[Request]:
         """Requests of control tick `tick` and later."""

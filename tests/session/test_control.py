@@ -67,6 +67,7 @@ class Bench:
         self.hand = HeldController()
         self.signals = Signals()
         self.phases, self.ticks, self.beats = [], [], []
+        self.beat = self.beats.append
         self.video_age_ns = 50_000_000
         self._ready = False
         network = CONFIG.networks["s2"]
@@ -80,7 +81,7 @@ class Bench:
             build.smoothed_speed(CONFIG),
             self.signals,
             ControlHooks(
-                beat=self.beats.append,
+                beat=lambda now_ns: self.beat(now_ns),
                 video_age_ns=lambda now_ns, phase: self.video_age_ns,
                 request=self._carry_out,
                 arm_ready=lambda: self._ready,
@@ -204,6 +205,21 @@ def test_a_lost_guard_is_a_fault_that_cannot_be_confirmed_away(bench):
     bench.hand.trigger = 0.0
     bench.signals.confirm()
     assert bench.run(1.0).arming is ArmingState.FAULT
+
+
+def test_what_the_guard_says_is_the_reason_in_the_very_tick_that_hears_it(bench):
+    bench.engage()
+    hear = bench.beats.append
+
+    def guard_stopped(now_ns):
+        hear(now_ns)
+        bench.arm.model.set_state(4)
+        bench.signals.trip(Reason.GUARD_STOPPED)
+
+    bench.beat = guard_stopped
+    assert bench.run(1 / 120).reason is Reason.GUARD_STOPPED
+    bench.beat = hear
+    assert bench.run(0.1).reason is Reason.GUARD_STOPPED, "not that the arm was stopped"
 
 
 def test_every_tick_beats_and_is_recorded(bench):

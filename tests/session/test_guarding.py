@@ -9,6 +9,18 @@ from tams_app.teleop.safety import ArmingState, Reason
 SILENCE_NS = 200_000_000
 
 
+class ScriptedLink:
+    """A guard that lives and says what it is told to."""
+
+    latched = False
+
+    def beat(self, now_ns):
+        """Nothing to hear."""
+
+    def alive(self, now_ns):
+        return True
+
+
 def guarding(tmp_path, signals):
     made = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
     made._link = GuardLink(9, SILENCE_NS)  # the discard port: nobody answers
@@ -28,6 +40,20 @@ def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
         armed.append(guard._link.armed)
     guard.close()
     assert armed == [False, True, True, False]
+
+
+def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
+    signals, notes = Signals(), []
+    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: notes.append(text))
+    guard._link = ScriptedLink()
+    taken = []
+    for latched in (False, True, True, False, True):
+        guard._link.latched = latched
+        guard.beat(0)
+        taken.append(signals.take().faults)
+    stopped = (Reason.GUARD_STOPPED,)
+    assert taken == [(), stopped, (), (), stopped]
+    assert len(notes) == 2
 
 
 def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
