@@ -57,12 +57,16 @@ def servo(config: Config) -> ServoMode:
     return ServoMode(config.arm.servo)
 
 
-def teleop(config: Config, network: Network, rule: RepairRule) -> Teleop:
-    """Clutch to limits, for the Lite 6 with the configured tool."""
+def picture_delay_ns(network: Network, rule: RepairRule) -> int:
+    """One-way latency plus jitter buffer: no picture is ever shown younger."""
+    return round((network.latency_ms + rule.latency_ms) * NS_PER_MS)
+
+
+def teleop(config: Config, delay_ns: int) -> Teleop:
+    """Clutch to limits, for the Lite 6 with the configured tool; `delay_ns` of the pictures."""
     model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
     ready = model.tcp_pose(np.radians(np.array(config.arm.ready_joints_deg)))
-    picture_delay_ns = round((network.latency_ms + rule.latency_ms) * NS_PER_MS)
-    return Teleop(config, model, ready.rotation, picture_delay_ns)
+    return Teleop(config, model, ready.rotation, delay_ns)
 
 
 def phase_tracker(config: Config) -> PhaseTracker:

@@ -12,36 +12,29 @@ from hw.arm import Arm
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.policy.weights import WeightMatrix
 from tams_app.process import HelperProcess
 from tams_app.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.records import (
-    Allocation,
-    Frame,
     Note,
-    PacketRecord,
     Phase,
     PhaseChange,
     SceneTruth,
     ShownFrame,
 )
 from tams_app.session import build
-from tams_app.session.captures import Capture
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.guarding import Guarding
 from tams_app.session.load import LoadMonitor
 from tams_app.session.observer import TickObserver
-from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import Recorders
 from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.stops import StopWatch
+from tams_app.session.streaming import Streaming
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.trial_loop import TrialLoop
-from tams_app.session.uplink import Uplink, UplinkRecords, primary_age_ns
 from tams_app.study.trial import Trial, TrialJudge, UnjudgedTrial
 from tams_app.teleop.safety import Reason
-from tams_app.video.networks import network_capacity, resolve_network
 from tams_app.worker import Worker
 
 STATE_STOPPED = 4  # of the Lite 6's controller
@@ -76,8 +69,6 @@ class Session:
         self._requested_end = ""
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
-        self._weights = WeightMatrix(config.policy.weights.matrix)
-        self._network = resolve_network(config, config.network)
         self._trial: Trial = UnjudgedTrial()
         self._started_ns = clock.now_ns()
         self._arm: Arm | None = None
@@ -108,7 +99,11 @@ class Session:
         self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
         self._stack.callback(self._devices.close)
         self._devices.start()
-        self._start_uplink(helper_logs)
+        self._streaming = Streaming(
+            config, clock, self._recorders, self.board, self._on_worker_failure
+        )
+        self._stack.callback(self._streaming.close)
+        self._streaming.start(helper_logs)
         self._go_on()
         self._devices.wait_ready()
         self._helpers.update(self._devices.helpers)
@@ -127,24 +122,6 @@ class Session:
         """Between two stages of the start: TamsError if a part failed or we were told to end."""
         if self.failure or self._requested_end:
             raise TamsError(self.failure or f"{self._requested_end} before it had started")
-
-    def _start_uplink(self, helper_logs: Path) -> None:
-        epoch_ns = self._clock.now_ns()
-        self._capacity = network_capacity(self._network, epoch_ns)
-        self._policy, self._sender_budget = build.policy(self.config, self._capacity)
-        records = UplinkRecords(
-            encoded=self._record,
-            dropped=self._record,
-            shown=self._record,
-            packets=self._on_packets,
-            failed=self._on_worker_failure,
-        )
-        self._uplink = Uplink(
-            self.config, self._network, epoch_ns, self._clock, records, helper_logs
-        )
-        self._stack.callback(self._uplink.close)
-        first = self._policy.step(self._clock.now_ns(), Phase.REACH)
-        self._uplink.start(first.target_kbps)
 
     def _start_arm(self, helper_logs: Path) -> tuple[Arm, ArmSupervisor]:
         self._guarding = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
@@ -169,32 +146,17 @@ class Session:
         return arm, supervisor
 
     def _start_workers(self, arm: Arm, supervisor: ArmSupervisor) -> None:
-        config, clock = self.config, self._clock
         self._stops = StopWatch(self._record)
         self._stack.callback(self._stops.finish)
-        self._policy_loop = PolicyLoop(
-            clock,
-            config.policy.rate_hz,
-            self._policy,
-            before_step=self._before_policy,
-            apply=self._apply_allocation,
-        )
         self._run("arm-supervisor", supervisor.run, SUPERVISOR_PATIENCE_S)
-        self._run("policy", self._policy_loop.run)
-        for camera in self._devices.make_cameras(self.note):
-            camera.start()
-            self._stack.callback(camera.close)
-            capture = Capture(
-                camera, self._uplink.times[camera.view], [self._record_capture, self._uplink.push]
-            )
-            self._run(f"capture-{camera.view}", capture.run)
-        self._run("load", LoadMonitor(clock, self._helper_pids(), self._record).run)
+        self._streaming.run(self._devices.make_cameras(self.note), self._run)
+        self._run("load", LoadMonitor(self._clock, self._helper_pids(), self._record).run)
         if self._devices.truth is not None:
             self._run("trial", self._build_trial(arm, self._devices.truth).run)
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
-        pids["relay"] = self._uplink.relay_pid
+        pids["relay"] = self._streaming.relay_pid
         return {name: pid for name, pid in pids.items() if pid is not None}
 
     def _build_control(self, arm: Arm, supervisor: ArmSupervisor) -> ControlLoop:
@@ -211,7 +173,7 @@ class Session:
         )
         hooks = ControlHooks(
             beat=self._guarding.beat,
-            video_age_ns=primary_age_ns(self._uplink, self._weights.primary_view),
+            video_age_ns=self._streaming.primary_age_ns,
             request=supervisor.request,
             arm_ready=lambda: supervisor.ready,
             phase_began=self._on_phase,
@@ -223,7 +185,7 @@ class Session:
             config.control.rate_hz,
             self._controller,
             arm,
-            build.teleop(config, self._network, self._uplink.rule),
+            build.teleop(config, self._streaming.picture_delay_ns),
             build.phase_tracker(config),
             build.smoothed_speed(config),
             self.signals,
@@ -264,7 +226,7 @@ class Session:
         for name, process in self._helpers.items():
             if process.exit_code is not None:
                 self.fail(f"the helper process {name} ended unasked; see {self.folder}/helpers")
-        if failure := self._uplink.poll():
+        if failure := self._streaming.poll():
             self.fail(failure)
         if self._requested_end:
             self.end(self._requested_end)
@@ -304,12 +266,11 @@ class Session:
 
     def shown(self, view: str) -> ShownFrame | None:
         """The newest picture of `view`, for a window."""
-        return self._uplink.receivers[view].mailbox.latest()
+        return self._streaming.shown(view)
 
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
-        now_ns = self._clock.now_ns()
-        return self.board.snapshot(now_ns, self.elapsed_s(), self._uplink, self._capacity)
+        return self._streaming.snapshot(self._clock.now_ns(), self.elapsed_s())
 
     def stop_arm(self) -> None:
         """Stop the arm: the first thing when a session ends; may be called twice.
@@ -363,21 +324,4 @@ class Session:
     def _on_phase(self, change: PhaseChange) -> None:
         self._recorders.phase(change)
         self.board.phase = change.phase
-        self._policy_loop.enter(change.phase)
-
-    def _before_policy(self, now_ns: int) -> None:
-        if self._sender_budget is not None:
-            self._sender_budget.observe(now_ns, self._uplink.wire_bytes())
-        self._recorders.capacity(now_ns, self._capacity)
-
-    def _apply_allocation(self, allocation: Allocation) -> None:
-        self._uplink.set_targets(allocation.target_kbps)
-        self.board.allocation = allocation
-        self._record(allocation)
-
-    def _record_capture(self, frame: Frame) -> None:
-        self._recorders.capture(frame)
-
-    def _on_packets(self, packets: list[PacketRecord]) -> None:
-        self.board.packets(packets)
-        self._recorders.packets(packets)
+        self._streaming.enter(change.phase)

@@ -76,7 +76,7 @@ class Bench:
             120.0,
             self.hand,
             self.arm,
-            build.teleop(CONFIG, network, repair_rule(network, 300.0)),
+            build.teleop(CONFIG, build.picture_delay_ns(network, repair_rule(network, 300.0))),
             build.phase_tracker(CONFIG),
             build.smoothed_speed(CONFIG),
             self.signals,
