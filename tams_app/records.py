@@ -210,6 +210,26 @@ class ShownFrame:
     image: Image
 
 
+@dataclass(frozen=True, slots=True)
+class FrameQuality:
+    """What became of one captured frame. Scores are SSIM, None where they were not computed.
+
+    `age_ns`: of what was on screen when it was captured (None: nothing, or nobody knows);
+    `frozen`: that picture stayed for more than 200 ms; `damaged`: None where nobody tells live.
+    """
+
+    view: str
+    index: int
+    capture_ns: int
+    shown_ns: int | None  # None: never shown
+    age_ns: int | None
+    frozen: bool
+    damaged: bool | None
+    received: float | None  # the frame as shown against itself as captured
+    delivered: float | None  # what stands for it: itself, or the frame shown before it
+    live: float | None  # what was on screen when it was captured, against it
+
+
 class PacketKind(Enum):
     """What an uplink datagram carried."""
 
@@ -266,12 +286,12 @@ class SceneTruth:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The verdict on a trial (DESIGN, Trial)."""
+    """The verdict on a trial (DESIGN, Trial); None where nobody has judged it."""
 
-    completed: bool
-    success: bool
+    completed: bool | None
+    success: bool | None
     completion_time_s: float | None
-    drops: int
+    drops: int | None
     reason: str
 
 

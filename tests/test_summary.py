@@ -36,6 +36,7 @@ from tests.synthetic_session import (
 )
 
 PERCENTILES = {"p50": 0, "p95": 0, "max": 0}
+SSIM = {"received_ssim": None, "delivered_ssim": None, "live_ssim": None}
 VIEW_KEYS: dict[str, Any] = {
     "target_kbps_mean": 0,
     "sent_kbps_mean": 0,
@@ -45,9 +46,9 @@ VIEW_KEYS: dict[str, Any] = {
     "frames_shown": 0,
     "latency_ms": {"p50": 0, "p95": 0, "p99": 0},
     "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
-    "received_ssim": None,
-    "delivered_ssim": None,
-    "live_ssim": None,
+    **SSIM,
+    "ssim_n": SSIM,
+    "frames_damaged": 0,
 }
 KEYS: dict[str, Any] = {
     "schema": 1,
@@ -91,9 +92,10 @@ KEYS: dict[str, Any] = {
     },
     "views": {"eih": VIEW_KEYS, "gt": VIEW_KEYS, "gs": VIEW_KEYS},
     "primary_view": {
-        "received_ssim": None,
-        "delivered_ssim": None,
-        "live_ssim": None,
+        **SSIM,
+        "time_weighted": SSIM,
+        "n": SSIM,
+        "missing_phases": [None],
         "by_phase": {},
     },
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},

@@ -28,6 +28,7 @@ from tams_app.records import (
     Allocation,
     DroppedFrame,
     EncodedFrame,
+    FrameQuality,
     LinkCapacity,
     Note,
     Outcome,
@@ -64,6 +65,7 @@ class SessionLog:
     sent: list[FrameSent] = field(default_factory=list)
     dropped: list[DroppedFrame] = field(default_factory=list)
     shown: list[FrameShown] = field(default_factory=list)
+    quality: list[FrameQuality] = field(default_factory=list)
     packets: list[PacketRecord] = field(default_factory=list)
     stops: list[StopRecord] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
@@ -92,6 +94,7 @@ _LISTS: dict[type, str] = {
     FrameSent: "sent",
     DroppedFrame: "dropped",
     FrameShown: "shown",
+    FrameQuality: "quality",
     StopRecord: "stops",
     Note: "notes",
     SystemSample: "system",

@@ -15,6 +15,7 @@ from tams_app.records import (
     DroppedFrame,
     EncodedFrame,
     Frame,
+    FrameQuality,
     LinkCapacity,
     Note,
     Outcome,
@@ -169,6 +170,7 @@ Recordable: TypeAlias = (
     | EncodedFrame
     | DroppedFrame
     | ShownFrame
+    | FrameQuality
     | PacketRecord
     | StopRecord
     | Note
@@ -203,6 +205,7 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/frames/sent", FrameSent, lambda record: record.encoded_ns),
         Topic("/frames/dropped", DroppedFrame, lambda record: record.capture_ns),
         Topic("/frames/shown", FrameShown, lambda record: record.shown_ns),
+        Topic("/frames/quality", FrameQuality, lambda record: record.capture_ns),
         Topic("/packets", PacketBatch, lambda record: max(record.entered_ns)),
         Topic("/stop", StopRecord, lambda record: record.visible_ns),
         Topic("/note", Note, lambda record: record.t_ns),

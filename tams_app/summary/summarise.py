@@ -11,9 +11,10 @@ from tams_app.clock import NS_PER_S
 from tams_app.recording import SessionLog
 from tams_app.summary.control import arm, control, phases
 from tams_app.summary.numbers import mean
+from tams_app.summary.quality import QualityTable, primary_quality
 from tams_app.summary.tables import PacketTable, Span, Targets
 from tams_app.summary.uplink import uplink
-from tams_app.summary.views import SSIM_KINDS, view_summary
+from tams_app.summary.views import view_summary
 
 SCHEMA = 1
 
@@ -26,6 +27,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
     """
     header = log.header
     packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
+    quality = QualityTable.of(log)
     return {
         "schema": SCHEMA,
         "version": header.version,
@@ -39,8 +41,10 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "arm": arm(log),
         "phases": phases(log),
         "uplink": uplink(log, packets, targets, span),
-        "views": {view: view_summary(log, view, packets, targets, span) for view in header.views},
-        "primary_view": {**dict.fromkeys(SSIM_KINDS), "by_phase": {}},
+        "views": {
+            view: view_summary(log, view, packets, targets, quality, span) for view in header.views
+        },
+        "primary_view": primary_quality(log, quality),
         "system": _system(log),
     }
 

@@ -1,4 +1,4 @@
-"""Each view: rates, frames, latency, freezes."""
+"""Each view: rates, frames, latency, freezes, quality."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ import numpy as np
 from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.recording import SessionLog
 from tams_app.summary.numbers import percentiles, step_mean
+from tams_app.summary.quality import QualityTable, view_quality
 from tams_app.summary.tables import FrameTable, PacketTable, Span, Targets
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.summary.uplink import rate_kbps
 
 FREEZE_NS = 200 * NS_PER_MS
-SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 
 
 def view_summary(
-    log: SessionLog, view: str, packets: PacketTable, targets: Targets, span: Span | None
+    log: SessionLog,
+    view: str,
+    packets: PacketTable,
+    targets: Targets,
+    quality: QualityTable,
+    span: Span | None,
 ) -> dict[str, Any]:
-    """The entry of one view; SSIM is null until the pictures themselves are compared."""
+    """The entry of one view; SSIM is null where the pictures were not compared."""
     frames = FrameTable.of(log, view)
     mine = packets.is_video & (packets.view == log.header.views.index(view))
     shown = frames.shown_ns > 0
@@ -36,7 +41,7 @@ def view_summary(
         "frames_shown": int(np.sum(shown)),
         "latency_ms": percentiles(latency_ms, ("p50", "p95", "p99")),
         "freezes": _freezes(frames, span),
-        **dict.fromkeys(SSIM_KINDS),
+        **view_quality(log, view, quality),
     }
 
 

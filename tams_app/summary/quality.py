@@ -1,0 +1,129 @@
+"""How good the pictures were: SSIM of each view, and of the primary view by phase.
+
+From the log alone. A view's figures are means over the frames that were scored (`ssim_n` of them:
+the machine may not have had time for all). The primary view of a frame is the one with the largest
+weight in the phase at its capture, whatever the strategy; before the first phase there is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tams_app.policy.weights import WeightMatrix
+from tams_app.recording import SessionLog
+from tams_app.records import FrameQuality, Phase
+from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean
+from tams_app.video.damage import damaged_frames
+
+SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
+
+
+@dataclass(frozen=True, slots=True)
+class QualityTable:
+    """Frames of several views as columns; scores by kind are NaN where there is none.
+
+    `view` is the place in `header.views`, `phase` that in `Phase`, −1 before the first.
+    """
+
+    view: Integers
+    phase: Integers
+    scores: dict[str, Floats]
+
+    @staticmethod
+    def of(log: SessionLog) -> QualityTable:
+        places = {view: place for place, view in enumerate(log.header.views)}
+        frames = [one for one in log.quality if one.view in places]
+        captured = np.array([one.capture_ns for one in frames], dtype=np.int64)
+        rows = np.array([_scores(one) for one in frames], dtype=np.float64)
+        return QualityTable(
+            np.array([places[one.view] for one in frames], dtype=np.int64),
+            _phase_at(log, captured),
+            dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
+        )
+
+    def means(self, chosen: Flags) -> dict[str, Number]:
+        """The mean of each kind over the chosen frames that have it."""
+        return {kind: mean(_known(score[chosen])) for kind, score in self.scores.items()}
+
+    def counts(self, chosen: Flags) -> dict[str, int]:
+        """How many of the chosen frames have a score of each kind."""
+        return {kind: len(_known(score[chosen])) for kind, score in self.scores.items()}
+
+
+def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, Any]:
+    """The three means of one view, how many frames are behind each, how many were damaged."""
+    mine = table.view == log.header.views.index(view)
+    return {
+        **table.means(mine),
+        "ssim_n": table.counts(mine),
+        "frames_damaged": _count_damaged(log, view),
+    }
+
+
+def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
+    """SSIM of the primary view: the mean of the phases' means, and by phase.
+
+    `missing_phases` have no scored frame and no part in the mean; `time_weighted` counts each
+    phase for as long as it lasted (by its frames).
+    """
+    weights = WeightMatrix(log.header.weights)
+    by_phase: dict[str, dict[str, Any]] = {}
+    frames: dict[str, int] = {}
+    for number, phase in enumerate(Phase):
+        primary = log.header.views.index(weights.primary_view(phase))
+        chosen = (table.phase == number) & (table.view == primary)
+        counts = table.counts(chosen)
+        if any(counts.values()):
+            by_phase[phase.value] = {**table.means(chosen), "n": counts}
+            frames[phase.value] = int(np.sum(chosen))
+    return {
+        **{kind: _mean_of_phases(by_phase, kind, dict.fromkeys(frames, 1)) for kind in SSIM_KINDS},
+        "time_weighted": {kind: _mean_of_phases(by_phase, kind, frames) for kind in SSIM_KINDS},
+        "n": {kind: sum(one["n"][kind] for one in by_phase.values()) for kind in SSIM_KINDS},
+        "missing_phases": [phase.value for phase in Phase if phase.value not in by_phase],
+        "by_phase": by_phase,
+    }
+
+
+def _scores(frame: FrameQuality) -> list[float]:
+    scores = (frame.received, frame.delivered, frame.live)
+    return [np.nan if score is None else score for score in scores]
+
+
+def _phase_at(log: SessionLog, captured_ns: Integers) -> Integers:
+    changes = sorted(log.phases, key=lambda change: change.t_ns)
+    began_ns = np.array([change.t_ns for change in changes], dtype=np.int64)
+    numbers = {phase: number for number, phase in enumerate(Phase)}
+    phase = np.array([-1, *(numbers[change.phase] for change in changes)], dtype=np.int64)
+    return phase[np.searchsorted(began_ns, captured_ns, side="right")]
+
+
+def _mean_of_phases(
+    by_phase: dict[str, dict[str, Any]], kind: str, weight_of: dict[str, int]
+) -> Number:
+    means = {phase: one[kind] for phase, one in by_phase.items() if one[kind] is not None}
+    if not means:
+        return None
+    weights = [weight_of[phase] for phase in means]
+    return round(float(np.average(list(means.values()), weights=weights)), 4)
+
+
+def _count_damaged(log: SessionLog, view: str) -> int | None:
+    """Damaged frames that were shown; None where the log has no packets of the view."""
+    packets = [packet for packet in log.packets if packet.view == view]
+    if not packets:
+        return None
+    keyframe_of = {frame.index: frame.keyframe for frame in log.sent if frame.view == view}
+    shown_ns: dict[int, int] = {}
+    for one in log.shown:
+        if one.view == view:
+            shown_ns.setdefault(one.index, one.shown_ns)
+    damaged = damaged_frames(keyframe_of, packets, shown_ns, log.header.fps)
+    return len(damaged & shown_ns.keys())
+
+
+def _known(scores: Floats) -> Floats:
+    return scores[~np.isnan(scores)]

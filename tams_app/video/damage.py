@@ -1,0 +1,73 @@
+"""Which frames were decoded from an incomplete stream: inferred from loss, decoders do not tell.
+
+A frame is damaged when one of its packets did not arrive in time, resent or not, and so is every
+frame predicted from it: all up to the next keyframe that arrived whole. A frame that is not damaged
+is bit-exact; a damaged one may be, where the packet carried nothing new (repeated parameter sets).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+from tams_app.records import PacketKind, PacketRecord
+from tams_app.video.frame_identity import index_of_rtp_timestamp
+
+_SEQUENCES = 1 << 16
+_NEVER_NS = 1 << 62
+
+
+def damaged_frames(
+    keyframe_of: Mapping[int, bool],
+    packets: Iterable[PacketRecord],
+    shown_ns: Mapping[int, int],
+    fps: int,
+) -> set[int]:
+    """Capture indices of the damaged frames of one view, shown or not.
+
+    `keyframe_of`: every frame sent, and whether it is a keyframe. `packets`: the view's media and
+    repair datagrams with their fates. `shown_ns` of frames by index: what arrives after its frame,
+    or a later one, was shown has come too late.
+    """
+    video = [packet for packet in packets if packet.kind is not PacketKind.RTCP]
+    incomplete = _incomplete(set(keyframe_of), video, shown_ns, fps)
+    damaged, broken = set(), True  # nothing can be predicted before the first keyframe
+    for index in sorted(keyframe_of):
+        broken = index in incomplete or (broken and not keyframe_of[index])
+        if broken:
+            damaged.add(index)
+    return damaged
+
+
+def _incomplete(
+    sent: set[int], video: list[PacketRecord], shown_ns: Mapping[int, int], fps: int
+) -> set[int]:
+    """Frames of which a packet is missing or too late, or never came to the link at all."""
+    arrived_ns: dict[tuple[int, int], int] = {}  # RTP timestamp and sequence: a lap apart differ
+    for packet in video:
+        key = (packet.rtp_timestamp, packet.sequence)
+        at_ns = packet.delivered_ns or _NEVER_NS
+        arrived_ns[key] = min(at_ns, arrived_ns.get(key, _NEVER_NS))
+    last_ns: dict[int, int] = {}  # when a frame's last packet arrived
+    for (timestamp, _), at_ns in arrived_ns.items():
+        index = index_of_rtp_timestamp(timestamp, fps)
+        last_ns[index] = max(at_ns, last_ns.get(index, 0))
+    deadline_ns, found = _NEVER_NS, sent - last_ns.keys()
+    for index in sorted(last_ns.keys() | shown_ns.keys(), reverse=True):
+        deadline_ns = min(deadline_ns, shown_ns.get(index, _NEVER_NS))
+        if last_ns.get(index, 0) >= deadline_ns:
+            found.add(index)
+    return found | _beside_gaps(video, fps)
+
+
+def _beside_gaps(video: list[PacketRecord], fps: int) -> set[int]:
+    """Frames on both sides of a gap in the sequence numbers: lost on the way to the link."""
+    media = sorted(
+        (packet for packet in video if packet.kind is PacketKind.MEDIA),
+        key=lambda packet: packet.entered_ns,
+    )
+    found: set[int] = set()
+    for before, after in pairwise(media):
+        if 1 < (after.sequence - before.sequence) % _SEQUENCES < _SEQUENCES // 2:
+            found |= {index_of_rtp_timestamp(one.rtp_timestamp, fps) for one in (before, after)}
+    return found

@@ -1,0 +1,204 @@
+"""What became of each captured frame of one view, and which pictures tell how good it looked.
+
+Pure accounting: captures and shown frames go in, each in its own order; a captured frame comes out
+once its fate is decided, with the pictures to compare. `Scorer` compares them (see ssim).
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from dataclasses import dataclass
+
+from tams_app.clock import NS_PER_MS
+from tams_app.records import FrameQuality
+from tams_app.video.ssim import FrameMoments, Luma, ssim
+
+FREEZE_NS = 200 * NS_PER_MS
+WINDOW_FRAMES = 90  # three seconds: the link, repair and decoding keep nothing for as long
+_KEPT_MOMENTS = 8  # pictures; one takes 3.7 MB
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """One picture; `luma` is None where nobody has it any more. Equal only to itself."""
+
+    luma: Luma | None
+
+
+@dataclass(frozen=True, slots=True)
+class Fate:
+    """A captured frame whose fate is decided, and the pictures to compare it with.
+
+    `shown`: its own, `stand_in`: what was shown in its place (its own, or of the greatest smaller
+    index), `on_screen`: at its capture. None where there is none.
+    """
+
+    view: str
+    index: int
+    capture_ns: int
+    shown_ns: int | None
+    age_ns: int | None
+    frozen: bool
+    damaged: bool | None
+    captured: Picture
+    shown: Picture | None
+    stand_in: Picture | None
+    on_screen: Picture | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Captured:
+    capture_ns: int
+    picture: Picture
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    index: int
+    shown_ns: int
+    picture: Picture
+    capture_ns: int | None  # None: shown without having been captured
+    damaged: bool | None
+
+
+class ViewQuality:
+    """The accounts of one view over the last `window_frames` captures.
+
+    A frame's fate is decided when it or a later one is shown; or when the window moves past it:
+    shown later still, it stays "never shown" (`unmatched` counts it). Give a shown frame after
+    the captures that came before it.
+    """
+
+    def __init__(self, view: str, window_frames: int = WINDOW_FRAMES) -> None:
+        self.unmatched = 0  # shown, but not among the captures of the window
+        self._view = view
+        self._window_frames = window_frames
+        self._pending: OrderedDict[int, _Captured] = OrderedDict()
+        self._history: deque[_Shown] = deque()  # from what pending captures found on screen on
+        self._newest_capture_ns = 0
+
+    def captured(self, index: int, capture_ns: int, luma: Luma | None) -> list[Fate]:
+        """A camera's frame; decides the oldest one if the window is full."""
+        self._pending[index] = _Captured(capture_ns, Picture(luma))
+        self._newest_capture_ns = capture_ns
+        if len(self._pending) <= self._window_frames:
+            return []
+        oldest, capture = self._pending.popitem(last=False)
+        return [self._decide(oldest, capture, None, capture_ns)]
+
+    def shown(
+        self, index: int, shown_ns: int, luma: Luma | None, damaged: bool | None = None
+    ) -> list[Fate]:
+        """A picture that reached the screen; decides all captures up to it."""
+        own = self._pending.get(index)
+        self.unmatched += own is None
+        capture_ns = own.capture_ns if own else None
+        shown = _Shown(index, shown_ns, Picture(luma), capture_ns, damaged)
+        self._history.append(shown)
+        due = [number for number in self._pending if number <= index]
+        fates = [
+            self._decide(
+                number, self._pending.pop(number), shown if number == index else None, shown_ns
+            )
+            for number in due
+        ]
+        self._forget()
+        return fates
+
+    def finish(self, end_ns: int) -> list[Fate]:
+        """Nothing more comes: decide what is left."""
+        left, self._pending = self._pending, OrderedDict()
+        return [self._decide(number, capture, None, end_ns) for number, capture in left.items()]
+
+    def _decide(self, index: int, capture: _Captured, shown: _Shown | None, now_ns: int) -> Fate:
+        before = [one for one in self._history if one.shown_ns <= capture.capture_ns]
+        on_screen = before[-1] if before else None
+        stand_in = shown or max(
+            (one for one in self._history if one.index < index),
+            key=lambda one: one.index,
+            default=None,
+        )
+        return Fate(
+            view=self._view,
+            index=index,
+            capture_ns=capture.capture_ns,
+            shown_ns=shown.shown_ns if shown else None,
+            age_ns=_age_ns(on_screen, capture.capture_ns),
+            frozen=on_screen is not None and self._stayed_ns(on_screen, now_ns) > FREEZE_NS,
+            damaged=shown.damaged if shown else None,
+            captured=capture.picture,
+            shown=shown.picture if shown else None,
+            stand_in=stand_in.picture if stand_in else None,
+            on_screen=on_screen.picture if on_screen else None,
+        )
+
+    def _stayed_ns(self, on_screen: _Shown, now_ns: int) -> int:
+        """How long a picture stayed on screen, up to now."""
+        ends = [one.shown_ns for one in self._history if one.shown_ns > on_screen.shown_ns]
+        return min(ends, default=now_ns) - on_screen.shown_ns
+
+    def _forget(self) -> None:
+        """Drop what was on screen before any capture that is pending or still to come."""
+        oldest = next(iter(self._pending.values()), None)
+        since_ns = oldest.capture_ns if oldest else self._newest_capture_ns
+        while len(self._history) > 1 and (
+            self._history[1].shown_ns <= since_ns or len(self._history) > self._window_frames
+        ):
+            self._history.popleft()
+
+
+class Scorer:
+    """Compares the pictures of fates, each pair once; remembers the moments of what was shown.
+
+    Give it one view's fates in order: what is shown is on screen a few captures later.
+    """
+
+    def __init__(self) -> None:
+        self._moments: OrderedDict[Picture, FrameMoments] = OrderedDict()
+
+    def score(self, fate: Fate) -> FrameQuality:
+        """The frame's record with its three scores; None where a picture is missing."""
+        if fate.captured.luma is None:
+            return record_of(fate)
+        captured = FrameMoments.of(fate.captured.luma)
+        pictures = {fate.shown, fate.stand_in, fate.on_screen}  # two of them may be one
+        scores = {picture: self._compare(captured, picture) for picture in pictures}
+        return record_of(fate, scores[fate.shown], scores[fate.stand_in], scores[fate.on_screen])
+
+    def _compare(self, captured: FrameMoments, shown: Picture | None) -> float | None:
+        if shown is None or shown.luma is None:
+            return None
+        moments = self._moments.get(shown)
+        if moments is None:
+            moments = self._moments[shown] = FrameMoments.of(shown.luma)
+        self._moments.move_to_end(shown)
+        if len(self._moments) > _KEPT_MOMENTS:
+            self._moments.popitem(last=False)
+        return ssim(captured, moments)
+
+
+def record_of(
+    fate: Fate,
+    received: float | None = None,
+    delivered: float | None = None,
+    live: float | None = None,
+) -> FrameQuality:
+    """The frame's record with the scores there are; without any, it was not sampled."""
+    return FrameQuality(
+        view=fate.view,
+        index=fate.index,
+        capture_ns=fate.capture_ns,
+        shown_ns=fate.shown_ns,
+        age_ns=fate.age_ns,
+        frozen=fate.frozen,
+        damaged=fate.damaged,
+        received=received,
+        delivered=delivered,
+        live=live,
+    )
+
+
+def _age_ns(on_screen: _Shown | None, now_ns: int) -> int | None:
+    if on_screen is None or on_screen.capture_ns is None:
+        return None
+    return now_ns - on_screen.capture_ns

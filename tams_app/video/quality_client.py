@@ -1,0 +1,146 @@
+"""The session's side of the SSIM helper: hands pictures over, gets their scores back."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from tams_app.errors import HelperError
+from tams_app.process import READY_TIMEOUT_S, HelperProcess
+from tams_app.records import Frame, FrameQuality, ShownFrame
+from tams_app.shared_block import create_block, new_block_name, remove_block
+from tams_app.video.picture_ring import CAPTURED, KINDS, SHOWN, PictureWriter, RingLayout
+from tams_app.worker import Worker
+
+_READ_TIMEOUT_S = 0.2
+_STOP_TIMEOUT_S = 9.0  # it may score for .7 s more, at the lowest priority
+_READ_BYTES = 1 << 16
+
+
+class QualityClient:
+    """One SSIM helper; `push_*` cost one conversion to luma into shared memory (.1 ms).
+
+    Push a view's captures from one thread and its shown pictures from one thread; a capture before
+    it is sent. `on_quality` and `on_failure` are called in the reading thread, `on_quality` once
+    per captured frame. The helper's end is a failure of the measurement only.
+    """
+
+    def __init__(
+        self,
+        views: tuple[str, ...],
+        width: int,
+        height: int,
+        *,
+        log_directory: Path | None,
+        on_quality: Callable[[FrameQuality], None],
+        on_failure: Callable[[str, BaseException], None],
+    ) -> None:
+        self._layout = RingLayout(views, width, height)
+        self._log_directory = log_directory
+        self._on_quality = on_quality
+        self._reader = Worker("quality-results", self._read, on_failure)
+        self._writers: dict[tuple[str, str], PictureWriter] = {}
+        self._connection: socket.socket | None = None
+        self._process: HelperProcess | None = None
+        self._stack = ExitStack()
+        self._closing = False
+
+    def start(self) -> None:
+        """Start the helper and wait until it works; HelperError if it cannot."""
+        with ExitStack() as stack:
+            name = new_block_name() + "-quality"
+            block = create_block(name, self._layout.block_bytes)
+            stack.callback(self._let_go, block)
+            stack.callback(remove_block, name)
+            listener = socket.create_server(("127.0.0.1", 0), backlog=1)
+            with listener:
+                listener.settimeout(READY_TIMEOUT_S)
+                self._process = self._start_process(name, listener.getsockname()[1])
+                stack.callback(self._process.stop, _STOP_TIMEOUT_S)
+                self._process.wait_ready()
+                remove_block(name)  # both have it: nothing is left behind however we end
+                self._connection, _ = listener.accept()
+            self._connection.settimeout(_READ_TIMEOUT_S)
+            stack.callback(self._connection.close)
+            self._reader.start()
+            self._stack = stack.pop_all()
+        self._writers = {
+            (view, kind): PictureWriter(block, self._layout, view, kind)
+            for view in self._layout.views
+            for kind in KINDS
+        }
+
+    @property
+    def process(self) -> HelperProcess | None:
+        """The helper; None before the start."""
+        return self._process
+
+    def push_capture(self, frame: Frame) -> None:
+        """Hand over a captured frame; before the start and after the end it is left out."""
+        if writer := self._writers.get((frame.view, CAPTURED)):
+            writer.put(frame.index, frame.capture_ns, frame.image)
+
+    def push_shown(self, shown: ShownFrame) -> None:
+        """Hand over a shown frame; before the start and after the end it is left out."""
+        if writer := self._writers.get((shown.view, SHOWN)):
+            writer.put(shown.index, shown.shown_ns, shown.image)
+
+    def close(self) -> None:
+        """Let the helper finish and take its last results; may be called twice.
+
+        Call it when nobody pushes any more.
+        """
+        self._closing = True
+        if self._process is not None and self._connection is not None:
+            self._process.stop(_STOP_TIMEOUT_S)
+            self._reader.stop()
+        self._stack.close()
+
+    def _start_process(self, memory_name: str, results_port: int) -> HelperProcess:
+        specification = {
+            "memory_name": memory_name,
+            "views": self._layout.views,
+            "width": self._layout.width,
+            "height": self._layout.height,
+            "results_port": results_port,
+        }
+        process = HelperProcess(
+            "quality", "tams_app.video.quality_process", specification, self._log_directory
+        )
+        process.start()
+        return process
+
+    def _let_go(self, block: mmap.mmap) -> None:
+        writers, self._writers = self._writers, {}
+        for writer in writers.values():
+            writer.release()
+        block.close()
+
+    def _read(self, stop: threading.Event) -> None:
+        assert self._connection is not None
+        unread = b""
+        while data := self._receive(self._connection, stop):
+            *lines, unread = (unread + data).split(b"\n")
+            for line in lines:
+                self._on_quality(FrameQuality(**json.loads(line)))
+        if not self._closing:
+            raise HelperError(
+                "the SSIM helper ended unasked, so pictures are no longer compared; "
+                "start a new session if you need their quality"
+            )
+
+    def _receive(self, connection: socket.socket, stop: threading.Event) -> bytes:
+        """The next bytes; none when the helper hung up or, after a stop, has no more to say."""
+        while True:
+            try:
+                return connection.recv(_READ_BYTES)
+            except TimeoutError:
+                if stop.is_set():
+                    return b""
+            except ConnectionResetError:
+                return b""

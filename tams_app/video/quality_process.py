@@ -1,0 +1,146 @@
+"""The helper process that compares shown pictures with captured ones, with the time left over.
+
+Specification: memory_name, views, width, height, results_port. It tells every captured frame's fate
+as one line of JSON over TCP (FrameQuality's fields); with scores where it had time, each view in
+turn, so that what is left out is spread evenly.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import cv2
+
+from tams_app.clock import NS_PER_MS, Clock, MonotonicClock
+from tams_app.process import HelperSide
+from tams_app.records import FrameQuality
+from tams_app.shared_block import open_block
+from tams_app.video.picture_ring import CAPTURED, SHOWN, PictureReader, RingLayout
+from tams_app.video.quality import Fate, Scorer, ViewQuality, record_of
+
+LOWEST_PRIORITY = 19
+WAITING_FATES = 15  # per view: half a second; older ones go out without scores
+_POLL_S = 0.01
+_FINISH_NS = 700 * NS_PER_MS  # for what is left at the end
+_SEND_TIMEOUT_S = 30.0
+
+
+class ViewScores:
+    """One view: reads its rings, keeps its accounts, scores what it has time for."""
+
+    def __init__(
+        self,
+        view: str,
+        captured: PictureReader,
+        shown: PictureReader,
+        report: Callable[[FrameQuality], None],
+    ) -> None:
+        self._captured = captured
+        self._shown = shown
+        self._report = report
+        self._quality = ViewQuality(view)
+        self._scorer = Scorer()
+        self._waiting: deque[Fate] = deque()
+
+    def take_in(self) -> None:
+        """Read what is new; the oldest waiting fates leave without scores if there are too many."""
+        shown_until = self._shown.written()  # first: then their captures are in the other ring
+        captures = self._captured.read(self._captured.written())
+        events = [(one.t_ns, CAPTURED, one) for one in captures]
+        events += [(one.t_ns, SHOWN, one) for one in self._shown.read(shown_until)]
+        for t_ns, kind, one in sorted(events, key=lambda event: event[0]):
+            account = self._quality.captured if kind == CAPTURED else self._quality.shown
+            self._waiting.extend(account(one.index, t_ns, one.luma))
+        self._leave_out(WAITING_FATES)
+
+    def score_next(self) -> bool:
+        """Score the fate that has waited longest; False if there is none."""
+        if not self._waiting:
+            return False
+        self._report(self._scorer.score(self._waiting.popleft()))
+        return True
+
+    def finish(self, end_ns: int) -> None:
+        """Take in the last pictures and decide the rest."""
+        self.take_in()
+        self._waiting.extend(self._quality.finish(end_ns))
+
+    def give_up(self) -> None:
+        """Report what still waits without scores."""
+        self._leave_out(0)
+
+    def release(self) -> None:
+        """Let go of the shared memory."""
+        self._captured.release()
+        self._shown.release()
+
+    def _leave_out(self, room: int) -> None:
+        while len(self._waiting) > room:
+            self._report(record_of(self._waiting.popleft()))
+
+
+def run(views: list[ViewScores], clock: Clock, stop: threading.Event) -> None:
+    """Score until `stop` is set, then what is left for a moment."""
+    while not stop.is_set():
+        for view in views:
+            view.take_in()
+        if not _score_one_each(views):
+            stop.wait(_POLL_S)
+    end_ns = clock.now_ns()
+    for view in views:
+        view.finish(end_ns)
+    while clock.now_ns() < end_ns + _FINISH_NS and _score_one_each(views):
+        pass
+    for view in views:
+        view.give_up()
+
+
+def _score_one_each(views: list[ViewScores]) -> bool:
+    scored = [view.score_next() for view in views]
+    return any(scored)
+
+
+def main() -> None:
+    side = HelperSide()
+    os.nice(LOWEST_PRIORITY)
+    cv2.setNumThreads(1)
+    specification: dict[str, Any] = side.specification
+    names = tuple(specification["views"])
+    layout = RingLayout(names, int(specification["width"]), int(specification["height"]))
+    address = ("127.0.0.1", int(specification["results_port"]))
+    with (
+        open_block(str(specification["memory_name"])) as block,
+        socket.create_connection(address, _SEND_TIMEOUT_S) as results,
+    ):
+
+        def report(quality: FrameQuality) -> None:
+            results.sendall(json.dumps(asdict(quality)).encode() + b"\n")
+
+        views = [
+            ViewScores(
+                name,
+                PictureReader(block, layout, name, CAPTURED),
+                PictureReader(block, layout, name, SHOWN),
+                report,
+            )
+            for name in names
+        ]
+        side.ready()
+        try:
+            run(views, MonotonicClock(), side.stop_requested)
+        except ConnectionError as error:
+            raise SystemExit("the session is gone") from error
+        finally:
+            for view in views:
+                view.release()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,210 @@
+"""What became of each captured frame: exactly one fate, and the right pictures to compare."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.clock import NS_PER_MS
+from tams_app.video.quality import Fate, Scorer, ViewQuality, record_of
+from tams_app.video.ssim import FrameMoments, Luma, ssim
+
+FRAME_NS = 33 * NS_PER_MS
+
+
+def luma(seed: int) -> Luma:
+    return np.random.default_rng(seed).integers(0, 255, (24, 32), dtype=np.uint8)
+
+
+def captured_at(index: int) -> int:
+    return 1_000_000_000 + index * FRAME_NS
+
+
+def play(
+    shown: dict[int, int], frames: int, window_frames: int = 90, end_ns: int | None = None
+) -> list[Fate]:
+    """Fates of `frames` captures of which some are shown so many ns after their capture.
+
+    Captures have lumas of seed index, shown pictures of 1000 + index.
+    """
+    quality = ViewQuality("gt", window_frames)
+    events = [(captured_at(index), 0, index) for index in range(frames)]
+    events += [(captured_at(index) + delay, 1, index) for index, delay in shown.items()]
+    fates: list[Fate] = []
+    for t_ns, is_shown, index in sorted(events):
+        if is_shown:
+            fates += quality.shown(index, t_ns, luma(1000 + index))
+        else:
+            fates += quality.captured(index, t_ns, luma(index))
+    last_ns = max(t_ns for t_ns, _, _ in events)
+    return fates + quality.finish(last_ns if end_ns is None else end_ns)
+
+
+def same(picture: object, expected: Luma) -> bool:
+    return np.array_equal(getattr(picture, "luma", None), expected)
+
+
+def test_a_shown_frame_is_compared_with_its_own_capture() -> None:
+    fates = play(dict.fromkeys(range(10), 2 * FRAME_NS), 10)
+    assert [fate.index for fate in fates] == list(range(10))
+    for fate in fates:
+        assert fate.shown_ns == captured_at(fate.index) + 2 * FRAME_NS
+        assert same(fate.captured, luma(fate.index))
+        assert same(fate.shown, luma(1000 + fate.index))
+        assert fate.stand_in is fate.shown
+
+
+def test_a_frame_never_shown_is_stood_in_for_by_the_one_shown_before_it() -> None:
+    fates = play(dict.fromkeys([0, 1, 4, 5], 2 * FRAME_NS), 7)
+    assert [fate.shown_ns is None for fate in fates] == [
+        False,
+        False,
+        True,
+        True,
+        False,
+        False,
+        True,
+    ]
+    assert same(fates[2].stand_in, luma(1001))
+    assert same(fates[3].stand_in, luma(1001))
+    assert same(fates[6].stand_in, luma(1005))
+    assert fates[2].shown is None
+
+
+def test_before_anything_was_shown_nothing_stands_in() -> None:
+    fates = play({2: FRAME_NS}, 3)
+    assert [fate.stand_in is None for fate in fates] == [True, True, False]
+    assert [fate.on_screen for fate in fates] == [None, None, None]
+    assert [fate.age_ns for fate in fates] == [None, None, None]
+
+
+def test_live_looks_at_what_was_on_screen_at_the_capture() -> None:
+    fates = play(dict.fromkeys(range(10), 2 * FRAME_NS + 1), 10)
+    for fate in fates[3:]:
+        assert same(fate.on_screen, luma(1000 + fate.index - 3))
+        assert fate.age_ns == 3 * FRAME_NS
+    on_time = play(dict.fromkeys(range(10), 2 * FRAME_NS), 10)
+    assert same(on_time[5].on_screen, luma(1003))
+
+
+def test_a_picture_that_stays_for_more_than_200_ms_is_a_freeze() -> None:
+    six = play(dict.fromkeys([0, 1, 7, 8], FRAME_NS), 9)  # 198 ms
+    assert not any(fate.frozen for fate in six)
+    seven = play(dict.fromkeys([0, 1, 8, 9], FRAME_NS), 10)  # 231 ms
+    assert [fate.index for fate in seven if fate.frozen] == list(range(2, 9))
+
+
+def test_a_freeze_lasts_until_the_end() -> None:
+    fates = play({0: FRAME_NS}, 5, end_ns=captured_at(8))
+    assert [fate.frozen for fate in fates] == [False, True, True, True, True]
+
+
+def test_damage_is_told_by_who_knows() -> None:
+    quality = ViewQuality("gt")
+    quality.captured(0, 0, luma(0))
+    quality.captured(1, 1, luma(1))
+    first, second = quality.shown(1, 2, luma(1001), damaged=True)
+    assert (first.damaged, second.damaged) == (None, True)
+
+
+def test_the_window_bounds_what_is_kept_and_a_later_picture_changes_nothing() -> None:
+    quality = ViewQuality("gt", window_frames=5)
+    quality.captured(0, captured_at(0), luma(0))
+    quality.shown(0, captured_at(0) + 1, luma(1000))
+    fates = [
+        fate
+        for index in range(1, 50)
+        for fate in quality.captured(index, captured_at(index), luma(index))
+    ]
+    assert [fate.index for fate in fates] == list(range(1, 45))
+    assert all(fate.shown_ns is None and same(fate.stand_in, luma(1000)) for fate in fates)
+    assert fates[-1].frozen
+    assert quality.shown(3, captured_at(50), luma(1003)) == []
+    assert quality.unmatched == 1
+    assert len(quality._pending) == 5
+
+
+def test_pictures_shown_without_captures_do_not_pile_up() -> None:
+    quality = ViewQuality("gt", window_frames=5)
+    quality.captured(0, captured_at(0), luma(0))
+    for index in range(1, 100):
+        quality.shown(index, captured_at(index), luma(index))
+    assert quality.unmatched == 99
+    assert len(quality._history) <= 5
+
+
+@given(
+    shown=st.dictionaries(st.integers(0, 29), st.just(0), max_size=30),
+    delays=st.lists(st.integers(1, 8 * FRAME_NS), min_size=30, max_size=30),
+    window=st.integers(10, 40),
+)
+def test_every_captured_frame_has_one_fate_as_defined(
+    shown: dict[int, int], delays: list[int], window: int
+) -> None:
+    """Against the definitions taken literally over the whole run; decoders keep the order."""
+    at, latest = {}, 0
+    for index in sorted(shown):
+        latest = max(latest + 1, captured_at(index) + delays[index])
+        at[index] = latest
+    fates = play({index: t - captured_at(index) for index, t in at.items()}, 30, window)
+    assert [fate.index for fate in fates] == list(range(30))
+    for fate in fates:
+        assert fate.shown_ns == at.get(fate.index)
+        up_to = [index for index in at if index <= fate.index]
+        stand_in = luma(1000 + max(up_to)) if up_to else None
+        assert same(fate.stand_in, stand_in) if up_to else fate.stand_in is None
+        on_screen = [index for index, t in at.items() if t <= fate.capture_ns]
+        assert (fate.on_screen is None) == (not on_screen)
+        if on_screen:
+            assert same(fate.on_screen, luma(1000 + max(on_screen)))
+            assert fate.age_ns == fate.capture_ns - captured_at(max(on_screen))
+
+
+def expected(one: int, other: int) -> float:
+    return ssim(FrameMoments.of(luma(one)), FrameMoments.of(luma(other)))
+
+
+def test_the_three_scores_are_those_of_the_definitions() -> None:
+    scorer = Scorer()
+    shown = dict.fromkeys([*range(10), *range(15, 30)], 70 * NS_PER_MS)
+    scores = [scorer.score(fate) for fate in play(shown, 30)]
+    assert scores[20].received == pytest.approx(expected(20, 1020))
+    assert scores[20].delivered == scores[20].received
+    assert scores[20].live == pytest.approx(expected(20, 1017))
+    assert (scores[12].received, scores[12].shown_ns) == (None, None)
+    assert scores[12].delivered == pytest.approx(expected(12, 1009))
+    assert scores[12].live == pytest.approx(expected(12, 1009))
+    assert scores[0].live is None
+
+
+def test_missing_pictures_leave_their_scores_out_and_nothing_else() -> None:
+    quality = ViewQuality("gt")
+    quality.captured(0, captured_at(0), luma(0))
+    quality.captured(1, captured_at(1), None)
+    quality.captured(2, captured_at(2), luma(2))
+    fates = quality.shown(0, captured_at(2) + 1, None)
+    fates += quality.shown(1, captured_at(2) + 2, luma(1001))
+    fates += quality.shown(2, captured_at(2) + 3, luma(1002))
+    scores = [Scorer().score(fate) for fate in fates]
+    assert [one.shown_ns is None for one in scores] == [False] * 3
+    assert [one.received is None for one in scores] == [True, True, False]
+    assert record_of(fates[2]).received is None
+
+
+def test_moments_of_a_picture_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[Luma] = []  # the arrays themselves: an id may come back
+    of = FrameMoments.of
+
+    def count(one: Luma) -> FrameMoments:
+        computed.append(one)
+        return of(one)
+
+    monkeypatch.setattr(FrameMoments, "of", staticmethod(count))
+    scorer = Scorer()
+    fates = play(dict.fromkeys(range(40), 3 * FRAME_NS), 40)
+    for fate in fates:
+        scorer.score(fate)
+    assert len(computed) == len({id(one) for one in computed}) == 80
+    assert len(scorer._moments) <= 8

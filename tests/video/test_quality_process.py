@@ -1,0 +1,230 @@
+"""The SSIM helper, in this process with a clock that is ours and as a process of its own."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import psutil
+import pytest
+
+from tams_app.clock import NS_PER_MS
+from tams_app.errors import HelperError
+from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.video.picture_ring import CAPTURED, SHOWN, PictureReader, PictureWriter, RingLayout
+from tams_app.video.quality_client import QualityClient
+from tams_app.video.quality_process import LOWEST_PRIORITY, WAITING_FATES, ViewScores, run
+from tams_app.video.ssim import FrameMoments, luma_of, ssim
+
+WIDTH, HEIGHT = 96, 64
+FRAME_NS = 33 * NS_PER_MS
+
+
+def picture(index: int) -> Image:
+    coarse = np.random.default_rng(index).integers(0, 255, (8, 12, 3), dtype=np.uint8)
+    return np.asarray(cv2.resize(coarse, (WIDTH, HEIGHT)), np.uint8)
+
+
+def blurred(index: int) -> Image:
+    return np.asarray(cv2.GaussianBlur(picture(index), (0, 0), 2), np.uint8)
+
+
+def expected(captured: int, shown: int) -> float:
+    return ssim(
+        FrameMoments.of(luma_of(picture(captured))), FrameMoments.of(luma_of(blurred(shown)))
+    )
+
+
+class Bench:
+    """One view's scores over rings in a block, driven by hand."""
+
+    def __init__(self) -> None:
+        layout = RingLayout(("gt",), WIDTH, HEIGHT)
+        self.block = mmap.mmap(-1, layout.block_bytes)
+        self.captured = PictureWriter(self.block, layout, "gt", CAPTURED)
+        self.shown = PictureWriter(self.block, layout, "gt", SHOWN)
+        self.told: list[FrameQuality] = []
+        self.scores = ViewScores(
+            "gt",
+            PictureReader(self.block, layout, "gt", CAPTURED),
+            PictureReader(self.block, layout, "gt", SHOWN),
+            self.told.append,
+        )
+
+    def frame(self, index: int, shown: bool = True) -> None:
+        self.captured.put(index, index * FRAME_NS, picture(index))
+        if shown:
+            self.shown.put(index, index * FRAME_NS + NS_PER_MS, blurred(index))
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.scores.release()
+    bench.captured.release()
+    bench.shown.release()
+    bench.block.close()
+
+
+def test_with_time_enough_every_frame_is_scored(bench: Bench) -> None:
+    for index in range(40):
+        bench.frame(index)
+        bench.scores.take_in()
+        while bench.scores.score_next():
+            pass
+    assert [one.index for one in bench.told] == list(range(40))
+    for one in bench.told[1:]:
+        assert one.received == pytest.approx(expected(one.index, one.index))
+        assert one.live == pytest.approx(expected(one.index, one.index - 1))
+
+
+def test_without_time_frames_are_left_out_evenly_but_not_unreported(bench: Bench) -> None:
+    for index in range(90):
+        bench.frame(index)
+        bench.scores.take_in()
+        if index % 3 == 0:
+            bench.scores.score_next()
+    bench.scores.give_up()
+    assert sorted(one.index for one in bench.told) == list(range(90))
+    scored = [one.index for one in bench.told if one.received is not None]
+    assert len(scored) == 30
+    assert max(np.diff(scored)) <= 4
+    assert scored[-1] > 90 - WAITING_FATES - 4  # it keeps up with the present
+
+
+def test_a_helper_that_slept_still_knows_what_was_shown(bench: Bench) -> None:
+    for index in range(200):
+        bench.frame(index, shown=index % 2 == 0)
+    bench.scores.take_in()
+    bench.scores.finish(200 * FRAME_NS)
+    bench.scores.give_up()
+    assert [one.index for one in bench.told if one.shown_ns is None] == list(range(1, 200, 2))
+    assert len(bench.told) == 200
+
+
+def test_at_the_end_time_is_limited_and_every_frame_is_told(bench: Bench) -> None:
+    class HurryingClock:
+        now = 0
+
+        def now_ns(self) -> int:
+            self.now += 100 * NS_PER_MS
+            return self.now
+
+        def sleep_until_ns(self, t_ns: int) -> None:
+            raise AssertionError
+
+    for index in range(12):
+        bench.frame(index)
+    stop = threading.Event()
+    stop.set()
+    run([bench.scores], HurryingClock(), stop)
+    assert sorted(one.index for one in bench.told) == list(range(12))
+    assert 3 <= sum(one.received is not None for one in bench.told) <= 8
+
+
+class Told:
+    """What a client's helper said."""
+
+    def __init__(self) -> None:
+        self.records: list[FrameQuality] = []
+        self.failures: list[BaseException] = []
+        self._changed = threading.Condition()
+
+    def add(self, record: FrameQuality) -> None:
+        with self._changed:
+            self.records.append(record)
+            self._changed.notify_all()
+
+    def fail(self, name: str, failure: BaseException) -> None:
+        with self._changed:
+            self.failures.append(failure)
+            self._changed.notify_all()
+
+    def wait(self, records: int = 0, failures: int = 0) -> bool:
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: len(self.records) >= records and len(self.failures) >= failures, 30
+            )
+
+
+def client_of(told: Told, logs: Path) -> QualityClient:
+    return QualityClient(
+        ("eih", "gt"), WIDTH, HEIGHT, log_directory=logs, on_quality=told.add, on_failure=told.fail
+    )
+
+
+def push(client: QualityClient, index: int, shown: bool = True) -> None:
+    for view in ("eih", "gt"):
+        client.push_capture(Frame(view, index, index * FRAME_NS, picture(index)))
+        if shown:
+            shown_ns = index * FRAME_NS + NS_PER_MS
+            client.push_shown(ShownFrame(view, index, shown_ns, blurred(index)))
+
+
+def blocks() -> set[str]:
+    """Names of shared memory that this process has made."""
+    return {path.name for path in Path("/dev/shm").glob(f"tams-{os.getpid()}-*-quality")}
+
+
+def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
+    told = Told()
+    client = client_of(told, tmp_path)
+    push(client, 0)  # before the start: left out
+    client.start()
+    try:
+        assert blocks() == set()  # nothing that a killed session could leave behind
+        assert client.process is not None
+        assert client.process.pid is not None
+        assert psutil.Process(client.process.pid).nice() == LOWEST_PRIORITY
+        for index in range(1, 11):
+            push(client, index)
+            assert told.wait(records=2 * index)
+        push(client, 11, shown=False)
+    finally:
+        client.close()
+        client.close()
+    push(client, 12)  # after the end: left out
+    for view in ("eih", "gt"):
+        mine = [one for one in told.records if one.view == view]
+        assert [one.index for one in mine] == list(range(1, 12))
+        assert [one.received for one in mine[:10]] == [
+            pytest.approx(expected(index, index)) for index in range(1, 11)
+        ]
+        assert mine[10].shown_ns is None
+        assert mine[10].delivered == pytest.approx(expected(11, 10))
+    assert told.failures == []
+    assert client.process.exit_code == 0
+
+
+def test_a_helper_that_is_killed_is_told_and_hurts_nobody(tmp_path: Path) -> None:
+    told = Told()
+    client = client_of(told, tmp_path)
+    client.start()
+    try:
+        assert client.process is not None
+        assert client.process.pid is not None
+        os.kill(client.process.pid, signal.SIGKILL)
+        assert told.wait(failures=1)
+        push(client, 1)
+    finally:
+        client.close()
+    assert isinstance(told.failures[0], HelperError)
+    assert "pictures are no longer compared" in str(told.failures[0])
+
+
+def test_a_helper_that_cannot_start_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    client = client_of(Told(), tmp_path)
+    with pytest.raises(HelperError, match="quality could not be started"):
+        client.start()
+    client.close()
+    assert blocks() == set()

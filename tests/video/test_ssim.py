@@ -1,0 +1,121 @@
+"""SSIM: equal to scikit-image's on real pictures, and its moments are those of any comparison."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from skimage.metrics import structural_similarity
+
+from hw.sim.layout import draw_layout
+from hw.sim.scene import VIEWS, build_model
+from hw.sim.scene_renderer import SceneRenderer
+from tams_app.config import load_config
+from tams_app.records import Image
+from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
+
+
+@pytest.fixture(scope="module")
+def renders() -> dict[str, Image]:
+    """A picture of each view of the simulated scene, and of EIH with the arm moved on."""
+    layout = draw_layout(7)
+    qpos = build_model(layout, textured=False).qpos0.copy()
+    qpos[:6] = np.radians(load_config().arm.ready_joints_deg)
+    renderer = SceneRenderer(layout)
+    pictures = {view: renderer.render(view, qpos) for view in VIEWS}
+    qpos[:6] += 0.05
+    pictures["moved"] = renderer.render("eih", qpos)
+    renderer.close()
+    return pictures
+
+
+def of(one: Luma, other: Luma) -> float:
+    return ssim(FrameMoments.of(one), FrameMoments.of(other))
+
+
+def reference(one: Luma, other: Luma) -> float:
+    return float(
+        structural_similarity(
+            one, other, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+            data_range=255,
+        )
+    )  # fmt: skip
+
+
+def damaged(luma: Luma, how: str) -> Luma:
+    random = np.random.default_rng(3)
+    if how == "blurred":
+        return np.asarray(cv2.GaussianBlur(luma, (0, 0), 2.5), np.uint8)
+    if how == "noisy":
+        noisy = luma + random.normal(0, 12, luma.shape)
+        return np.clip(noisy, 0, 255).astype(np.uint8)
+    if how == "compressed":
+        _, data = cv2.imencode(".jpg", luma, [cv2.IMWRITE_JPEG_QUALITY, 8])
+        return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), np.uint8)
+    if how == "torn":
+        torn = luma.copy()
+        torn[200:] = np.roll(torn[200:], 40, axis=1)
+        return torn
+    return np.full_like(luma, 16)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("how", ["blurred", "noisy", "compressed", "torn", "grey"])
+def test_it_equals_scikit_image_on_renders(renders: dict[str, Image], view: str, how: str) -> None:
+    luma = luma_of(renders[view])
+    other = damaged(luma, how)
+    assert of(luma, other) < 0.99
+    assert of(luma, other) == pytest.approx(reference(luma, other), abs=2e-5)
+
+
+def test_it_equals_scikit_image_on_two_moments_of_the_scene(renders: dict[str, Image]) -> None:
+    one, other = luma_of(renders["eih"]), luma_of(renders["moved"])
+    assert 0.05 < of(one, other) < 0.95
+    assert of(one, other) == pytest.approx(reference(one, other), abs=2e-5)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    hnp.arrays(
+        np.uint8,
+        st.tuples(st.just(2), st.integers(11, 40), st.integers(11, 40)),
+        elements=st.one_of(st.sampled_from([0, 1, 254, 255]), st.integers(0, 255)),
+    )
+)
+def test_it_is_symmetric_bounded_and_equals_scikit_image_on_anything(pair: Luma) -> None:
+    one, other = pair
+    assert -1 - 1e-4 <= of(one, other) <= 1 + 1e-4
+    assert of(one, other) == pytest.approx(of(other, one), abs=1e-6)
+    assert of(one, other) == pytest.approx(reference(one, other), abs=1e-4)
+
+
+def test_a_picture_equals_itself(renders: dict[str, Image]) -> None:
+    luma = luma_of(renders["gt"])
+    assert of(luma, luma.copy()) == pytest.approx(1.0, abs=1e-7)
+    assert of(luma, damaged(luma, "grey")) < 1
+
+
+def test_moments_can_be_used_for_any_number_of_comparisons(renders: dict[str, Image]) -> None:
+    lumas = [luma_of(renders[view]) for view in VIEWS]
+    moments = [FrameMoments.of(luma) for luma in lumas]
+    for _ in range(2):
+        for here, one in enumerate(lumas):
+            for there, other in enumerate(lumas):
+                assert ssim(moments[here], moments[there]) == of(one, other)
+
+
+def test_luma_is_that_of_bt_601() -> None:
+    colours = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]], np.uint8)
+    assert luma_of(colours).tolist() == [[29, 150, 76, 255]]
+
+
+def test_pictures_without_a_whole_window_or_of_other_sizes_are_refused() -> None:
+    small, large = np.zeros((11, 11), np.uint8), np.zeros((11, 12), np.uint8)
+    assert of(small, small) == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="11x11"):
+        FrameMoments.of(np.zeros((10, 40), np.uint8))
+    with pytest.raises(ValueError, match=r"\(11, 11\) with \(11, 12\)"):
+        of(small, large)
