@@ -1,12 +1,14 @@
 """The launch descriptions of the video chains, in pieces.
 
 `encoder_chain` and `decoder_chain` are the paper's chains without their ends. `live_sender` and
-`live_receiver` put an appsrc or appsink, an rtpsession and UDP around them; a run in virtual time
-puts app elements around the same pieces. Settings and their reasons: FINDINGS 2 and 3.
+`live_receiver` put an appsrc or appsink, an rtpsession and UDP around them; `lockstep_sender` and
+`lockstep_receiver` leave the entrance open for pads that a run in virtual time pushes from.
+Settings and their reasons: FINDINGS 2 and 3.
 """
 
 from __future__ import annotations
 
+from tams_app.clock import NS_PER_MS
 from tams_app.config import VideoConfig
 from tams_app.video.ports import (
     MEDIA_PAYLOAD_TYPE,
@@ -21,11 +23,16 @@ from tams_app.video.shells import udp_sink, udp_source
 RTCP_CAPS = "application/x-rtcp"
 # AVPF (RFC 4585) lets NACK and PLI leave early, but only one in each regular interval, which is
 # 5 % of the session's bandwidth: estimated from one view it is so long that NACKs came 400 ms late.
-_SESSION = "rtpsession name=session rtp-profile=avpf bandwidth=10000000"
-_RECEIVING = f"{_SESSION} rtcp-min-interval=20000000"
+SESSION_BANDWIDTH_BPS = 10_000_000
+RECEIVER_REPORTS_NS = 20 * NS_PER_MS
 # Nothing a sender reports is urgent, and it shares the uplink: at 20 ms it took 70 kbit/s a view.
-_SENDING = f"{_SESSION} rtcp-min-interval=500000000"
-_RTX_HISTORY_MS = 1000
+SENDER_REPORTS_NS = 500 * NS_PER_MS
+_SESSION = f"rtpsession name=session rtp-profile=avpf bandwidth={SESSION_BANDWIDTH_BPS}"
+_RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
+_SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
+RTX_HISTORY_MS = 1000
+# Without async=false a live appsink never leaves PAUSED.
+_PICTURES = "appsink name=pictures async=false sync=false emit-signals=true max-buffers=4 drop=true"
 
 
 def raw_caps(config: VideoConfig) -> str:
@@ -61,7 +68,7 @@ def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
     threads=1: anything else is not deterministic. aud=false saves a fifth of the packets.
     """
     return (
-        "videoconvert n-threads=1 ! video/x-raw,format=I420 "
+        "videoconvert name=converter n-threads=1 ! video/x-raw,format=I420 "
         f"! x264enc name=encoder tune=zerolatency threads=1 speed-preset={config.preset} "
         f"bitrate={encoder_kbps} vbv-buf-capacity={round(config.vbv_ms)} "
         f"key-int-max={config.keyframe_interval} aud=false "
@@ -93,37 +100,89 @@ def decoder_chain(rule: RepairRule, decoder: str) -> str:
 def live_sender(
     config: VideoConfig, view: str, rtx: bool, encoder_kbps: int, link: ViewPorts
 ) -> str:
-    """The whole sender of a view: appsrc `pictures`, udpsink `rtp_out`, udpsrc `feedback_in`.
+    """The whole sender of a view: appsrc `pictures`, udpsink `rtp_out`, udpsrc `feedback_in`."""
+    return session_sender(
+        config,
+        view,
+        rtx,
+        encoder_kbps,
+        rtp_out=udp_sink("rtp_out", config.bind_host, link.host, link.rtp),
+        reports_out=udp_sink("reports_out", config.bind_host, link.host, link.reports),
+        feedback_in=udp_source("feedback_in", RTCP_CAPS),
+    )
+
+
+def session_sender(
+    config: VideoConfig,
+    view: str,
+    rtx: bool,
+    encoder_kbps: int,
+    *,
+    rtp_out: str,
+    reports_out: str,
+    feedback_in: str,
+) -> str:
+    """A sender with its rtpsession between any ends; pictures enter by the appsrc `pictures`.
 
     max-buffers=4: with two the first frames are lost while x264 starts.
     """
-    history = f"! rtprtxsend name=rtx max-size-time={_RTX_HISTORY_MS} " if rtx else ""
+    history = f"! rtprtxsend name=rtx max-size-time={RTX_HISTORY_MS} " if rtx else ""
     return (
         f"{_SENDING} update-ntp64-header-ext=false "
         "appsrc name=pictures is-live=true format=time block=false max-buffers=4 "
         f'leaky-type=downstream caps="{raw_caps(config)}" '
         f"! {encoder_chain(config, view, encoder_kbps)} {history}! session.send_rtp_sink "
-        f"session.send_rtp_src ! {udp_sink('rtp_out', config.bind_host, link.host, link.rtp)} "
-        "session.send_rtcp_src "
-        f"! {udp_sink('reports_out', config.bind_host, link.host, link.reports)} "
-        f"{udp_source('feedback_in', RTCP_CAPS)} ! session.recv_rtcp_sink"
+        f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
+        f"{feedback_in} ! session.recv_rtcp_sink"
     )
 
 
 def live_receiver(
     config: VideoConfig, view: str, rule: RepairRule, decoder: str, link: ViewPorts
 ) -> str:
-    """The whole receiver of a view: udpsrcs `rtp_in` and `reports_in`, appsink `pictures`.
+    """The whole receiver of a view: udpsrcs `rtp_in` and `reports_in`, appsink `pictures`."""
+    return session_receiver(
+        config,
+        view,
+        rule,
+        decoder,
+        rtp_in=udp_source("rtp_in", rtp_caps()),
+        reports_in=udp_source("reports_in", RTCP_CAPS),
+        feedback_out=udp_sink("feedback_out", config.bind_host, link.host, link.feedback),
+    )
 
-    Without async=false a live appsink never leaves PAUSED. Only the view's own SSRC is linked on.
+
+def session_receiver(
+    config: VideoConfig,
+    view: str,
+    rule: RepairRule,
+    decoder: str,
+    *,
+    rtp_in: str,
+    reports_in: str,
+    feedback_out: str,
+) -> str:
+    """A receiver with its rtpsession between any ends; pictures leave by the appsink `pictures`.
+
+    Only the view's own SSRC is linked on.
     """
     resent = "! rtprtxreceive name=rtx " if rule.rtx else ""
     return (
-        f"{_RECEIVING} {udp_source('rtp_in', rtp_caps())} ! session.recv_rtp_sink "
+        f"{_RECEIVING} {rtp_in} ! session.recv_rtp_sink "
         f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
         f"ssrcdemux.src_{media_ssrc(config, view)} ! {decoder_chain(rule, decoder)} "
-        "! appsink name=pictures async=false sync=false emit-signals=true max-buffers=4 drop=true "
-        f"{udp_source('reports_in', RTCP_CAPS)} ! session.recv_rtcp_sink "
-        "session.send_rtcp_src "
-        f"! {udp_sink('feedback_out', config.bind_host, link.host, link.feedback)}"
+        f"! {_PICTURES} {reports_in} ! session.recv_rtcp_sink "
+        f"session.send_rtcp_src ! {feedback_out}"
     )
+
+
+def lockstep_sender(config: VideoConfig, view: str, encoder_kbps: int) -> str:
+    """A view's sender in virtual time: the entrance is open, appsink `packets` is the exit."""
+    return (
+        f"{encoder_chain(config, view, encoder_kbps)} ! appsink name=packets async=false sync=false"
+    )
+
+
+def lockstep_receiver(rule: RepairRule, decoder: str) -> str:
+    """A view's receiver in virtual time: the entrance is open, appsink `pictures` is the exit."""
+    return f"{decoder_chain(rule, decoder)} ! {_PICTURES}"

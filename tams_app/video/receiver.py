@@ -2,41 +2,19 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from tams_app import gst
 from tams_app.clock import Clock
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.mailbox import Mailbox
-from tams_app.records import Image, ShownFrame
+from tams_app.records import ShownFrame
 from tams_app.video import pipelines
-from tams_app.video.frame_identity import FrameIdentity
 from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
-from tams_app.video.repair import KeyframeRequests, RepairRule
+from tams_app.video.repair import RepairRule
 from tams_app.video.shells import UdpSocket
-
-_RTP_SEQUENCE = slice(2, 4)  # of the RTP header (RFC 3550)
-_RTP_TIMESTAMP = slice(4, 8)
-
-
-@dataclass(frozen=True, slots=True)
-class ReceiverStats:
-    """What a receiver has seen so far; packets are media packets."""
-
-    frames_shown: int
-    packets_received: int  # released by the jitter buffer
-    packets_lost: int  # residual: given up after repair
-    packets_late: int  # came after they were given up
-    rtx_requested: int
-    rtx_received: int
-    pli_sent: int
-    jitter_ms: float
+from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
 
 
 class VideoReceiver:
@@ -56,17 +34,11 @@ class VideoReceiver:
         """Bind the ports; ConfigError if one is taken, SetupError if GStreamer lacks something."""
         gst.require_elements()
         self.view = view
-        self.mailbox: Mailbox[ShownFrame] = Mailbox()
         self._config = config
         self._rule = rule
         self._decoder = gst.choose_decoder(config.decoder)
-        self._clock = clock
-        self._on_shown = on_shown
-        self._identity: FrameIdentity | None = None
-        self._requests = KeyframeRequests(rule.pli_interval_ms)
-        self._requests_lock = threading.Lock()
-        self._start_request_is_idle = False
-        self._shown = 0
+        self._pictures = ViewDecoder(view, config, rule, clock, on_shown)
+        self.mailbox = self._pictures.mailbox
         self._failure = ""
         self._pipeline: Any = None
         ports = requested_ports(config, view)
@@ -97,43 +69,23 @@ class VideoReceiver:
         self._pipeline = pipeline
         self._rtp_socket.attach(pipeline.get_by_name("rtp_in"))
         self._reports_socket.attach(pipeline.get_by_name("reports_in"))
-        self._jitterbuffer = pipeline.get_by_name("jitterbuffer")
         self._resent = pipeline.get_by_name("rtx")
         if self._resent is not None:
             structure, _ = Gst.Structure.from_string(pipelines.rtx_payload_types())
             self._resent.set_property("payload-type-map", structure)
-        for name in ("session", "jitterbuffer", "ptdemux"):
-            pipeline.get_by_name(name).connect("request-pt-map", _caps_of_payload_type)
+        pipeline.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
-        depayloader = pipeline.get_by_name("depayloader")
-        self._request_pad = depayloader.get_static_pad("sink")
-        kinds = Gst.PadProbeType
-        buffers = kinds.BUFFER | kinds.BUFFER_LIST
-        self._jitterbuffer.get_static_pad("sink").add_probe(buffers, self._on_first_arrival)
-        self._jitterbuffer.get_static_pad("src").add_probe(buffers, self._on_first_packet)
-        self._request_pad.add_probe(kinds.EVENT_UPSTREAM, self._on_upstream_event)
-        depayloader.get_static_pad("src").add_probe(kinds.BUFFER, self._on_access_unit)
-        pipeline.get_by_name("pictures").connect("new-sample", self._on_picture)
+        self._pictures.attach(pipeline)
         gst.set_playing(pipeline, f"the receiver of view {self.view}")
 
     def stats(self) -> ReceiverStats:
         """Counts since the start."""
-        jitterbuffer = self._jitterbuffer.get_property("stats")
-        return ReceiverStats(
-            frames_shown=self._shown,
-            packets_received=jitterbuffer.get_value("num-pushed"),
-            packets_lost=jitterbuffer.get_value("num-lost"),
-            packets_late=jitterbuffer.get_value("num-late"),
-            rtx_requested=jitterbuffer.get_value("rtx-count"),
-            rtx_received=jitterbuffer.get_value("rtx-success-count"),
-            pli_sent=self._requests.sent,
-            jitter_ms=jitterbuffer.get_value("avg-jitter") / 1e6,
-        )
+        return self._pictures.stats()
 
     def poll(self) -> str:
         """Why this receiver no longer works, in one sentence; "" while it does."""
         if not self._failure and self._pipeline is not None:
-            reason = gst.poll_bus(self._pipeline)
+            reason = self._pictures.failure or gst.poll_bus(self._pipeline)
             if reason:
                 self._failure = f"the receiver of view {self.view} failed: {reason}"
         return self._failure
@@ -157,88 +109,3 @@ class VideoReceiver:
         self._pipeline.add(drain)
         drain.sync_state_with_parent()
         pad.link(drain.get_static_pad("sink"))
-
-    def _on_first_arrival(self, pad: Any, probe: Any) -> Any:
-        """Let the jitter buffer's patience count from the first packet's arrival, then leave.
-
-        With mode=none its clock starts at the pipeline's start, so that a receiver that waited
-        for its sender would give every gap up at once.
-        """
-        first = next(gst.buffers_of(probe))
-        self._jitterbuffer.set_property("ts-offset", first.dts)
-        return gst.load().Gst.PadProbeReturn.REMOVE
-
-    def _on_first_packet(self, pad: Any, probe: Any) -> Any:
-        """Anchor the frame identity, then leave: no Python per packet."""
-        first = next(gst.buffers_of(probe))
-        header = first.extract_dup(0, 12)
-        timestamp = int.from_bytes(header[_RTP_TIMESTAMP], "big")
-        self._identity = FrameIdentity(self._config.fps, first.pts, timestamp)
-        # the depayloader asks for a keyframe at every start; packet 0 begins with one
-        self._start_request_is_idle = header[_RTP_SEQUENCE] == b"\0\0"
-        return gst.load().Gst.PadProbeReturn.REMOVE
-
-    def _on_upstream_event(self, pad: Any, probe: Any) -> Any:
-        """Let a keyframe request of the depayloader pass, or keep it for later."""
-        modules = gst.load()
-        results = modules.Gst.PadProbeReturn
-        if not modules.GstVideo.video_event_is_force_key_unit(probe.get_event()):
-            return results.OK
-        if self._start_request_is_idle:
-            self._start_request_is_idle = False
-            return results.DROP
-        with self._requests_lock:
-            return results.OK if self._requests.request(self._clock.now_ns()) else results.DROP
-
-    def _on_access_unit(self, pad: Any, probe: Any) -> Any:
-        Gst = gst.load().Gst
-        buffer = probe.get_buffer()
-        if not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT):
-            with self._requests_lock:
-                self._requests.keyframe(damaged=buffer.has_flags(Gst.BufferFlags.DISCONT))
-        return Gst.PadProbeReturn.OK
-
-    def _on_picture(self, appsink: Any) -> Any:
-        Gst = gst.load().Gst
-        try:
-            self._show(appsink.emit("pull-sample").get_buffer())
-        except Exception as error:  # noqa: BLE001 - the owner is told by poll()
-            self._failure = f"the receiver of view {self.view} failed: {error!r}"
-            return Gst.FlowReturn.ERROR
-        return Gst.FlowReturn.OK
-
-    def _show(self, buffer: Any) -> None:
-        if self._identity is None:
-            raise TamsError("a picture came out before a packet went in")
-        height, width = self._config.height, self._config.width
-        pixels = np.frombuffer(buffer.extract_dup(0, buffer.get_size()), np.uint8)
-        image: Image = pixels.reshape(height, width, 3)
-        index = self._identity.index(buffer.pts)
-        shown = ShownFrame(self.view, index, self._clock.now_ns(), image)
-        self.mailbox.put(shown)
-        self._shown += 1
-        self._on_shown(shown)
-        self._send_waiting_request()
-
-    # --- keyframe requests ------------------------------------------------------------------
-
-    def _send_waiting_request(self) -> None:
-        with self._requests_lock:
-            due = self._requests.due(self._clock.now_ns())
-        if due:
-            self._request_keyframe()
-
-    def _request_keyframe(self) -> None:
-        """Send a request past our own probe, straight to the element before the depayloader."""
-        modules = gst.load()
-        event = modules.GstVideo.video_event_new_upstream_force_key_unit(
-            modules.Gst.CLOCK_TIME_NONE, True, 0
-        )
-        before = self._request_pad.get_peer()
-        if before is not None:
-            before.send_event(event)
-
-
-def _caps_of_payload_type(_: Any, *arguments: int) -> Any:
-    """Answer `request-pt-map`; its last argument is the payload type."""
-    return gst.load().Gst.Caps.from_string(pipelines.rtp_caps(arguments[-1]))

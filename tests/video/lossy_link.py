@@ -30,6 +30,7 @@ class LossyLink:
     ) -> None:
         self.rtp: list[bytes] = []
         self.feedback: list[bytes] = []
+        self.delivered: list[tuple[int, bytes]] = []  # RTP, with the time [ns] it went out
         self._keep = keep
         self._delay_s = delay_s
         self._jitter_s = jitter_s
@@ -67,6 +68,8 @@ class LossyLink:
                 self._take_in(self._sockets.index(ready), ready)
             while self._underway and self._underway[0][0] <= time.monotonic():
                 _, _, flow, data = heapq.heappop(self._underway)
+                if flow == 0:
+                    self.delivered.append((time.monotonic_ns(), data))
                 self._sockets[flow].sendto(data, ("127.0.0.1", self._exits[flow]))
 
     def _take_in(self, flow: int, ready: socket.socket) -> None:

@@ -50,3 +50,30 @@ def test_every_picture_is_known_from_any_first_packet(
     identity = FrameIdentity(fps, receiver_pts(first), first_timestamp)
     for index in [first, *(max(0, first + other) for other in others)]:
         assert identity.index(receiver_pts(index)) == index
+
+
+@given(
+    first=st.integers(0, 2**33),
+    steps=st.lists(st.integers(1, 90_000 * 3600), min_size=1, max_size=20),
+    restart=st.integers(0, 19),
+    fps=frame_rates,
+)
+def test_a_restart_of_the_pts_is_seen_and_measured_through_wrapping_timestamps(
+    first: int, steps: list[int], restart: int, fps: int
+) -> None:
+    identity = FrameIdentity(fps, NS_PER_S, first % 2**32)
+    ticks = missing_ns = 0
+    for order, step in enumerate(steps):
+        ticks += step
+        true_ns = NS_PER_S + ticks * NS_PER_S // RTP_CLOCK_HZ
+        if order == restart:
+            missing_ns = true_ns - NS_PER_S
+        expected_ns = missing_ns if 2 * fps * missing_ns >= NS_PER_S else 0
+        assert identity.follow(true_ns - missing_ns, (first + ticks) % 2**32) == expected_ns
+
+
+def test_rounding_of_timestamps_is_no_restart() -> None:
+    identity = FrameIdentity(30, 0, 0)
+    for index in range(1, 1000):
+        pts_ns = pts_of_index(index, 30)
+        assert identity.follow(pts_ns - 11_111, rtp_timestamp_of(pts_ns)) == 0

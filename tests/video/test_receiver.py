@@ -14,6 +14,7 @@ from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError, SetupError
 from tams_app.video.ports import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
 from tams_app.video.receiver import VideoReceiver
+from tams_app.video.repair import RepairRule
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED, checksum, decoded_checksums, stream
@@ -74,6 +75,42 @@ def test_a_gap_in_the_captures_stays_a_gap() -> None:
         joined.push(range(45, 55))
         assert joined.wait_until(lambda: len(joined.shown) == 20)
     assert joined.shown_indices() == [*range(10), *range(45, 55)]
+
+
+@pytest.mark.parametrize("first_after", [10 + 170, 10 + 200, 20_000])
+def test_captures_that_were_missing_for_seconds_leave_the_indices_right(first_after: int) -> None:
+    # 3 s without packets, as after a stopped process, and the jitter buffer restarts its PTS
+    with stream() as joined:
+        joined.push(range(10))
+        joined.push(range(first_after, first_after + 15))
+        assert joined.wait_until(lambda: len(joined.shown) == 25)
+    assert {each.index: checksum(each) for each in joined.shown} == decoded_checksums(
+        joined.encoded
+    )
+
+
+def test_a_link_that_was_down_for_seconds_leaves_identity_and_repair_right() -> None:
+    lost = []
+
+    def keep(ordinal: int, datagram: bytes) -> bool:
+        sequence, timestamp = struct.unpack_from(">HI", datagram, 2)
+        index = round(timestamp / 3000)
+        once = index == 150 and is_media(datagram) and not lost
+        lost.extend([sequence] if once else [])
+        return not once and not 10 <= index < 110
+
+    with stream(LossyLink(keep), RepairRule(True, 1000, 300.0), fps=30) as joined:
+        joined.push(range(160))
+        assert joined.wait_until(lambda: bool(joined.shown) and joined.shown[-1].index == 159)
+        stats = joined.receiver.stats()
+    references = decoded_checksums(joined.encoded)
+    first_whole = next(each.index for each in joined.encoded if each.index > 10 and each.keyframe)
+    assert first_whole < 150
+    assert joined.shown_indices() == [*range(10), *range(110, 160)]
+    whole = [each for each in joined.shown if not 10 <= each.index < first_whole]
+    assert [checksum(each) for each in whole] == [references[each.index] for each in whole]
+    assert len(lost) == 1
+    assert stats.rtx_received >= 1  # it still waits for repair
 
 
 def test_identity_is_exact_under_loss_and_jitter() -> None:
@@ -224,7 +261,7 @@ def test_an_unknown_decoder_is_refused_before_anything_is_bound() -> None:
 
 def test_an_exception_of_the_consumer_is_told_to_the_owner() -> None:
     with stream() as joined:
-        joined.receiver._on_shown = lambda shown: 1 / 0
+        joined.receiver._pictures._on_shown = lambda shown: 1 / 0
         joined.sender.push(frame(0))
         failed = threading.Event()
         for _ in range(200):

@@ -1,0 +1,125 @@
+"""One view's way into the encoder and out of it, the same live and in virtual time.
+
+Around it stand the shells: `sender.VideoSender` with sockets, `lockstep` under a virtual clock.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from tams_app import gst
+from tams_app.clock import NS_PER_S, Clock
+from tams_app.config import VideoConfig
+from tams_app.errors import TamsError
+from tams_app.records import DroppedFrame, EncodedFrame, Frame
+from tams_app.video.encoder_servo import EncoderServo
+from tams_app.video.frame_identity import index_of_pts, pts_of_index
+from tams_app.video.source_drop import SourceDrop
+
+
+class ViewEncoder:
+    """Decides what is encoded and at which rate, and tells what came out.
+
+    `admit` from one thread, `set_target_kbps` from any. `on_encoded` runs in the encoder's thread
+    once per frame, `on_dropped` in the thread that admits: both must only hand over.
+    `start_kbps`: target until the first is set.
+    """
+
+    def __init__(
+        self,
+        view: str,
+        config: VideoConfig,
+        clock: Clock,
+        start_kbps: float,
+        source_drop_below_kbps: float,
+        on_encoded: Callable[[EncodedFrame], None],
+        on_dropped: Callable[[DroppedFrame], None],
+    ) -> None:
+        self.view = view
+        self.encoded = self.dropped = self.keyframes = 0
+        self.lost = 0  # admitted, but overrun in front of a busy encoder
+        self.failure = ""
+        self._config = config
+        self._clock = clock
+        self._on_encoded = on_encoded
+        self._on_dropped = on_dropped
+        self._target_kbps = start_kbps
+        self._source_drop = SourceDrop(source_drop_below_kbps)
+        self._servo = EncoderServo(config.fps, config.mtu_bytes)
+        self._lock = threading.Lock()
+        self._underway: dict[int, tuple[int, int]] = {}  # captured and admitted, not yet encoded
+        frame_target_kbps = self._source_drop.frame_target_kbps(start_kbps)
+        self.encoder_kbps = round(self._servo.payload_kbps(frame_target_kbps))
+
+    def attach(self, pipeline: Any) -> None:
+        """Take the `encoder` of a chain that was built with `encoder_kbps`."""
+        self._encoder = pipeline.get_by_name("encoder")
+        self._encoder.get_static_pad("src").add_probe(
+            gst.load().Gst.PadProbeType.BUFFER, self._on_encoder_output
+        )
+
+    def set_target_kbps(self, kbps: float) -> None:
+        """The wire rate to meet from the next frame on: IP datagrams, repair included."""
+        self._target_kbps = kbps
+
+    def admit(self, frame: Frame, wire_bytes: int) -> Any | None:
+        """The buffer to encode for `frame`; None if its target cannot pay for it.
+
+        `wire_bytes`: IP datagram bytes that have left so far, repair packets included.
+        """
+        admitted_ns, target_kbps = self._clock.now_ns(), self._target_kbps
+        if not self._source_drop.keep(target_kbps):
+            self.dropped += 1
+            self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns))
+            return None
+        self._set_encoder_rate(wire_bytes, self._source_drop.frame_target_kbps(target_kbps))
+        with self._lock:
+            self._underway[frame.index] = (frame.capture_ns, admitted_ns)
+        fps = self._config.fps
+        pts_ns = pts_of_index(frame.index, fps)
+        return gst.raw_buffer(frame.image.tobytes(), pts_ns, NS_PER_S // fps)
+
+    def _set_encoder_rate(self, wire_bytes: int, frame_target_kbps: float) -> None:
+        encoder_kbps = self._servo.step(wire_bytes, frame_target_kbps)
+        if encoder_kbps != self.encoder_kbps:
+            self._encoder.set_property("bitrate", encoder_kbps)
+            self.encoder_kbps = encoder_kbps
+
+    # --- in the encoder's thread ------------------------------------------------------------
+
+    def _on_encoder_output(self, pad: Any, probe: Any) -> Any:
+        Gst = gst.load().Gst
+        try:
+            self._hand_over(pad, probe.get_buffer(), Gst)
+        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+            self.failure = repr(error)
+        return Gst.PadProbeReturn.OK
+
+    def _hand_over(self, pad: Any, buffer: Any, Gst: Any) -> None:
+        encoded_ns = self._clock.now_ns()
+        # x264enc shifts PTS by 1000 h and says so in its segment
+        segment = pad.get_sticky_event(Gst.EventType.SEGMENT, 0).parse_segment()
+        running_ns = segment.to_running_time(Gst.Format.TIME, buffer.pts)
+        index = index_of_pts(running_ns, self._config.fps)
+        keyframe = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
+        capture_ns, admitted_ns = self._take_underway(index)
+        self.encoded += 1
+        self.keyframes += keyframe
+        data = buffer.extract_dup(0, buffer.get_size())
+        self._on_encoded(
+            EncodedFrame(self.view, index, capture_ns, encoded_ns, keyframe, data, admitted_ns)
+        )
+
+    def _take_underway(self, index: int) -> tuple[int, int]:
+        """When `index` was captured and admitted [ns]; earlier ones still underway are lost."""
+        with self._lock:
+            times = self._underway.pop(index, None)
+            overrun = [earlier for earlier in self._underway if earlier < index]
+            for earlier in overrun:
+                del self._underway[earlier]
+            self.lost += len(overrun)
+        if times is None:
+            raise TamsError(f"the encoder returned frame {index}, which was never pushed")
+        return times
