@@ -1,0 +1,170 @@
+"""The real video chain for faults: synthetic cameras, senders, relay process, receivers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from hw.camera import Camera
+from tams_app.clock import NS_PER_S, MonotonicClock
+from tams_app.config import Network, load_config
+from tams_app.records import Frame, Image, ShownFrame
+from tams_app.session.captures import Capture
+from tams_app.session.uplink import Uplink, UplinkRecords
+from tams_app.teleop.safety import ArmingState
+from tams_app.worker import Worker
+
+from .bench import ACROSS, PERIOD_S, Bench
+
+WIDTH, HEIGHT, FPS = 320, 240, 30
+VIEWS = ("eih", "gt", "gs")
+START_KBPS = 600
+FRESH_NS = 400_000_000  # younger than any age that slows the arm
+PATIENCE_S = 40.0
+_SWING_S = 0.5
+
+
+class PatternCamera(Camera):
+    """A moving pattern at 30 pictures a second, until it is `frozen`."""
+
+    def __init__(self, view: str) -> None:
+        self.view = view
+        self.frozen = False
+        self._canvas = np.random.default_rng(len(view)).integers(
+            0, 255, (HEIGHT // 8, WIDTH // 4, 3), dtype=np.uint8
+        )
+        self._start_ns = time.monotonic_ns()
+        self._index = -1
+
+    def start(self) -> None:
+        """Nothing to open."""
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        if self.frozen:
+            time.sleep(timeout_s)
+            return None
+        newest = (time.monotonic_ns() - self._start_ns) * FPS // NS_PER_S
+        self._index = max(newest, self._index + 1)
+        due_ns = self._start_ns + self._index * NS_PER_S // FPS
+        time.sleep(max(0.0, (due_ns - time.monotonic_ns()) / NS_PER_S))
+        return Frame(self.view, self._index, time.monotonic_ns(), self._picture())
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def _picture(self) -> Image:
+        rolled = np.roll(self._canvas, self._index % (WIDTH // 4), axis=1)
+        return np.ascontiguousarray(np.repeat(np.repeat(rolled, 8, axis=0), 4, axis=1))
+
+
+class Chain:
+    """Three views from camera to mailbox over one link; ages are those of this machine's clock."""
+
+    def __init__(
+        self,
+        network: Network,
+        logs: Path,
+        epoch_ns: int | None = None,
+        on_shown: Callable[[ShownFrame], None] = lambda shown: None,
+    ) -> None:
+        config = load_config(
+            overrides={"video.width": WIDTH, "video.height": HEIGHT, "video.fps": FPS}
+        )
+        self.failures: list[tuple[str, BaseException]] = []
+        self.ages_ns: list[int] = []  # of the primary view, as the control loop asked for it
+        records = UplinkRecords(
+            encoded=lambda frame: None,
+            dropped=lambda frame: None,
+            shown=on_shown,
+            packets=lambda packets: None,
+            failed=lambda name, failure: self.failures.append((name, failure)),
+        )
+        clock = MonotonicClock()
+        self.uplink = Uplink(config, network, epoch_ns or clock.now_ns(), clock, records, logs)
+        self.cameras = {view: PatternCamera(view) for view in VIEWS}
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Chain:
+        with self._stack:
+            self._stack.callback(self.uplink.close)
+            self.uplink.start(dict.fromkeys(VIEWS, START_KBPS))
+            for view, camera in self.cameras.items():
+                capture = Capture(camera, self.uplink.times[view], [self.uplink.push])
+                worker = Worker(f"capture-{view}", capture.run, self._fail)
+                self._stack.callback(worker.stop, 10.0)
+                worker.start()
+            until(self.is_fresh, "the first pictures")
+            self._stack = self._stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    @property
+    def relay_pid(self) -> int:
+        pid = self.uplink.relay_pid
+        assert pid is not None
+        return pid
+
+    def age_ns(self, view: str, now_ns: int) -> int | None:
+        """As `Uplink.age_ns`, but at this moment, whatever the bench's clock says."""
+        age = self.uplink.age_ns(view, time.monotonic_ns())
+        self.ages_ns.append(1 << 62 if age is None else age)
+        return age
+
+    def is_fresh(self) -> bool:
+        """Whether every view shows a young picture."""
+        now_ns = time.monotonic_ns()
+        ages = [self.uplink.age_ns(view, now_ns) for view in VIEWS]
+        return all(age is not None and age < FRESH_NS for age in ages)
+
+    def _fail(self, name: str, failure: BaseException) -> None:
+        self.failures.append((name, failure))
+
+
+class LiveBench:
+    """A bench whose ticks pass in real time, its hand swinging to and fro; see `Bench`."""
+
+    def __init__(self, chain: Chain, log: Path) -> None:
+        self.chain = chain
+        self.bench = Bench(log=log, sight=chain)
+        self.bench.arm_it()
+        self._engage()
+
+    def _engage(self) -> None:
+        """Press the trigger, and again if the pictures were old just then."""
+
+        def engaged() -> bool:
+            if self.bench.outputs[-1].arming is ArmingState.ENGAGED:
+                return True
+            self.bench.hand.trigger = 1.0 - self.bench.hand.trigger
+            return False
+
+        self.run_until(engaged, "the arm to engage")
+
+    def run_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Tick at the loop's rate until `condition` holds."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline_s, f"waited for {what} in vain"
+            sign = 1 if int(time.monotonic() / _SWING_S) % 2 else -1
+            self.bench.hand.velocity = sign * 0.2 * ACROSS
+            self.bench.tick()
+            time.sleep(PERIOD_S)
+
+    def run(self, seconds: float) -> None:
+        """Tick for so long of real time."""
+        end_s = time.monotonic() + seconds
+        self.run_until(lambda: time.monotonic() >= end_s, "time to pass")
+
+
+def until(condition: Callable[[], bool], what: str) -> None:
+    """Wait for a condition."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline_s, f"waited for {what} in vain"
+        time.sleep(0.01)

@@ -1,0 +1,145 @@
+"""The guard stops an arm whose control loop is silent; the loop stops an arm without a guard.
+
+The guard is the real process, against the controller on TCP, beside the real driver.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tams_app.session.guarding import SILENCE_NS
+from tams_app.teleop.safety import ArmingState, Reason
+
+from .arm_bench import LiveBench, MakeBench
+from .arm_promises import is_logged, is_stopped, moving_connections, recovers, stands
+from .bench import PERIOD_NS
+from .wire import Request
+
+PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
+TIMEOUT_MS = 100.0
+KILLED_TICKS = 2  # the first beat is refused, the next tick hears of it
+STOPPED_TICKS = SILENCE_NS // PERIOD_NS + 2
+ATTEMPTS = 10
+
+
+def guard_pid(bench: LiveBench) -> int:
+    assert bench.guarding is not None
+    pid = bench.guarding.process.pid
+    assert pid is not None
+    return pid
+
+
+@pytest.fixture(params=["velocity", "pose"])
+def patient(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> LiveBench:
+    bench = make_bench(request.param, folder=tmp_path)
+    bench.add_guard(PATIENT_MS)
+    return bench
+
+
+def test_a_killed_guard_stops_the_arm(patient: LiveBench) -> None:
+    bench = patient
+    bench.engage_and_move()
+    os.kill(guard_pid(bench), signal.SIGKILL)
+    assert bench.guarding is not None
+    process = bench.guarding.process
+    bench.until(lambda: process.exit_code is not None)
+    since = bench.next
+    seen = bench.run_until_state(ArmingState.FAULT)
+    assert seen - since < KILLED_TICKS
+    is_stopped(bench, seen, Reason.GUARD_LOST)
+    stays(bench)
+    is_logged(bench, seen, Reason.GUARD_LOST)
+
+
+def test_a_guard_that_hangs_stops_the_arm(patient: LiveBench) -> None:
+    bench = patient
+    bench.engage_and_move()
+    os.kill(guard_pid(bench), signal.SIGSTOP)
+    try:
+        since = bench.next
+        seen = bench.run_until_state(ArmingState.FAULT)
+        assert seen - since <= STOPPED_TICKS
+        is_stopped(bench, seen, Reason.GUARD_LOST)
+    finally:
+        os.kill(guard_pid(bench), signal.SIGCONT)
+    stays(bench)
+
+
+def stays(bench: LiveBench) -> None:
+    """The sentence asks for a new session: nothing else ends this fault."""
+    assert "start the session again" in Reason.GUARD_LOST.sentence
+    bench.hand.trigger = 0.0
+    bench.run(3)
+    bench.signals.confirm()
+    stands(bench, 30)
+    assert bench.outputs[-1].arming is ArmingState.FAULT
+
+
+# --- the control loop is held up ----------------------------------------------------------------
+
+Undisturbed = Callable[[], LiveBench]
+
+
+@pytest.fixture(params=["velocity", "pose"])
+def undisturbed(
+    request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
+) -> Undisturbed:
+    """Makes a guarded arm that moves; anew if the machine held the loop up for too long."""
+
+    def make() -> LiveBench:
+        for attempt in range(ATTEMPTS):
+            folder = tmp_path / str(attempt)
+            folder.mkdir()
+            bench = make_bench(request.param, folder=folder)
+            bench.add_guard(TIMEOUT_MS)
+            try:
+                bench.engage_and_move()
+            except AssertionError:
+                if bench.longest_gap_s < 0.9 * TIMEOUT_MS / 1000:
+                    raise
+            else:
+                return bench
+        pytest.skip("this machine holds the control loop up all the time")
+
+    return make
+
+
+def stops_between(bench: LiveBench, first: int, after: int) -> list[Request]:
+    return [each for each in bench.requests(first) if each.is_stop and each.tick < after]
+
+
+def test_a_short_stall_of_the_control_loop_changes_nothing(undisturbed: Undisturbed) -> None:
+    for _ in range(ATTEMPTS):
+        bench = undisturbed()
+        since = bench.next
+        bench.longest_gap_s = 0.0
+        bench.stall(0.050)
+        bench.run(20)
+        if bench.longest_gap_s < 0.9 * TIMEOUT_MS / 1000:
+            break
+    assert {output.arming for output in bench.outputs[since:]} == {ArmingState.ENGAGED}
+    assert stops_between(bench, since - 1, bench.next) == []
+
+
+@pytest.mark.parametrize("stall_ms", [200, 1000])
+def test_the_guard_stops_the_arm_of_a_stalled_loop_which_then_knows_why(
+    undisturbed: Undisturbed, stall_ms: int
+) -> None:
+    bench = undisturbed()
+    connections = {each.connection for each in bench.requests(0)}
+    seen = bench.next
+    bench.stall(stall_ms / 1000)
+    stop = stops_between(bench, seen - 1, seen)[0]
+    assert stop.connection not in connections, "the guard has one of its own"
+    assert stop.connection not in moving_connections(bench)
+    position = bench.position
+    bench.run(1)
+    assert abs(bench.positions[-1] - position).max() < 1e-9, "at rest before the loop went on"
+    is_stopped(bench, seen, Reason.GUARD_STOPPED)
+    recovers(bench)
+    is_logged(bench, seen, Reason.GUARD_STOPPED)

@@ -1,0 +1,244 @@
+"""The way to the arm fails: no replies, slow ones, a broken connection, a silent report stream."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hw.sim.controller_codes import Register
+from hw.sim.controller_settings import ControllerSettings
+from tams_app.records import Tick
+from tams_app.teleop.safety import ArmingState, Reason
+
+from .arm_bench import SIDEWAYS, ArmBench, LiveBench, MakeBench
+from .arm_promises import is_logged, is_stopped, only_stops, recovers, reengages, stands
+
+STALE_TICKS = 13  # 100 ms, and the tick that sees it
+SILENT_TICKS = 121  # 1 s, and the tick that sees it
+TICKS_TO_REST = 12  # of the stop profile, from full speed
+REPLY_TIMEOUT_S = 0.1
+
+
+def lost(tick: Tick) -> bool:
+    return tick.link.failure != ""
+
+
+def until_lost(bench: LiveBench) -> int:
+    """The tick that will be the first to see that the link has failed."""
+    bench.until(lambda: bench.arm.link().failure != "")
+    seen = bench.next
+    bench.run(1)
+    assert lost(bench.ticks[seen])
+    return seen
+
+
+def holds_first(bench: ArmBench, since: int, reason: Reason) -> int:
+    """The tick, `since` or later, in which an engaged arm begins to hold, for `reason`."""
+    held = bench.run_until_state(ArmingState.HOLDING)
+    assert all(output.arming is ArmingState.ENGAGED for output in bench.outputs[since:held])
+    assert bench.outputs[held].reason is reason
+    return held
+
+
+def brakes(bench: ArmBench, held: int) -> None:
+    """From tick `held` on the loop asks for the stop profile and then for exactly zero."""
+    speeds = [float(np.linalg.norm(tick.twist.linear)) for tick in bench.ticks[held:]]
+    assert speeds == sorted(speeds, reverse=True)
+    assert not any(speeds[TICKS_TO_REST:])
+
+
+def answer_again(bench: LiveBench) -> None:
+    bench.server.is_mute = lambda frame: False
+    bench.server.reply_delay_s = 0.0
+    bench.in_step = True
+
+
+# --- replies ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("servo", ["velocity", "pose"])
+def test_without_replies_the_arm_holds_and_then_is_stopped_until_it_answers(
+    make_bench: MakeBench, servo: str
+) -> None:
+    bench = make_bench(servo, reply_timeout_s=REPLY_TIMEOUT_S)
+    bench.engage_and_move()
+    bench.quiesce()
+    bench.in_step = False
+    bench.server.is_mute = lambda frame: True
+    since = bench.next
+    held = holds_first(bench, since, Reason.ARM_REPLY_LATE)
+    assert held - since <= STALE_TICKS
+    seen = bench.run_until_state(ArmingState.FAULT)
+    assert seen == bench.first_seen(lost, since)
+    bench.run_until(lambda output: len(only_stops(bench, seen)) >= 3)  # nobody acknowledges
+    is_stopped(bench, seen, Reason.ARM_LINK_LOST, "does not answer")
+    brakes(bench, held)
+    recovers(bench, lambda: answer_again(bench))
+
+
+def test_replies_later_than_a_period_are_counted_and_the_arm_goes_on(
+    live_bench: LiveBench,
+) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    slow = bench.ticks[-1].link.slow
+    bench.in_step = False
+    bench.server.reply_delay_s = 0.025
+    bench.run(20)
+    bench.server.reply_delay_s = 0.0
+    assert bench.ticks[-1].link.slow > slow
+    assert {output.arming for output in bench.outputs[-20:]} == {ArmingState.ENGAGED}
+    assert bench.travel_m(bench.next - 10) > 0.004, "it still moves"
+
+
+def test_replies_later_than_the_arm_may_be_blind_hold_it_until_the_trigger_was_released(
+    make_bench: MakeBench,
+) -> None:
+    bench = make_bench()
+    bench.engage_and_move()
+    bench.quiesce()
+    bench.in_step = False
+    bench.server.reply_delay_s = 0.2
+    held = holds_first(bench, bench.next, Reason.ARM_REPLY_LATE)
+    bench.run(2 * TICKS_TO_REST)
+    brakes(bench, held)
+    answer_again(bench)
+    bench.run_until(lambda output: bench.ticks[-1].link.round_trip_ns < 50_000_000)
+    bench.run(3)
+    assert bench.outputs[-1].arming is ArmingState.HOLDING
+    stands(bench)
+    bench.hand.trigger = 0.0
+    bench.run_until_state(ArmingState.READY)
+    reengages(bench)
+
+
+def test_the_pose_servo_does_not_leap_to_where_the_hand_went_while_a_reply_was_due(
+    make_bench: MakeBench,
+) -> None:
+    bench = make_bench("pose")
+    bench.engage_and_move()
+    bench.quiesce()
+    bench.in_step = False
+    bench.server.reply_delay_s = 0.2
+    since = bench.next
+    seen = bench.run_until_state(ArmingState.FAULT)
+    assert seen == bench.first_seen(lost, since)
+    is_stopped(bench, seen, Reason.ARM_REFUSES, "step")
+    recovers(bench, lambda: answer_again(bench))
+
+
+def test_replies_later_than_the_time_out_are_a_fault(make_bench: MakeBench) -> None:
+    bench = make_bench(reply_timeout_s=REPLY_TIMEOUT_S)
+    bench.engage_and_move()
+    bench.quiesce()
+    bench.in_step = False
+    bench.server.reply_delay_s = 2.5 * REPLY_TIMEOUT_S
+    since = bench.next
+    seen = bench.run_until_state(ArmingState.FAULT)
+    assert seen == bench.first_seen(lost, since)
+    is_stopped(bench, seen, Reason.ARM_LINK_LOST, "does not answer")
+    recovers(bench, lambda: answer_again(bench))
+
+
+# --- connections --------------------------------------------------------------------------------
+
+
+def test_a_reset_connection_stops_the_arm_over_a_new_one(live_bench: LiveBench) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    bench.quiesce()
+    bench.server.drop_connections()
+    seen = until_lost(bench)
+    bench.run(5)
+    only_stops(bench, seen)
+    stands(bench)
+    assert {output.reason for output in bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
+    recovers(bench)
+    is_logged(bench, seen, Reason.ARM_LINK_LOST)
+
+
+def test_a_command_connection_that_breaks_alone_stops_the_arm(live_bench: LiveBench) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    bench.quiesce()
+    motions = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_SERVO_CARTESIAN_AA)
+    bench.server.is_cut = lambda frame: frame.register in motions
+    bench.run(1)
+    seen = until_lost(bench)
+    bench.server.is_cut = lambda frame: False
+    is_stopped(bench, seen, Reason.ARM_LINK_LOST, "connection to the arm is lost")
+    recovers(bench)
+
+
+@pytest.mark.parametrize("ticks_away", [20, SILENT_TICKS + 20])
+def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
+    live_bench: LiveBench, ticks_away: int
+) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    bench.quiesce()
+    settings = bench.model.settings
+    offset, sensitivity = settings.tcp_offset, settings.collision_sensitivity
+    bench.reachable = False
+    bench.server.refuse_connections = True
+    bench.server.drop_connections()
+    seen = until_lost(bench)
+    with bench.lock:
+        power_cycle(bench)
+    bench.run(ticks_away)
+    assert bench.requests(seen) == []
+    bench.server.refuse_connections = False
+    bench.run_until(lambda output: bool(bench.requests(seen)))
+    assert all(request.is_stop for request in bench.requests(seen))
+    stands(bench)
+    assert {output.reason for output in bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
+    bench.reachable = True
+    recovers(bench)
+    assert bench.model.settings.tcp_offset == pytest.approx(offset)
+    assert bench.model.settings.collision_sensitivity == sensitivity
+
+
+def power_cycle(bench: ArmBench) -> None:
+    """What the controller knew is gone; the arm stands with its brakes on."""
+    bench.model.settings = ControllerSettings()
+    bench.model.set_tcp_offset((0.0,) * 6)
+    bench.model.set_mode(0)
+    bench.model.enable(False)
+
+
+# --- reports ------------------------------------------------------------------------------------
+
+
+def test_frozen_reports_hold_the_arm_although_commands_succeed(arm_bench: ArmBench) -> None:
+    bench = arm_bench
+    bench.engage_and_move()
+    bench.model.reports_frozen = True
+    since = bench.next
+    held = holds_first(bench, since, Reason.ARM_STATE_STALE)
+    assert held - since <= STALE_TICKS
+    bench.run(2 * TICKS_TO_REST)
+    brakes(bench, held)
+    assert bench.requests(held)[-1].is_motion, "it holds, and goes on commanding zero"
+    bench.model.reports_frozen = False
+    bench.run(5)
+    assert bench.outputs[-1].arming is ArmingState.HOLDING
+    stands(bench)
+    bench.hand.trigger = 0.0
+    bench.run_until_state(ArmingState.READY)
+    reengages(bench)
+
+
+def test_reports_that_stay_frozen_are_a_fault(arm_bench: ArmBench) -> None:
+    bench = arm_bench
+    bench.engage_and_move(SIDEWAYS / 2)
+    bench.model.reports_frozen = True
+    since = bench.next
+    seen = bench.run_until_state(ArmingState.FAULT)
+    assert seen - since <= SILENT_TICKS
+    assert bench.outputs[seen].reason is Reason.ARM_SILENT
+    bench.run(5)
+    assert len(only_stops(bench, seen)) >= 5, "repeated until a report tells of it"
+    bench.model.reports_frozen = False
+    is_stopped(bench, seen, Reason.ARM_SILENT)
+    recovers(bench)
+    is_logged(bench, seen, Reason.ARM_SILENT, stopped_for=Reason.ARM_STATE_STALE)

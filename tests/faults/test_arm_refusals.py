@@ -1,0 +1,223 @@
+"""The arm answers, and refuses: motion, the stop, getting ready, the gripper; or is not fit."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+import pytest
+
+from hw.arm import Arm
+from hw.lite6 import Lite6
+from hw.sim.controller_codes import Register, ReplyBit, State
+from hw.sim.inprocess_arm import InProcessArm
+from tams_app.clock import MonotonicClock, VirtualClock
+from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Tick
+from tams_app.teleop.safety import ArmingState, Reason
+
+from .arm_bench import ArmBench, FaultyServer, LiveBench, tapped_model
+from .arm_promises import is_logged, is_stopped, recovers, reengages
+from .wire import TappedModel
+
+MOTIONS = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_SERVO_CARTESIAN_AA)
+INVALID = bytes([ReplyBit.INVALID])
+NOT_READY = bytes([ReplyBit.NOT_READY])
+REFUSALS = 5
+OUTPUT_OPEN = struct.pack(">i", 0b01)  # of the tool: the gripper opens
+
+
+def refuse(bench: ArmBench, *registers: int, reply: bytes = INVALID) -> None:
+    """From now on requests of these registers are answered with `reply` and not done."""
+    bench.model.interpose = lambda register, _: reply if register in registers else None
+
+
+def obey(bench: ArmBench) -> None:
+    bench.model.interpose = lambda register, payload: None
+
+
+def refused(tick: Tick) -> bool:
+    return tick.link.failure != ""
+
+
+# --- motion, stop, state ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("reply", "detail"),
+    [(INVALID, "refused a motion command"), (NOT_READY, "stopped and refuses to move")],
+    ids=["invalid", "not ready"],
+)
+def test_a_refused_motion_command_stops_the_arm_in_the_tick_that_sees_it(
+    live_bench: LiveBench, reply: bytes, detail: str
+) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    bench.quiesce()
+    refuse(bench, *MOTIONS, reply=reply)
+    since = bench.next
+    bench.run(1)
+    bench.until(lambda: bench.arm.link().failure != "")
+    bench.run(1)
+    seen = bench.first_seen(refused, since)
+    assert seen == since + 1
+    is_stopped(bench, seen, Reason.ARM_REFUSES, detail)
+    recovers(bench, lambda: obey(bench))
+    is_logged(bench, seen, Reason.ARM_REFUSES)
+
+
+def test_a_refused_stop_is_repeated_until_it_is_acknowledged(live_bench: LiveBench) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    stops = 0
+
+    def refuse_some_stops(register: int, payload: bytes) -> bytes | None:
+        nonlocal stops
+        if register != Register.SET_STATE or payload[0] != State.STOPPED:
+            return None
+        stops += 1
+        return INVALID if stops <= REFUSALS else None
+
+    bench.model.interpose = refuse_some_stops
+    bench.signals.estop()
+    seen = bench.next
+    is_stopped(bench, seen, Reason.EMERGENCY_STOP)
+    assert stops > REFUSALS
+    with bench.lock:
+        assert bench.model.state == State.STOPPED
+    recovers(bench)
+
+
+def test_an_arm_that_does_not_get_ready_stays_disarmed_and_stopped_and_says_why(
+    arm_bench: ArmBench,
+) -> None:
+    bench = arm_bench
+
+    def refuse_ready(register: int, payload: bytes) -> bytes | None:
+        return INVALID if register == Register.SET_STATE and payload[0] == 0 else None
+
+    bench.model.interpose = refuse_ready
+    bench.run(3)
+    bench.signals.confirm()
+    bench.run_until(lambda output: bool(bench.notes))
+    bench.run(20)
+    assert "refused" in bench.notes[0]
+    assert {output.arming for output in bench.outputs} == {ArmingState.DISARMED}
+    assert not any(request.is_motion for request in bench.requests(0))
+    with bench.lock:
+        assert bench.model.state >= State.STOPPED
+    obey(bench)
+    bench.make_ready()
+    reengages(bench)
+
+
+# --- gripper ------------------------------------------------------------------------------------
+
+
+def test_a_refused_gripper_command_stops_the_arm(arm_bench: ArmBench) -> None:
+    bench = arm_bench
+    bench.engage_and_move()
+    bench.quiesce()
+    refuse(bench, Register.TOOL_GPIO_WRITE)
+    since = bench.next
+    bench.hand.a = True
+    seen = bench.run_until_state(ArmingState.FAULT)
+    bench.hand.a = False
+    assert seen == bench.first_seen(refused, since)
+    assert bench.outputs[seen].gripper is None
+    is_stopped(bench, seen, Reason.GRIPPER_FAILED, "refused")
+    assert bench.ticks[-1].arm is not None
+    assert bench.ticks[-1].arm.gripper_closed is None, "what was refused is not what it does"
+    recovers(bench, lambda: obey(bench))
+    is_logged(bench, seen, Reason.GRIPPER_FAILED)
+
+
+def test_a_gripper_that_does_not_do_what_it_acknowledged_stops_the_arm(
+    live_bench: LiveBench,
+) -> None:
+    bench = live_bench
+    bench.engage_and_move()
+    opened = bytes(1) + OUTPUT_OPEN
+    refuse(bench, Register.TOOL_GPIO_READ, reply=opened)
+    since = bench.next
+    bench.hand.a = True
+    seen = bench.run_until_state(ArmingState.FAULT)
+    bench.hand.a = False
+    assert seen == bench.first_seen(refused, since)
+    is_stopped(bench, seen, Reason.GRIPPER_FAILED, "not what was commanded")
+    assert bench.ticks[-1].arm is not None
+    assert bench.ticks[-1].arm.gripper_closed is False, "what was read back"
+    recovers(bench, lambda: obey(bench))
+
+
+# --- an arm that is not fit ---------------------------------------------------------------------
+
+
+class Connecting:
+    """A controller to connect to, and a driver of it."""
+
+    def __init__(self, kind: str, firmware: str) -> None:
+        self.model = tapped_model(firmware)
+        self.server: FaultyServer | None = None
+        if kind == "virtual":
+            self.arm: Arm = InProcessArm(ArmConfig(), VirtualClock(), self.model)
+            return
+        self.server = FaultyServer(self.model)
+        self.server.start()
+        ports = self.server.ports
+        config = ArmConfig(
+            control_port=ports.control, report_port=ports.report, reply_timeout_s=0.3
+        )
+        self.arm = Lite6(config, MonotonicClock())
+
+    def close(self) -> None:
+        self.arm.close()
+        if self.server is not None:
+            self.server.close()
+
+
+@pytest.fixture(params=["live", "virtual"])
+def kind(request: pytest.FixtureRequest, frequent_reports: None) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def connecting(kind: str) -> Iterator[Connecting]:
+    made = Connecting(kind, "2.6.0")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def outdated(kind: str) -> Iterator[Connecting]:
+    made = Connecting(kind, "1.7.9")
+    yield made
+    made.close()
+
+
+def nothing_but_stops(model: TappedModel) -> bool:
+    return all(request.is_query or request.is_stop for request in model.wire)
+
+
+def test_an_arm_that_only_pretends_to_move_is_refused_and_taken_when_it_no_longer_does(
+    connecting: Connecting,
+) -> None:
+    connecting.model.set_simulation_robot(True)
+    with pytest.raises(DeviceError, match="only pretends to move"):
+        connecting.arm.connect()
+    assert nothing_but_stops(connecting.model)
+    connecting.model.set_simulation_robot(False)
+    connecting.arm.connect()
+    assert connecting.arm.state() is not None
+
+
+def test_firmware_that_would_not_stop_by_itself_is_refused_and_taken_when_updated(
+    outdated: Connecting,
+) -> None:
+    with pytest.raises(DeviceError, match="firmware"):
+        outdated.arm.connect()
+    assert nothing_but_stops(outdated.model)
+    outdated.model.firmware = "2.6.0"
+    outdated.arm.connect()
+    assert outdated.arm.state() is not None

@@ -1,0 +1,109 @@
+"""The controller is gone or talks nonsense: the arm holds or is in fault in that very tick."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tams_app.records import ControllerStatus
+from tams_app.teleop.safety import Reason
+
+from . import distortions
+from .bench import Bench
+from .hand import Distortion
+from .promises import (
+    TICKS_TO_REST,
+    faults,
+    holds,
+    is_logged,
+    recovers_from_fault,
+    recovers_from_hold,
+    stands,
+)
+
+HOLDS = {
+    "tracking lost": (
+        distortions.status(ControllerStatus.TRACKING_LOST),
+        Reason.TRACKING_LOST,
+    ),
+    "invalid": (distortions.invalid, Reason.TRACKING_LOST),
+    "standby": (distortions.status(ControllerStatus.STANDBY), Reason.CONTROLLER_STANDBY),
+    "dashboard": (distortions.status(ControllerStatus.DASHBOARD), Reason.DASHBOARD_OPEN),
+    "nan position": (distortions.nan_position, Reason.BAD_INPUT),
+    "infinite position": (distortions.infinite_position, Reason.BAD_INPUT),
+    "nan rotation": (distortions.nan_rotation, Reason.BAD_INPUT),
+    "nan trigger": (distortions.nan_trigger, Reason.BAD_INPUT),
+    "from the future": (distortions.from_the_future, Reason.BAD_INPUT),
+}
+FAULTS = {
+    "controller lost": (
+        distortions.status(ControllerStatus.DISCONNECTED),
+        Reason.CONTROLLER_DISCONNECTED,
+    ),
+    "runtime killed": (distortions.status(ControllerStatus.RUNTIME_QUIT), Reason.RUNTIME_QUIT),
+    "role swapped": (distortions.status(ControllerStatus.ROLE_SWAPPED), Reason.ROLE_SWAPPED),
+}
+
+
+@pytest.fixture(params=["velocity", "pose"])
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(request.param, log=tmp_path / "session.mcap")
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(("distortion", "reason"), HOLDS.values(), ids=HOLDS)
+def test_the_arm_brakes_in_the_tick_in_which_the_hand_is_lost(
+    bench: Bench, distortion: Distortion, reason: Reason
+) -> None:
+    bench.engage_and_move()
+    lost = bench.next
+    bench.hand.distortion = distortion
+    bench.run(0.5)  # the hand itself moves on
+    assert holds(bench, lost, reason) <= TICKS_TO_REST
+    stands(bench)
+    bench.hand.distortion = None
+    bench.hand.velocity = 0.0 * bench.hand.velocity
+    recovers_from_hold(bench, reason)
+    is_logged(bench, reason)
+
+
+@pytest.mark.parametrize(("distortion", "reason"), FAULTS.values(), ids=FAULTS)
+def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
+    bench: Bench, distortion: Distortion, reason: Reason
+) -> None:
+    bench.engage_and_move()
+    lost = bench.next
+    bench.hand.distortion = distortion
+    bench.run(0.5)
+    faults(bench, lost, reason)
+    bench.signals.confirm()
+    bench.hand.trigger = 0.0
+    bench.run(0.5)
+    faults(bench, lost, reason)  # it cannot be confirmed away
+    stands(bench)
+    bench.hand.distortion = None
+    bench.hand.velocity = 0.0 * bench.hand.velocity
+    bench.hand.trigger = 1.0
+    bench.run(3.5)  # a confirmation given too early does not count any more
+    faults(bench, lost, reason)
+    if "start the session again" not in reason.sentence:
+        recovers_from_fault(bench, reason)
+    is_logged(bench, reason)
+
+
+@pytest.mark.parametrize("servo", ["velocity", "pose"])
+@pytest.mark.parametrize("distortion", [entry[0] for entry in FAULTS.values()], ids=FAULTS)
+def test_a_lost_controller_cannot_engage_an_arm_that_waits(
+    servo: str, distortion: Distortion
+) -> None:
+    bench = Bench(servo)
+    bench.arm_it()
+    bench.hand.distortion = distortion
+    bench.hand.trigger = 1.0
+    first = bench.next
+    bench.run(0.5)
+    assert not any(command is not None and command.any() for command in bench.commands(first))
+    bench.close()

@@ -1,0 +1,115 @@
+"""Wall time may jump: nothing moves differently, for nobody asks what time it is."""
+
+from __future__ import annotations
+
+import ast
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tams_app.clock import NS_PER_S, MonotonicClock
+from tams_app.process import PROJECT_DIRECTORY
+from tams_app.teleop.safety import ArmingState
+
+from .bench import ACROSS, Bench
+
+HOUR_S = 3600
+ROOMS = ("tams_app", "hw")
+# Who may ask for wall time: the log's header, and the name of a session's folder.
+MAY_ASK = {"tams_app/session/recorders.py", "tams_app/session/folder.py"}
+WALL = {
+    "time": {"time", "time_ns", "localtime", "gmtime", "strftime", "ctime", "asctime"},
+    "datetime": {"now", "utcnow", "today"},
+}
+CLOCKS = {"CLOCK_REALTIME", "CLOCK_TAI"}
+
+
+class WallTime:
+    """A wall clock that can be set."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.offset_s = 0
+        true_time, true_time_ns = time.time, time.time_ns
+        monkeypatch.setattr(time, "time", lambda: true_time() + self.offset_s)
+        monkeypatch.setattr(time, "time_ns", lambda: true_time_ns() + self.offset_s * NS_PER_S)
+
+
+@pytest.fixture
+def wall(monkeypatch: pytest.MonkeyPatch) -> WallTime:
+    return WallTime(monkeypatch)
+
+
+def wire(servo: str, between: Callable[[], None]) -> list[tuple[int, int, int, bytes]]:
+    """Everything said to the arm in a session in which `between` happens while the arm moves."""
+    bench = Bench(servo)
+    bench.engage_and_move(0.4 * ACROSS)
+    between()
+    bench.run(0.3)
+    bench.hand.trigger = 0.0
+    between()
+    bench.run(0.2)
+    assert bench.outputs[-1].arming is ArmingState.READY
+    bench.close()
+    return [(each.tick, each.now_ns, each.register, each.payload) for each in bench.model.wire]
+
+
+@pytest.mark.parametrize("servo", ["velocity", "pose"])
+@pytest.mark.parametrize("jump_s", [HOUR_S, -HOUR_S, -100 * 365 * 24 * HOUR_S], ids=str)
+def test_a_jump_of_wall_time_changes_nothing_on_the_wire(
+    wall: WallTime, servo: str, jump_s: int
+) -> None:
+    def jump() -> None:
+        wall.offset_s += jump_s
+
+    undisturbed = wire(servo, lambda: None)
+    before_s = time.time()
+    assert wire(servo, jump) == undisturbed
+    assert abs(time.time() - before_s) > HOUR_S, "the clock did jump"
+
+
+def test_the_clock_of_all_parts_does_not_follow_wall_time(wall: WallTime) -> None:
+    clock = MonotonicClock()
+    before_ns = clock.now_ns()
+    wall.offset_s = -10 * HOUR_S
+    assert 0 <= clock.now_ns() - before_ns < HOUR_S * NS_PER_S
+    began_s = time.monotonic()
+    clock.sleep_until_ns(clock.now_ns() + 20_000_000)
+    assert 0.02 <= time.monotonic() - began_s < HOUR_S
+
+
+def test_a_log_keeps_its_own_time_while_wall_time_jumps(tmp_path: Path, wall: WallTime) -> None:
+    bench = Bench(log=tmp_path / "session.mcap")
+    bench.engage_and_move()
+    wall.offset_s = -HOUR_S
+    bench.run(0.5)
+    log = bench.read_back()
+    starts = [tick.started_ns for tick in log.ticks]
+    assert starts == [tick.started_ns for tick in bench.ticks]
+    assert starts == sorted(starts)
+    bench.close()
+
+
+def wall_time_calls(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == "time":
+            yield from (alias.name for alias in node.names if alias.name in WALL["time"])
+        if not isinstance(node, ast.Attribute):
+            continue
+        if node.attr in CLOCKS:
+            yield node.attr
+        owner = node.value
+        name = owner.id if isinstance(owner, ast.Name) else getattr(owner, "attr", "")
+        if node.attr in WALL.get(name, ()) or (name == "date" and node.attr == "today"):
+            yield f"{name}.{node.attr}"
+
+
+def test_only_the_logs_header_and_the_folders_name_ask_for_wall_time() -> None:
+    asking = {
+        str(path.relative_to(PROJECT_DIRECTORY))
+        for room in ROOMS
+        for path in sorted((PROJECT_DIRECTORY / room).rglob("*.py"))
+        if any(wall_time_calls(ast.parse(path.read_text(encoding="utf-8"))))
+    }
+    assert asking == MAY_ASK

@@ -1,0 +1,164 @@
+"""Processes stopped and killed while the arm moves, each seen from outside by the arm itself.
+
+That every helper killed ends the session is in tests/test_end_to_end.py.
+"""
+
+from __future__ import annotations
+
+import resource
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from hw.sim.controller_codes import State
+from tams_app.recording import SessionLog
+from tams_app.records import Tick
+from tams_app.teleop.safety import ArmingState, Reason
+
+from .applications import Application, Witness, only_log, until
+from .promises import TICKS_TO_REST
+
+ATTEMPTS = 10
+STOPPED_S = 2.0  # a picture is too old after one
+
+pytestmark = pytest.mark.timeout(300)
+
+
+@pytest.fixture
+def application(tmp_path: Path) -> Iterator[Application]:
+    with Application(tmp_path) as started:
+        yield started
+
+
+@pytest.fixture
+def witness(application: Application) -> Witness:
+    return application.engaged()
+
+
+def first_tick(log: SessionLog, arming: ArmingState, reason: str) -> int:
+    """The first tick that stands in `arming` for `reason`."""
+    return next(
+        number
+        for number, tick in enumerate(log.ticks)
+        if tick.arming == arming and tick.reason.startswith(reason)
+    )
+
+
+def came_to_rest(ticks: list[Tick]) -> bool:
+    """Whether the commands came to zero within the stop time and stayed there while it held."""
+    held = []
+    for tick in ticks:
+        if tick.arming != ArmingState.HOLDING:
+            break
+        held.append(tick)
+    stop_ns = ticks[0].started_ns + (TICKS_TO_REST + 1) * 8_333_334
+    return all(tick.twist.is_zero for tick in held if tick.started_ns > stop_ns)
+
+
+def holds_while_stopped(application: Application, helper: psutil.Process) -> None:
+    """Stop `helper` until the arm holds, and let it go on.
+
+    The operator may just have let go of the trigger, and then there is nothing to hold: try again.
+    """
+    assert application.witness is not None
+    for _ in range(ATTEMPTS):
+        until(application.witness.moves, "the arm to move")
+        before = len(application.lines)
+        helper.suspend()
+        held = application.says_within(STOPPED_S, "holding, stale video", before)
+        helper.resume()
+        if held:
+            return
+    raise AssertionError(f"the arm never held: {application.lines}")
+
+
+@pytest.mark.parametrize("name", ["renderer", "relay"])
+def test_a_stopped_source_of_pictures_holds_the_arm_and_it_goes_on_when_they_are_back(
+    application: Application, witness: Witness, name: str
+) -> None:
+    holds_while_stopped(application, application.helper(name))
+    application.says("engaged", len(application.lines))
+    log = application.interrupted()
+    holding = first_tick(log, ArmingState.HOLDING, Reason.STALE_VIDEO.label)
+    assert came_to_rest(log.ticks[holding:])
+    assert any(stop.reason == Reason.STALE_VIDEO.label for stop in log.stops)
+
+
+def test_a_stopped_arm_is_a_fault_and_does_not_go_on_by_itself(
+    application: Application, witness: Witness
+) -> None:
+    before = len(application.lines)
+    rig = application.helper("rig")
+    rig.suspend()
+    application.says("fault", before)
+    rig.resume()
+    witness.waits_for_the_stop()
+    witness.stands()
+    log = application.interrupted()
+    stopped = next(n for n, tick in enumerate(log.ticks) if tick.arming == ArmingState.FAULT)
+    assert all(tick.twist.is_zero for tick in log.ticks[stopped:])
+    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[stopped:])
+    shown = log.ticks[stopped].reason
+    assert shown.split(":")[0] in {Reason.ARM_SILENT.label, Reason.ARM_LINK_LOST.label}
+
+
+def test_a_stopped_application_is_stopped_by_the_guard_and_moves_nothing_when_it_goes_on(
+    application: Application, witness: Witness
+) -> None:
+    before = len(application.lines)
+    application.process.send_signal(signal.SIGSTOP)
+    witness.waits_for_the_stop()
+    witness.stands()
+    application.process.send_signal(signal.SIGCONT)
+    application.says("fault", before)
+    witness.stands(1.0)
+    assert witness.state() == State.STOPPED
+    log = application.interrupted()
+    stopped = next(n for n, tick in enumerate(log.ticks) if tick.arming == ArmingState.FAULT)
+    # the latter if it was stopped between hearing the guard and looking at the arm
+    assert log.ticks[stopped].reason in {Reason.GUARD_STOPPED.label, Reason.ARM_STOPPED.label}
+    assert all(tick.twist.is_zero for tick in log.ticks[stopped:])
+    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[stopped:])
+
+
+@pytest.mark.parametrize("servo", ["velocity", "pose"])
+def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(
+    tmp_path: Path, servo: str
+) -> None:
+    with Application(tmp_path, arm={"servo": servo}) as application:
+        witness = application.engaged()
+        application.keep_the_rig()
+        application.process.kill()
+        witness.waits_for_the_stop()
+        witness.stands()
+        guard = application.helper("guard")
+        until(lambda: not guard.is_running() or guard.status() == "zombie", "the guard's end")
+        assert witness.state() == State.STOPPED
+        application.let_go()
+        code, _ = application.ends()
+        assert code == -signal.SIGKILL
+        log = only_log(application.out)
+        assert log.truncated
+        assert ArmingState(log.ticks[-1].arming).is_armed
+
+
+def test_a_full_disk_stops_the_arm_and_leaves_what_was_written_readable(
+    application: Application, witness: Witness
+) -> None:
+    application.keep_the_rig()
+    (folder,) = application.out.iterdir()
+    size = (folder / "session.mcap").stat().st_size
+    _, most = resource.prlimit(application.process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(application.process.pid, resource.RLIMIT_FSIZE, (size, most))
+    witness.waits_for_the_stop()
+    code, words = application.ends()
+    assert code == 1
+    (sentence,) = words.strip().splitlines()
+    assert sentence.startswith("tams: ")
+    assert "the log cannot be written any more" in sentence
+    log = only_log(application.out)
+    assert any(tick.arming == ArmingState.READY for tick in log.ticks)
+    assert not any(tick.arming == ArmingState.FAULT for tick in log.ticks)

@@ -1,0 +1,203 @@
+"""The real video chain cut, frozen and killed while the arm moves: slower, held, and back."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tams_app.clock import NS_PER_S
+from tams_app.config import Network, load_config
+from tams_app.errors import HelperError
+from tams_app.records import ShownFrame
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.video.traces import format_trace
+
+from .bench import NETWORK
+from .chain import Chain, LiveBench, until
+from .promises import TICKS_TO_REST, comes_to_rest, is_logged, recovers_from_hold
+from .test_video_freeze import HOLD_NS, expected_scale
+
+PRIMARY = "gt"  # in the phase REACH, in which the arm stays
+S2 = load_config().networks[NETWORK]
+
+
+@pytest.fixture(autouse=True)
+def _no_glib_complaints(glib_complaints: list[str]) -> None:
+    """Nothing to do but to listen."""
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
+    with Chain(S2, tmp_path_factory.mktemp("chain")) as chain:
+        yield chain
+
+
+@pytest.fixture
+def chain(shared: Chain) -> Chain:
+    """A chain that works, whatever the test before did to it."""
+    until(shared.is_fresh, "fresh pictures")
+    return shared
+
+
+def live(chain: Chain, folder: Path) -> LiveBench:
+    """An arm that moves to and fro."""
+    made = LiveBench(chain, folder / "session.mcap")
+    made.run(0.3)
+    return made
+
+
+def obeys_the_picture(chain: Chain, made: LiveBench) -> None:
+    """Every tick while engaged was slowed by the age of its picture, and the first too old held.
+
+    Whatever this machine's load made of the ages.
+    """
+    outputs = made.bench.outputs
+    ages_ns = chain.ages_ns[-len(outputs) :]
+    engaged = [
+        (age_ns, output)
+        for age_ns, output in zip(ages_ns, outputs, strict=True)
+        if output.arming is ArmingState.ENGAGED
+    ]
+    assert engaged
+    for age_ns, output in engaged:
+        assert age_ns < HOLD_NS
+        assert output.speed_scale == pytest.approx(expected_scale(age_ns), abs=1e-6)
+
+
+def first_hold(made: LiveBench) -> int:
+    """The tick in which the arm began to hold."""
+    armings = [output.arming for output in made.bench.outputs]
+    return armings.index(ArmingState.HOLDING)
+
+
+def holds_then_recovers(chain: Chain, made: LiveBench) -> None:
+    """Held for the video; once it is back the trigger must be released, and all is well."""
+    bench = made.bench
+    held = first_hold(made)
+    assert bench.outputs[held].reason is Reason.STALE_VIDEO
+    assert comes_to_rest(bench, held, steady=False) <= TICKS_TO_REST
+    obeys_the_picture(chain, made)
+    made.run_until(chain.is_fresh, "the picture's return")
+    assert bench.outputs[-1].arming is ArmingState.HOLDING
+    bench.hand.velocity = np.zeros(3)
+    back = len(chain.ages_ns)
+    try:
+        recovers_from_hold(bench, Reason.STALE_VIDEO)
+    except AssertionError:
+        if max(chain.ages_ns[back:], default=0) >= HOLD_NS:
+            pytest.skip("this machine was too busy: the pictures were late once more")
+        raise
+    is_logged(bench, Reason.STALE_VIDEO)
+    bench.close()
+
+
+def is_held(made: LiveBench) -> bool:
+    return made.bench.outputs[-1].arming is ArmingState.HOLDING
+
+
+@pytest.mark.parametrize("seconds", [0.3, 1.0, 5.0])
+def test_an_uplink_blackout_slows_then_holds_the_arm_until_it_is_over(
+    chain: Chain, tmp_path: Path, seconds: float
+) -> None:
+    made = live(chain, tmp_path)
+    os.kill(chain.relay_pid, signal.SIGSTOP)
+    try:
+        made.run(seconds)
+    finally:
+        os.kill(chain.relay_pid, signal.SIGCONT)
+    if seconds >= 1.0 or is_held(made):
+        holds_then_recovers(chain, made)
+        return
+    made.run_until(chain.is_fresh, "the picture's return")
+    obeys_the_picture(chain, made)
+    made.bench.close()
+
+
+@pytest.mark.parametrize("view", ["eih", "gs"])
+def test_a_frozen_camera_of_another_view_stops_nothing(
+    chain: Chain, tmp_path: Path, view: str
+) -> None:
+    made = live(chain, tmp_path)
+    chain.cameras[view].frozen = True
+    try:
+        made.run_until(
+            lambda: (chain.uplink.age_ns(view, time.monotonic_ns()) or 0) > HOLD_NS, "an old view"
+        )
+        made.run(0.2)
+    finally:
+        chain.cameras[view].frozen = False
+    obeys_the_picture(chain, made)
+    late = max(chain.ages_ns[-len(made.bench.outputs) :]) >= HOLD_NS
+    assert late or made.bench.outputs[-1].arming is ArmingState.ENGAGED
+    made.bench.close()
+
+
+def test_a_frozen_camera_of_the_primary_view_holds_the_arm(chain: Chain, tmp_path: Path) -> None:
+    made = live(chain, tmp_path)
+    chain.cameras[PRIMARY].frozen = True
+    try:
+        made.run_until(lambda: is_held(made), "the hold")
+        made.run(0.3)
+    finally:
+        chain.cameras[PRIMARY].frozen = False
+    holds_then_recovers(chain, made)
+
+
+def test_a_capacity_that_falls_to_nothing_holds_the_arm_until_it_returns(tmp_path: Path) -> None:
+    trace = tmp_path / "outages.csv"
+    trace.write_text(format_trace([(0, 6000), (8000, 0), (9500, 6000)]))
+    network = Network(latency_ms=40, jitter_ms=8, trace=str(trace))
+    epoch_ns = time.monotonic_ns() - 5 * NS_PER_S  # the first outage is not far
+    with Chain(network, tmp_path, epoch_ns) as chain:
+        made = live(chain, tmp_path)
+        made.run_until(lambda: is_held(made), "an outage")
+        made.run(0.2)
+        holds_then_recovers(chain, made)
+
+
+def test_a_killed_receiver_holds_the_arm(tmp_path: Path) -> None:
+    with Chain(S2, tmp_path) as chain:
+        made = live(chain, tmp_path)
+        chain.uplink.receivers[PRIMARY].close()
+        made.run_until(lambda: is_held(made), "the hold")
+        made.run(0.3)
+        held = first_hold(made)
+        assert made.bench.outputs[held].reason is Reason.STALE_VIDEO
+        assert comes_to_rest(made.bench, held, steady=False) <= TICKS_TO_REST
+        obeys_the_picture(chain, made)
+        made.bench.hand.trigger = 0.0
+        made.run(0.5)
+        assert is_held(made), "not without a picture"
+        is_logged(made.bench, Reason.STALE_VIDEO)
+        made.bench.close()
+
+
+def test_a_receiver_that_runs_out_of_memory_names_itself_and_a_killed_relay_too(
+    tmp_path: Path,
+) -> None:
+    """Both end the session: the sentence of either is what the session would fail with."""
+    exhausted = False
+
+    def run_out(shown: ShownFrame) -> None:
+        if exhausted and shown.view == PRIMARY:
+            raise MemoryError("no room for a picture")
+
+    with Chain(S2, tmp_path, on_shown=run_out) as chain:
+        made = live(chain, tmp_path)
+        assert chain.uplink.poll() == ""
+        exhausted = True
+        made.run_until(lambda: is_held(made), "the hold")
+        assert made.bench.outputs[-1].reason is Reason.STALE_VIDEO
+        assert chain.uplink.poll().startswith(f"the receiver of view {PRIMARY} failed")
+        os.kill(chain.relay_pid, signal.SIGKILL)
+        until(lambda: bool(chain.failures), "the relay's end")
+        ((_, failure),) = chain.failures
+        assert isinstance(failure, HelperError)
+        assert "ended unasked" in str(failure)
+        made.bench.close()
