@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from benchmarks import faults
 from benchmarks.figures import Figure
 from benchmarks.idle import measure_idle
 from benchmarks.measures import (
@@ -28,6 +29,7 @@ from benchmarks.measures import (
     video_figures,
 )
 from benchmarks.runs import Run, run_session
+from benchmarks.ssim import ssim_figures
 from tams_app.config import DEFAULT_CONFIG
 
 # three views at 1500 kbit/s each, nothing but loopback in between
@@ -52,6 +54,10 @@ def main() -> None:
     console.print(table(figures))
     write(options.json, figures, options.seeds)
     console.print(f"written to {options.json}")
+    console.print("stops by faults, measured at the arm (about four minutes)")
+    rows = faults.measure()
+    console.print(faults.table(rows))
+    faults.write(options.json.with_name("faults.json"), rows)
 
 
 def measure(out: Path, seeds: int, progress: Progress) -> list[Figure]:
@@ -74,6 +80,7 @@ def measure(out: Path, seeds: int, progress: Progress) -> list[Figure]:
         *video_figures(runs),
         *latency_figures(free),
         *rig_figures(runs),
+        *ssim_figures(),
     ]
 
 

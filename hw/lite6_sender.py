@@ -179,7 +179,10 @@ class CommandSender:
             return ""
         step_mm = float(np.linalg.norm(pose.position - self._last_pose.position)) * _MM_PER_M
         if not step_mm <= MAX_POSE_STEP_MM:
-            return f"A step of {step_mm:g} mm was refused; please report this error."
+            return (
+                f"The arm answered too late to be led on (a step of {step_mm:.0f} mm was refused); "
+                "check the network to the arm, then confirm."
+            )
         return ""
 
     # --- gripper --------------------------------------------------------------------------------

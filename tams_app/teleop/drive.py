@@ -147,8 +147,9 @@ class Drive:
         self._carry_pose(interval_s)
         if self._limits.at_rest:
             self._hand.anchor(sample)
-            self._target.anchor(Tcp.of(arm.tcp))
-            self.commanded_pose = None if self._follows_velocity else arm.tcp
+            self._settle_pose(arm.tcp)
+            if self._follows_velocity:
+                self._target.anchor(Tcp.of(arm.tcp))
             self._anchored = True
 
     def _correction(self, tcp: Tcp) -> Twist:
@@ -189,7 +190,10 @@ class Drive:
         self.commanded_pose = self._target.tcp.to_pose()
 
     def _settle_pose(self, measured: Pose) -> None:
-        """At rest, an arm that is elsewhere (moved by hand or to ready) is held where it is."""
+        """At rest, an arm that is elsewhere (moved by hand or to ready) is held where it is.
+
+        One that only lags is not: its command would step back to where the arm was a moment ago.
+        """
         if self._follows_velocity:
             return
         held = self.commanded_pose

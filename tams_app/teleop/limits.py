@@ -10,11 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config, ProfileConfig
 from tams_app.records import Twist, Vector
+from tams_app.teleop.plan import Profile
 from tams_app.teleop.quaternion import Quaternion
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
-from tams_app.teleop.shaping import Admissible, Profile, VelocityShaper
+from tams_app.teleop.shaping import Admissible, VelocityShaper
 from tams_app.teleop.workspace import RotationCone, Workspace
 
 _DEMAND_M_S = 0.005  # below this the hand is at rest
@@ -63,10 +64,8 @@ class Limits:
         """`wanted` at the TCP pose and `joints` [rad], all of it slowed by `scale` (0..1)."""
         linear = clamp_norm(wanted.linear, self._max_speed) * scale
         angular = clamp_norm(wanted.angular, self._max_rotation) * scale
-        inside = self._workspace.cap(linear, tcp.position) if linear.any() else linear
-        turning = angular
-        if angular.any():
-            turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
+        inside = self._workspace.cap(linear, tcp.position)
+        turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
         joint_scale = self._joint_scale(inside, turning, joints)
         twist = Twist(
             clamp_norm(inside, self._max_speed) * joint_scale,

@@ -9,6 +9,7 @@ from tams_app.config import Config
 from tams_app.records import Haptic, Twist
 from tams_app.teleop.clutch import Clutch, Fingers
 from tams_app.teleop.drive import Drive
+from tams_app.teleop.plan import TrajectoryError
 from tams_app.teleop.records import ArmModel, TeleopInput, TeleopOutput
 from tams_app.teleop.safety import (
     Arming,
@@ -18,7 +19,6 @@ from tams_app.teleop.safety import (
     Request,
     describe_arm_error,
 )
-from tams_app.teleop.shaping import TrajectoryError
 from tams_app.teleop.watch import STOPPED_STATE, Watch
 
 _TOLD_BY_THE_LINK = (Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED)
@@ -195,10 +195,17 @@ class Teleop:
         return self._fault_ns is not None
 
     def _detail(self, tick: TeleopInput) -> str:
-        reason = self._arming.reason
-        if reason is Reason.ARM_ERROR and tick.arm is not None and tick.arm.error_code:
-            return describe_arm_error(tick.arm.error_code)
-        return tick.link.failure if reason in _TOLD_BY_THE_LINK else ""
+        reason, blocked_by = self._arming.reason, self._arming.blocked_by
+        told = []
+        # the state that follows from an error may be reported before the error itself
+        told_by_the_arm = reason in (Reason.ARM_ERROR, Reason.ARM_STOPPED)
+        if told_by_the_arm and tick.arm is not None and tick.arm.error_code:
+            told.append(describe_arm_error(tick.arm.error_code))
+        elif reason in _TOLD_BY_THE_LINK and tick.link.failure:
+            told.append(tick.link.failure)
+        if blocked_by is not None and blocked_by is not reason:
+            told.append(f"and {blocked_by.label}")
+        return ", ".join(told)
 
 
 def _ranked(reasons: list[Reason]) -> tuple[Reason, ...]:

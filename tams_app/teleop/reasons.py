@@ -34,6 +34,11 @@ class Reason(Enum):
         "The control loop was silent for too long and the guard stopped the arm: close other "
         "programs on this computer, release the trigger, then confirm.",
     )
+    SESSION_FAILED = (  # before the stop that it sends
+        "session failed",
+        Severity.FAULT,
+        "A part of the session failed: read the last message, then start the session again.",
+    )
     ARM_ERROR = (
         "arm error",
         Severity.FAULT,
@@ -85,7 +90,7 @@ class Reason(Enum):
     RUNTIME_QUIT = (
         "VR runtime quit",
         Severity.FAULT,
-        "Start SteamVR, then start the session again.",
+        "Start SteamVR, wait until the controller is tracked, release the trigger, then confirm.",
     )
     ROLE_SWAPPED = (
         "controller swapped",
@@ -121,11 +126,6 @@ class Reason(Enum):
         Severity.FAULT,
         "A camera no longer delivers pictures: check its cable, then start the session again.",
     )
-    SESSION_FAILED = (
-        "session failed",
-        Severity.FAULT,
-        "A part of the session failed: read the last message, then start the session again.",
-    )
     TRACKING_LOST = (
         "tracking lost",
         Severity.HOLD,
@@ -157,6 +157,12 @@ class Reason(Enum):
         Severity.HOLD,
         "Wait until the arm is enabled and has passed its ready pose, with the trigger released.",
     )
+    CONTROL_STALLED = (  # before what it makes late
+        "control stalled",
+        Severity.HOLD,
+        "The control loop was held up: close other programs on this computer, "
+        "then release the trigger.",
+    )
     ARM_STATE_STALE = (
         "arm report stale",
         Severity.HOLD,
@@ -171,12 +177,6 @@ class Reason(Enum):
         "arm reply late",
         Severity.HOLD,
         "The arm answers commands too late: check the network to the arm, "
-        "then release the trigger.",
-    )
-    CONTROL_STALLED = (
-        "control stalled",
-        Severity.HOLD,
-        "The control loop was held up: close other programs on this computer, "
         "then release the trigger.",
     )
     STALE_VIDEO = (

@@ -49,7 +49,7 @@ class TeleopOutput:
     request: Request
     arming: ArmingState
     reason: Reason | None
-    detail: str  # beside the reason: the arm's error code, the link's failure
+    detail: str  # beside the reason: the arm's error code, the link's failure, what else is lost
     deadman: bool
     orientation_mode: bool
     speed_scale: float  # 1 unless stale video or a singularity slows the arm

@@ -11,8 +11,10 @@
 | FAULT    | trigger up and explicit confirm, cause gone                       | DISARMED        |
 
 There is no other arrow. A confirmation in DISARMED asks the session to enable the arm and holds for
-a minute; one in FAULT asks it to clear the arm's errors and holds for three seconds. A fault keeps
-its first reason. While DISARMED, READY or HOLDING, `reason` tells what is in the way.
+a minute; one in FAULT asks it to clear the arm's errors and holds for three seconds, unless a fault
+comes that clearing cannot take away. A fault keeps its first reason; `blocked_by` tells what must
+be gone before a confirmation counts. While DISARMED, READY or HOLDING, `reason` tells what is in
+the way.
 """
 
 from __future__ import annotations
@@ -38,7 +40,13 @@ CLEAR_CONSENT_NS = 3 * NS_PER_S  # the arm's errors are cleared and reported so
 
 # What clearing the arm's errors can take away; every other fault must be gone before the confirm.
 CLEARABLE = frozenset(
-    {Reason.ARM_ERROR, Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED}
+    {
+        Reason.ARM_ERROR,
+        Reason.ARM_LINK_LOST,
+        Reason.ARM_REFUSES,
+        Reason.GRIPPER_FAILED,
+        Reason.ARM_SILENT,  # a lost connection is made anew, and only then does it report again
+    }
 )
 
 
@@ -84,6 +92,7 @@ class Arming:
     def __init__(self) -> None:
         self.state = ArmingState.DISARMED
         self.reason: Reason | None = None
+        self.blocked_by: Reason | None = None
         self._consent_until_ns: int | None = None
 
     def step(self, events: ArmingEvents) -> Request:
@@ -91,18 +100,14 @@ class Arming:
         if events.faults and self.state is not ArmingState.FAULT:
             self.trip(events.faults[0])
             return Request.NONE
-        match self.state:
-            case ArmingState.DISARMED:
-                return self._disarmed(events)
-            case ArmingState.READY:
-                self._ready(events)
-            case ArmingState.ENGAGED:
-                self._engaged(events)
-            case ArmingState.HOLDING:
-                self._holding(events)
-            case ArmingState.FAULT:
-                return self._fault(events)
-        return Request.NONE
+        take = {
+            ArmingState.DISARMED: self._disarmed,
+            ArmingState.READY: self._ready,
+            ArmingState.ENGAGED: self._engaged,
+            ArmingState.HOLDING: self._holding,
+            ArmingState.FAULT: self._fault,
+        }
+        return take[self.state](events)
 
     def trip(self, reason: Reason) -> None:
         """Fault now; an earlier fault keeps its reason."""
@@ -122,29 +127,33 @@ class Arming:
             self._enter(ArmingState.READY)
         return request
 
-    def _ready(self, events: ArmingEvents) -> None:
+    def _ready(self, events: ArmingEvents) -> Request:
         self.reason = _first(events.holds)
         if events.press and self.reason is None:
             self._enter(ArmingState.ENGAGED)
+        return Request.NONE
 
-    def _engaged(self, events: ArmingEvents) -> None:
+    def _engaged(self, events: ArmingEvents) -> Request:
         if events.holds:
             self._enter(ArmingState.HOLDING, events.holds[0])
         elif not events.pressed:
             self._enter(ArmingState.READY)
+        return Request.NONE
 
-    def _holding(self, events: ArmingEvents) -> None:
+    def _holding(self, events: ArmingEvents) -> Request:
         if events.holds:
             self.reason = events.holds[0]
         elif events.released:
             self._enter(ArmingState.READY)
+        return Request.NONE
 
     def _fault(self, events: ArmingEvents) -> Request:
-        if Reason.EMERGENCY_STOP in events.faults:
+        self.blocked_by = _first(tuple(r for r in events.faults if r not in CLEARABLE))
+        if self.blocked_by is not None:
             self._consent_until_ns = None
             return Request.NONE
         request = Request.NONE
-        if events.confirm and events.released and CLEARABLE.issuperset(events.faults):
+        if events.confirm and events.released:
             self._consent_until_ns = events.now_ns + CLEAR_CONSENT_NS
             request = Request.CLEAR_ERRORS
         if self._consents(events.now_ns) and events.released and not events.faults:
@@ -157,6 +166,7 @@ class Arming:
     def _enter(self, state: ArmingState, reason: Reason | None = None) -> None:
         self.state = state
         self.reason = reason
+        self.blocked_by = None
         self._consent_until_ns = None
 
 

@@ -25,7 +25,7 @@ from tams_app.teleop.quaternion import (
     turned,
 )
 
-MAX_POSE_STEP_M = 0.010  # mode 1 takes no longer step (FINDINGS 8)
+MAX_POSE_STEP_M = 0.0099  # mode 1 takes 10 mm (FINDINGS 8), and rounding must not pass that
 _MEMORY_NS = NS_PER_S // 2
 _TINY = 1e-12
 

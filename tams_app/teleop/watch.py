@@ -17,6 +17,7 @@ _VELOCITY_MODE, _POSE_MODE = 5, 1  # xArm modes: Cartesian velocity, servo motio
 _FIRST_HALTED_STATE = 3  # xArm states: 1 moving, 2 ready, 3 paused, 4 stopped, 5 mode changed
 STOPPED_STATE = 4
 _VIDEO_FLOOR_FACTOR = 3
+_MOST_SANE = 100.0  # [m, rad]: nothing tracked or reported is that far away
 
 _LOST = {
     ControllerStatus.DISCONNECTED: Reason.CONTROLLER_DISCONNECTED,
@@ -124,7 +125,7 @@ class Watch:
         arm_limit_ns = self._fresh.arm_state_ms * NS_PER_MS
         if tick.arm is None or not is_fresh(tick.arm.received_ns, tick.now_ns, arm_limit_ns):
             found.append(Reason.ARM_STATE_STALE)
-        elif not _is_finite_arm(tick.arm):
+        elif not _is_sane_arm(tick.arm):
             found.append(Reason.ARM_STATE_INVALID)
         # Disarmed, nothing is sent that could be answered.
         reply_limit_ns = self._fresh.arm_reply_ms * NS_PER_MS
@@ -142,9 +143,13 @@ def _is_sane(sample: ControllerSample, now_ns: int) -> bool:
     if sample.pose is None or not is_fresh(sample.pose_ns, now_ns, float("inf")):
         return False
     values = (*sample.pose.position, *sample.pose.rotation.as_quat(), sample.trigger, sample.grip)
-    return bool(np.isfinite(values).all())
+    return _are_sane(values)
 
 
-def _is_finite_arm(arm: ArmState) -> bool:
-    values = (*arm.joints, *arm.tcp.position, *arm.tcp.rotation.as_quat())
-    return bool(np.isfinite(values).all())
+def _is_sane_arm(arm: ArmState) -> bool:
+    return _are_sane((*arm.joints, *arm.tcp.position, *arm.tcp.rotation.as_quat()))
+
+
+def _are_sane(values: tuple[float, ...]) -> bool:
+    """Finite, and not so large that arithmetic could overflow."""
+    return bool((np.abs(values) <= _MOST_SANE).all())  # false for NaN

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Vector
+from tams_app.teleop.plan import Profile, VelocityPlan
 from tams_app.teleop.quaternion import Quaternion, of_rotation, turn_between
-from tams_app.teleop.shaping import Profile, VelocityPlan
 
 _INSET_M = 5e-4  # the cap's bounds lie inside the hard ones: room for rounding and sampling
 _INSET_RAD = 2e-3

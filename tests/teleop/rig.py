@@ -135,12 +135,13 @@ class Bench:
         The arm does what the last output said until this tick.
         """
         self.now_ns += period_ns
-        interval_s = period_ns / 1e9
+        interval_s = max(0, period_ns) / 1e9
         if self.outputs:
             self.arm.follow(self.outputs[-1], interval_s)
+        sample = changes.pop("sample", None) or self.hand.sample(self.now_ns, interval_s)
         given = TeleopInput(
             now_ns=self.now_ns,
-            sample=self.hand.sample(self.now_ns, interval_s),
+            sample=sample,
             arm=self.arm.report(self.now_ns),
             link=CommandLink(0, self.now_ns, 1_000_000, 0, ""),
             arm_ready=self.arm_ready,

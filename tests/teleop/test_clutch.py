@@ -80,6 +80,14 @@ def test_unknown_input_reads_as_released_and_needs_a_fresh_release(
     assert finger.read(trigger=1.0).press
 
 
+@pytest.mark.parametrize("button", ["a", "b"])
+def test_a_button_pressed_while_nothing_was_known_moves_no_gripper(
+    finger: Finger, button: str
+) -> None:
+    for reading in (finger.read(**{button: True, "age_ms": 500}), finger.read(**{button: True})):
+        assert not any((reading.close_gripper, reading.open_gripper))
+
+
 def test_a_closes_and_b_opens_on_their_edges(finger: Finger) -> None:
     assert finger.read(a=True).close_gripper
     assert not finger.read(a=True).close_gripper

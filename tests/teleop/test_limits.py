@@ -5,7 +5,7 @@ import pytest
 
 from tams_app.records import Twist
 from tams_app.teleop.limits import Limits, clamp_norm
-from tams_app.teleop.quaternion import of_rotation, turned
+from tams_app.teleop.quaternion import of_rotation, turn_between, turned
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
 from tests.teleop.rig import READY_ROTATION, RoomyModel, make_config
@@ -89,6 +89,38 @@ def test_shaping_brakes_before_a_state_it_could_not_stop_from() -> None:
         tcp = Tcp(np.array([0.33, 0, height]), MIDDLE.rotation)
         height += shaper.shape(down, tcp, 1 / 120).linear[2] / 120
     assert 0.005 <= height < 0.06
+
+
+def test_shaping_brakes_before_an_orientation_it_could_not_stop_from() -> None:
+    shaper = limits()
+    out = Twist(NOTHING, np.array([0, 0.5, 0]))
+    rotation = MIDDLE.rotation
+    for _ in range(300):  # without the cap, as above
+        angular = shaper.shape(out, Tcp(MIDDLE.position, rotation), 1 / 120).angular
+        rotation = turned(rotation, angular / 120)
+    angle = np.linalg.norm(turn_between(of_rotation(READY_ROTATION), rotation))
+    assert np.radians(25) < angle <= np.radians(35) + 1e-9
+
+
+def test_the_posture_that_is_judged_is_the_reported_one() -> None:
+    class Listening(RoomyModel):
+        heard: np.ndarray | None = None
+
+        def jacobian(self, joints: np.ndarray) -> np.ndarray:
+            self.heard = joints
+            return np.eye(6)
+
+    model = Listening()
+    joints = np.linspace(-1, 1, 6)
+    limits(model).limit(Twist(np.array([0.1, 0, 0]), NOTHING), MIDDLE, joints, 1.0)
+    assert model.heard is joints
+
+
+def test_a_hand_that_asks_for_just_enough_is_told_what_stops_it() -> None:
+    on_floor = Tcp(np.array([0.33, 0, 0.005]), MIDDLE.rotation)
+    for speed, told in ((0.005, Reason.WORKSPACE), (0.004999, None)):
+        asked = Twist(np.array([0, 0, -speed]), NOTHING)
+        assert limits().limit(asked, on_floor, JOINTS, 1.0).limited_by is told
 
 
 def test_coming_to_rest_ends_at_exactly_zero() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tams_app.teleop
-from tams_app.records import CommandLink, ControllerStatus, Haptic
+from tams_app.records import CommandLink, ControllerStatus, Haptic, LinkFault
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tests.teleop.rig import (
     PERIOD_NS,
@@ -149,6 +149,79 @@ def test_a_lost_link_says_why(engaged: Bench) -> None:
     output = engaged.tick(link=link(engaged, failure="The arm closed the connection."))
     assert output.reason is Reason.ARM_LINK_LOST
     assert output.detail == "The arm closed the connection."
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [(LinkFault.REFUSED, Reason.ARM_REFUSES), (LinkFault.GRIPPER, Reason.GRIPPER_FAILED)],
+)
+def test_a_failed_link_is_confirmed_away_once_it_works_again(
+    engaged: Bench, fault: LinkFault, reason: Reason
+) -> None:
+    broken = link(engaged, failure="It said no.", fault=fault)
+    output = engaged.tick(link=broken)
+    assert (output.reason, output.detail, output.stop) == (reason, "It said no.", True)
+    engaged.hand.trigger = 0.0
+    engaged.tick(link=broken)
+    assert engaged.tick(link=broken, confirm=True).request is Request.CLEAR_ERRORS
+    assert engaged.tick(link=broken).arming is FAULT
+    assert engaged.tick().arming is DISARMED
+
+
+def test_an_arm_that_stopped_by_an_error_says_which(engaged: Bench) -> None:
+    engaged.arm.state = 4
+    assert engaged.tick().detail == ""
+    engaged.arm.error_code = 22
+    output = engaged.tick()
+    assert (output.reason, output.detail) == (Reason.ARM_STOPPED, "C22 (self-collision)")
+
+
+def test_a_fault_names_what_else_is_in_the_way_of_confirming_it(engaged: Bench) -> None:
+    engaged.arm.error_code = 31
+    engaged.tick()
+    engaged.hand.status = ControllerStatus.DISCONNECTED
+    output = engaged.tick()
+    assert output.reason is Reason.ARM_ERROR
+    assert output.detail == "C31 (collision), and controller disconnected"
+    engaged.hand.status = ControllerStatus.OK
+    assert engaged.tick().detail == "C31 (collision)"
+    engaged.arm.error_code = 0
+    engaged.hand.status = ControllerStatus.ROLE_SWAPPED
+    assert engaged.tick().detail == "and controller swapped"
+
+
+def test_a_fault_that_still_holds_is_not_named_twice(engaged: Bench) -> None:
+    engaged.hand.status = ControllerStatus.RUNTIME_QUIT
+    assert engaged.run(3).detail == ""
+
+
+def test_what_the_guard_stopped_is_confirmed_away(engaged: Bench) -> None:
+    output = engaged.tick(faults=(Reason.GUARD_STOPPED,))
+    assert (output.reason, output.stop) == (Reason.GUARD_STOPPED, True)
+    engaged.hand.trigger = 0.0
+    engaged.run(2)
+    assert engaged.tick(confirm=True).arming is DISARMED
+
+
+@pytest.mark.parametrize(
+    "away",
+    [ControllerStatus.DISCONNECTED, ControllerStatus.RUNTIME_QUIT, ControllerStatus.ROLE_SWAPPED],
+)
+def test_a_controller_switched_on_after_the_start_takes_two_confirmations_to_ready(
+    bench: Bench, away: ControllerStatus
+) -> None:
+    bench.hand.status = away
+    bench.hand.trigger = 1.0
+    bench.arm_ready = True
+    assert bench.run(3).arming is FAULT
+    assert bench.tick(confirm=True).arming is FAULT
+    bench.hand.status = ControllerStatus.OK
+    bench.hand.trigger = 0.0
+    bench.arm.state = 2  # enabled again after the stop
+    assert bench.run(3).arming is FAULT  # the confirmation before it was back counts nothing
+    assert bench.tick(confirm=True).arming is DISARMED
+    assert bench.run(3).arming is DISARMED
+    assert bench.tick(confirm=True).arming is READY
 
 
 # --- emergency stop and menu ----------------------------------------------------------------------

@@ -14,96 +14,25 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.records import ArmState, CommandLink, ControllerStatus, Pose
 from tams_app.teleop.safety import ArmingState, Reason
-from tests.teleop.rig import (
-    PERIOD_NS,
-    READY_ROTATION,
-    Bench,
-    IntegratingArm,
-    make_config,
+from tests.teleop.laws import (
+    CONFIG,
+    LIMITS,
+    MS,
+    SLACK,
+    assert_profile_is_kept,
+    assert_stays_inside,
+    assert_stops_after_release,
+    drive,
+    leg,
+    legs,
+    periods_ns,
 )
+from tests.teleop.motions import unit
+from tests.teleop.rig import PERIOD_NS, READY_ROTATION, Bench, IntegratingArm
 
-MS = 1_000_000
-SLACK = 1 + 1e-6
-CONFIG = make_config()
-LIMITS = CONFIG.limits
 slow = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
-unit = st.lists(st.floats(-1, 1), min_size=3, max_size=3).map(np.array)
 wild = st.one_of(st.floats(-2, 2), st.sampled_from([math.nan, math.inf, 1e300]))
-periods_ns = st.integers(1 * MS, 40 * MS)
-
-
-@st.composite
-def legs(draw: st.DrawFn) -> list[dict[str, Any]]:
-    """What the hand does, a stretch at a time."""
-    return draw(
-        st.lists(
-            st.fixed_dictionaries(
-                {
-                    "linear": unit.map(lambda v: 0.5 * v),
-                    "angular": unit,
-                    "ticks": st.integers(3, 40),
-                    "trigger": st.sampled_from([1.0, 1.0, 1.0, 0.0]),
-                    "grip": st.sampled_from([0.0, 0.0, 0.0, 1.0]),
-                    "period_ns": st.one_of(st.just(PERIOD_NS), periods_ns),
-                    "video_age_ns": st.sampled_from([None, 0, 600 * MS, 900 * MS, 1100 * MS]),
-                }
-            ),
-            min_size=2,
-            max_size=7,
-        )
-    )
-
-
-def drive(bench: Bench, stretches: list[dict[str, Any]]) -> None:
-    bench.engage()
-    for stretch in stretches:
-        bench.ask(*stretch["linear"])
-        bench.ask_turn(*stretch["angular"])
-        bench.hand.trigger, bench.hand.grip = stretch["trigger"], stretch["grip"]
-        for _ in range(stretch["ticks"]):
-            bench.tick(period_ns=stretch["period_ns"], video_age_ns=stretch["video_age_ns"])
-
-
-def assert_profile_is_kept(bench: Bench) -> None:
-    """Speed, acceleration and jerk of the commanded twists, from one tick to the next."""
-    intervals = np.diff(np.array(bench.times_ns)) / 1e9
-    stopping = np.array([output.braking for output in bench.outputs])[1:]
-    motion, stop = LIMITS.motion, LIMITS.stop
-    for commands, top, accelerations, jerks in (
-        (
-            bench.linear(),
-            LIMITS.max_speed_mm_s / 1000,
-            (motion.acceleration_m_s2, stop.acceleration_m_s2),
-            (motion.jerk_m_s3, stop.jerk_m_s3),
-        ),
-        (
-            bench.angular(),
-            LIMITS.max_rotation_rad_s,
-            (motion.acceleration_rad_s2, stop.acceleration_rad_s2),
-            (motion.jerk_rad_s3, stop.jerk_rad_s3),
-        ),
-    ):
-        assert np.isfinite(commands).all()
-        assert np.linalg.norm(commands, axis=1).max() <= top * SLACK
-        rates = np.diff(commands, axis=0) / intervals[:, np.newaxis]
-        allowed = np.where(stopping, accelerations[1], accelerations[0])
-        assert (np.linalg.norm(rates, axis=1) <= allowed * SLACK + 1e-9).all()
-        # Mean accelerations of neighbouring intervals, half of both apart.
-        apart = (intervals[1:] + intervals[:-1]) / 2
-        swings = np.linalg.norm(np.diff(rates, axis=0), axis=1) / apart
-        either = stopping[1:] | stopping[:-1]
-        assert (swings <= np.where(either, jerks[1], jerks[0]) * SLACK + 1e-6).all()
-
-
-def assert_stays_inside(bench: Bench) -> None:
-    path = bench.path()
-    low, high = np.array(LIMITS.box_min_mm) / 1000, np.array(LIMITS.box_max_mm) / 1000
-    radius = np.hypot(path[:, 0], path[:, 1])
-    assert (path >= low - 1e-6).all()
-    assert (path <= high + 1e-6).all()
-    assert radius.max() <= LIMITS.radius_max_mm / 1000 + 1e-6
-    assert radius.min() >= LIMITS.radius_min_mm / 1000 - 1e-6
 
 
 @slow
@@ -117,18 +46,6 @@ def test_any_hand_at_any_rate_keeps_the_profile_and_stays_inside(
     assert_stays_inside(bench)
     turns = [(pose.rotation * READY_ROTATION.inv()).magnitude() for pose in bench.arm.trail[::5]]
     assert max(turns) <= math.radians(LIMITS.cone_deg) + 1e-4
-
-
-def leg(linear: list[float], ticks: int) -> dict[str, Any]:
-    return {
-        "linear": np.array(linear),
-        "angular": np.zeros(3),
-        "ticks": ticks,
-        "trigger": 1.0,
-        "grip": 0.0,
-        "period_ns": PERIOD_NS,
-        "video_age_ns": None,
-    }
 
 
 @slow
@@ -283,11 +200,8 @@ def test_after_any_release_the_command_is_exactly_zero_in_time_and_stays(
     for _ in range(ticks):
         bench.tick(period_ns=period_ns)
     bench.hand.trigger = 0.0
-    released_ns = bench.tick(period_ns=period_ns) and bench.now_ns
     for _ in range(math.ceil(250 * MS / period_ns)):
         bench.tick(period_ns=period_ns)
-    # Braking starts at the command before the release; it lasts 106 ms at most (test_shaping).
-    for output, t_ns in zip(bench.outputs, bench.times_ns, strict=True):
-        if t_ns >= released_ns + max(0, 107 * MS - period_ns) + period_ns:
-            assert output.twist is not None
-            assert output.twist.is_zero
+    assert_stops_after_release(bench)
+    assert bench.outputs[-1].twist is not None
+    assert bench.outputs[-1].twist.is_zero

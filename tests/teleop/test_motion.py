@@ -126,3 +126,12 @@ def test_poses_at_almost_the_same_time_do_not_make_a_huge_speed() -> None:
 def test_a_pose_is_frozen_from_the_limit_on() -> None:
     assert not is_frozen(sample((0, 0, 0), 0), 100 * NS_PER_MS - 1, 100)
     assert is_frozen(sample((0, 0, 0), 0), 100 * NS_PER_MS, 100)
+
+
+def test_a_pose_that_comes_back_after_anchoring_without_one_moves_nothing() -> None:
+    hand = motion()
+    lost = sample((0, 0, 0), 0)
+    hand.anchor(ControllerSample(lost.status, None, 0, 0, 1.0, 0.0, False, False, False))
+    assert hand.update(sample((0.5, 0, 0), 8 * NS_PER_MS), 8 * NS_PER_MS, 1.0).is_zero
+    twist = hand.update(sample((0.5016, 0, 0), 16 * NS_PER_MS), 16 * NS_PER_MS, 1.0)
+    assert twist.linear[0] == pytest.approx(0.2)

@@ -43,3 +43,11 @@ def test_small_turns_keep_their_precision(size: float) -> None:
     np.testing.assert_allclose(
         turn_between(start, turned(start, turn)), turn, atol=3e-16 + 1e-9 * size
     )
+
+
+def test_the_turn_between_is_the_short_way_round() -> None:
+    start = of_rotation(Rotation.from_rotvec([0, 0, 3.0]))
+    end = of_rotation(Rotation.from_rotvec([0, 0, -3.0]))
+    short = 2 * np.pi - 6.0
+    np.testing.assert_allclose(turn_between(start, end), [0, 0, short], atol=1e-9)
+    np.testing.assert_allclose(turn_between(end, start), [0, 0, -short], atol=1e-9)

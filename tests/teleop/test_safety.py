@@ -18,6 +18,7 @@ from tams_app.teleop.safety import (
     Request,
     describe_arm_error,
 )
+from tests.teleop.arming_table import ARROWS, CAN_BE_CLEARED, Consent, Tick, Trigger, oracle
 
 DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
 
@@ -25,7 +26,8 @@ UP = {"released": True}
 DOWN = {"pressed": True}
 PRESS = {"pressed": True, "press": True}
 UNKNOWN: dict[str, object] = {}  # no buttons are read: neither up nor down
-STALE = {"holds": (Reason.ARM_STATE_STALE,)}
+STALE_HOLDS = (Reason.ARM_STATE_STALE,)
+STALE = {"holds": STALE_HOLDS}
 LOST = {"faults": (Reason.GUARD_LOST,)}
 
 
@@ -116,28 +118,79 @@ def test_an_arrow_the_table_lacks_is_not_taken(
     assert arming.state is start
 
 
+# --- all of them ----------------------------------------------------------------------------------
+
+HOLDS = ((), (Reason.ARM_NOT_READY,), (Reason.STALE_VIDEO,), (Reason.ARM_NOT_READY, *STALE_HOLDS))
+FAULTS = (
+    (),
+    (Reason.EMERGENCY_STOP,),
+    (Reason.GUARD_LOST,),
+    *((reason,) for reason in sorted(CAN_BE_CLEARED, key=lambda reason: reason.label)),
+    (Reason.ARM_ERROR, Reason.ARM_LINK_LOST),
+    (Reason.ARM_ERROR, Reason.CONTROLLER_DISCONNECTED),
+)
+TRIGGERS = {
+    Trigger.UNKNOWN: UNKNOWN,
+    Trigger.UP: UP,
+    Trigger.HELD: DOWN,
+    Trigger.PRESSED_NOW: PRESS,
+}
+TICKS = [
+    Tick(*combination)
+    for combination in itertools.product(
+        ArmingState, Consent, Trigger, (False, True), (False, True), HOLDS, FAULTS
+    )
+]
+
+
+def before(tick: Tick) -> Arming:
+    """In the tick's state, with the consent it says."""
+    arming = arming_in(tick.state)
+    if tick.consent is not Consent.NONE:
+        # Confirmed with the trigger up, while something still keeps it from going on.
+        in_the_way = {DISARMED: {"arm_ready": False}, FAULT: {"faults": (Reason.ARM_ERROR,)}}
+        if tick.state in in_the_way:
+            arming.step(events(confirm=True, **in_the_way[tick.state], **UP))
+    assert arming.state is tick.state
+    return arming
+
+
+def after(tick: Tick) -> ArmingState:
+    arming = before(tick)
+    longest_ns = max(ENABLE_CONSENT_NS, CLEAR_CONSENT_NS)
+    arming.step(
+        events(
+            now_ns=NS_PER_S + (longest_ns + 1 if tick.consent is Consent.RUN_OUT else 0),
+            confirm=tick.confirm,
+            arm_ready=tick.arm_ready,
+            holds=tick.holds,
+            faults=tick.faults,
+            **TRIGGERS[tick.trigger],
+        )
+    )
+    return arming.state
+
+
+@pytest.mark.parametrize("state", list(ArmingState))
+def test_every_combination_of_events_does_what_the_table_says_and_nothing_else(
+    state: ArmingState,
+) -> None:
+    ticks = [tick for tick in TICKS if tick.state is state]
+    assert len(ticks) == 3 * 4 * 2 * 2 * len(HOLDS) * len(FAULTS)
+    wrong = [tick for tick in ticks if after(tick) is not oracle(tick)]
+    assert wrong == []
+
+
 def test_no_event_at_all_leads_along_an_arrow_the_table_lacks() -> None:
     allowed = {
-        (DISARMED, READY),
-        (READY, ENGAGED),
-        (ENGAGED, READY),
-        (ENGAGED, HOLDING),
-        (HOLDING, READY),
-        (FAULT, DISARMED),
-        *((state, FAULT) for state in ArmingState),
-        *((state, state) for state in ArmingState),
+        (start, end) for origin, _, end in ARROWS for start in ([origin] if origin else ArmingState)
     }
-    seen = set()
-    switches = list(itertools.product((False, True), repeat=6))
-    for start in ArmingState:
-        for confirm, press, down, stale, lost, ready in switches:
-            arming = arming_in(start)
-            given = {**(PRESS if press else DOWN if down else UP)}
-            given |= STALE if stale else {}
-            given |= LOST if lost else {}
-            arming.step(events(confirm=confirm, arm_ready=ready, **given))
-            seen.add((start, arming.state))
-    assert seen == allowed
+    seen = {(tick.state, after(tick)) for tick in TICKS}
+    assert seen - {(state, state) for state in ArmingState} == allowed - {(FAULT, FAULT)}
+
+
+def test_clearing_takes_away_what_the_arm_and_its_link_report_and_nothing_else() -> None:
+    assert CLEARABLE == CAN_BE_CLEARED
 
 
 def test_confirming_disarmed_asks_once_to_enable_and_waits_for_the_arm() -> None:
@@ -151,11 +204,34 @@ def test_confirming_disarmed_asks_once_to_enable_and_waits_for_the_arm() -> None
     assert arming.state is READY
 
 
-def test_consent_to_enable_runs_out() -> None:
+@pytest.mark.parametrize(("late_ns", "end"), [(0, READY), (1, DISARMED)])
+def test_consent_to_enable_holds_for_a_minute(late_ns: int, end: ArmingState) -> None:
     arming = Arming()
     arming.step(events(confirm=True, arm_ready=False, **UP))
-    arming.step(events(now_ns=NS_PER_S + ENABLE_CONSENT_NS + 1, **UP))
+    arming.step(events(now_ns=NS_PER_S + ENABLE_CONSENT_NS + late_ns, **UP))
+    assert arming.state is end
+    assert ENABLE_CONSENT_NS == 60 * NS_PER_S
+
+
+def test_consent_to_enable_waits_while_something_is_stale() -> None:
+    arming = Arming()
+    arming.step(events(confirm=True, arm_ready=False, **UP))
+    arming.step(events(**STALE, **UP))
+    assert (arming.state, arming.reason) == (DISARMED, Reason.ARM_STATE_STALE)
+    arming.step(events(**UP))
+    assert (arming.state, arming.reason) == (READY, None)
+
+
+def test_confirming_while_something_is_stale_is_no_consent() -> None:
+    arming = Arming()
+    for given in (STALE, {"holds": (Reason.ARM_NOT_READY, *STALE_HOLDS)}):
+        assert arming.step(events(confirm=True, arm_ready=False, **given, **UP)) is Request.NONE
+    arming.step(events(**UP))
     assert arming.state is DISARMED
+
+
+def test_an_arm_that_is_ready_already_is_not_enabled_again() -> None:
+    assert Arming().step(events(confirm=True, **UP)) is Request.NONE
 
 
 def test_a_fault_withdraws_the_consent_to_enable() -> None:
@@ -181,19 +257,63 @@ def test_confirming_an_arm_error_asks_to_clear_it_and_disarms_once_it_is_gone(
     assert arming.state is DISARMED
 
 
-def test_consent_to_clear_errors_runs_out() -> None:
+@pytest.mark.parametrize(("late_ns", "end"), [(0, DISARMED), (1, FAULT)])
+def test_consent_to_clear_errors_holds_for_three_seconds(late_ns: int, end: ArmingState) -> None:
     arming = Arming()
     arming.step(events(faults=(Reason.ARM_ERROR,), **UP))
     arming.step(events(faults=(Reason.ARM_ERROR,), confirm=True, **UP))
-    arming.step(events(now_ns=NS_PER_S + CLEAR_CONSENT_NS + 1, **UP))
+    arming.step(events(now_ns=NS_PER_S + CLEAR_CONSENT_NS + late_ns, **UP))
+    assert arming.state is end
+    assert CLEAR_CONSENT_NS == 3 * NS_PER_S
+
+
+@pytest.mark.parametrize(
+    "newcomer", [Reason.EMERGENCY_STOP, Reason.GUARD_STOPPED, Reason.CONTROLLER_DISCONNECTED]
+)
+def test_what_clearing_cannot_take_away_withdraws_the_consent_to_clear(newcomer: Reason) -> None:
+    arming = Arming()
+    arming.step(events(faults=(Reason.ARM_ERROR,), **UP))
+    arming.step(events(faults=(Reason.ARM_ERROR,), confirm=True, **UP))
+    assert arming.step(events(faults=(newcomer,), confirm=True, **UP)) is Request.NONE
+    arming.step(events(**UP))
     assert arming.state is FAULT
+    arming.step(events(confirm=True, **UP))
+    assert arming.state is DISARMED
 
 
-def test_an_emergency_stop_in_fault_withdraws_the_consent() -> None:
+@pytest.mark.parametrize(
+    "lost", [Reason.CONTROLLER_DISCONNECTED, Reason.RUNTIME_QUIT, Reason.ROLE_SWAPPED]
+)
+def test_a_lost_controller_must_be_back_before_a_confirmation_counts(lost: Reason) -> None:
+    arming = Arming()
+    arming.step(events(faults=(lost,)))
+    for _ in range(3):
+        assert arming.step(events(faults=(lost,), confirm=True, **UP)) is Request.NONE
+    arming.step(events(**UP))
+    assert (arming.state, arming.reason) == (FAULT, lost)  # the early confirmations count nothing
+    arming.step(events(confirm=True, **UP))
+    assert arming.state is DISARMED
+
+
+def test_a_fault_says_what_must_be_gone_before_it_can_be_confirmed() -> None:
+    arming = Arming()
+    both = (Reason.ARM_ERROR, Reason.CONTROLLER_DISCONNECTED)
+    arming.step(events(faults=(Reason.ARM_ERROR,)))
+    assert arming.blocked_by is None
+    arming.step(events(faults=both))
+    assert (arming.reason, arming.blocked_by) == (Reason.ARM_ERROR, both[1])
+    arming.step(events(faults=(Reason.ARM_ERROR,)))
+    assert arming.blocked_by is None
+    arming.step(events(faults=both))
+    arming.step(events(confirm=True, **UP))
+    assert (arming.state, arming.blocked_by, arming.reason) == (DISARMED, None, None)
+
+
+def test_tripping_withdraws_every_consent() -> None:
     arming = Arming()
     arming.step(events(faults=(Reason.ARM_ERROR,), **UP))
     arming.step(events(faults=(Reason.ARM_ERROR,), confirm=True, **UP))
-    arming.step(events(faults=(Reason.EMERGENCY_STOP,), confirm=True, **UP))
+    arming.trip(Reason.TRAJECTORY_ERROR)
     arming.step(events(**UP))
     assert arming.state is FAULT
 

@@ -7,98 +7,36 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tams_app.config import LimitsConfig, stop_time_s
-from tams_app.teleop.shaping import Profile, TrajectoryError, VelocityPlan, VelocityShaper
+from tams_app.teleop.plan import Profile, TrajectoryError
+from tams_app.teleop.shaping import VelocityShaper
+from tests.teleop.motions import Case, plans, within
 
 V = 0.25
 MOTION = Profile(1.5, 20.0)
-STOP = Profile(5.0, 100.0)
+STOP = Profile(5.0, 130.0)
 PERIOD_S = 1 / 120
-
-unit = st.lists(st.floats(-1, 1), min_size=3, max_size=3).map(np.array)
-
-
-def within(size: float) -> st.SearchStrategy[np.ndarray]:
-    return unit.map(lambda v: size * v / max(1.0, float(np.linalg.norm(v))))
 
 
 def norms(rows: list[np.ndarray]) -> np.ndarray:
     return np.linalg.norm(np.array(rows), axis=1)
 
 
-@given(within(V), within(1.5), within(V))
-def test_a_plan_keeps_acceleration_and_jerk_as_norms_and_ends_exactly(
-    velocity: np.ndarray, acceleration: np.ndarray, target: np.ndarray
-) -> None:
-    plan = VelocityPlan(velocity, acceleration, target, MOTION)
-    times = np.linspace(0, plan.duration_s, 60)
-    states = [plan.at(float(t)) for t in times]
-    accelerations = np.array([state.acceleration for state in states])
-    assert np.linalg.norm(accelerations, axis=1).max() <= 1.5 * (1 + 1e-6)
-    if plan.duration_s > 1e-6:
-        jerks = np.diff(accelerations[:-1], axis=0) / np.diff(times[:-1])[:, np.newaxis]
-        assert np.linalg.norm(jerks, axis=1).max() <= 20.0 * (1 + 1e-6)
-    end = plan.at(plan.duration_s + 1e-3)
-    assert (end.velocity == target).all()
-    assert not end.acceleration.any()
-
-
-@given(within(V), within(1.5))
-def test_displacement_is_the_integral_of_velocity(
-    velocity: np.ndarray, acceleration: np.ndarray
-) -> None:
-    plan = VelocityPlan(velocity, acceleration, np.zeros(3), STOP)
-    times = np.linspace(0, plan.duration_s, 400)
-    velocities = np.array([plan.at(float(t)).velocity for t in times])
-    way = np.trapezoid(velocities, times, axis=0)
-    np.testing.assert_allclose(plan.at(plan.duration_s).displacement, way, atol=2e-6)
-
-
-@pytest.mark.parametrize("direction", [(1, 0, 0), (1, 1, 0), (1, -1, 1), (-2, 1, 3)])
-def test_any_direction_stops_in_the_time_the_configuration_promises(
-    direction: tuple[float, ...],
-) -> None:
-    velocity = V * np.array(direction) / np.linalg.norm(direction)
-    plan = VelocityPlan(velocity, np.zeros(3), np.zeros(3), STOP)
-    assert plan.duration_s == pytest.approx(stop_time_s(V, 5.0, 100.0), abs=1e-6)
-    assert plan.duration_s <= 0.1 + 1e-6
-
-
-@pytest.mark.parametrize("kind", ["linear", "angular"])
-def test_from_any_state_of_motion_the_command_is_zero_100_ms_after_the_release_tick(
-    kind: str,
-) -> None:
-    # The command of the release tick is already one period into the plan: 13 periods suffice.
-    limits = LimitsConfig()
-    if kind == "linear":
-        top = limits.max_speed_mm_s / 1000
-        motion = Profile(limits.motion.acceleration_m_s2, limits.motion.jerk_m_s3)
-        stop = Profile(limits.stop.acceleration_m_s2, limits.stop.jerk_m_s3)
-    else:
-        top = limits.max_rotation_rad_s
-        motion = Profile(limits.motion.acceleration_rad_s2, limits.motion.jerk_rad_s3)
-        stop = Profile(limits.stop.acceleration_rad_s2, limits.stop.jerk_rad_s3)
-    for size in np.linspace(0, motion.acceleration, 9):
-        for angle in np.linspace(0, math.pi, 19):
-            acceleration = size * np.array([math.cos(angle), math.sin(angle), 0])
-            coast = acceleration * size / (2 * motion.jerk)
-            fastest = min(top, math.sqrt(top**2 - coast[1] ** 2) - coast[0])
-            for speed in (fastest, 0.7 * fastest):
-                velocity = np.array([speed, 0, 0])
-                plan = VelocityPlan(velocity, acceleration, np.zeros(3), stop)
-                assert plan.duration_s <= 13 * PERIOD_S
-
-
-@given(within(V), within(1.5), st.floats(0, 0.1))
-def test_braking_never_goes_further_than_its_reach(
-    velocity: np.ndarray, acceleration: np.ndarray, held_s: float
-) -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
-    plan = shaper.braking_plan(velocity, acceleration)
-    reach = shaper.braking_reach(velocity, acceleration, held_s)
+@given(plans(), st.floats(0, 0.1))
+def test_braking_never_goes_further_than_its_reach(case: Case, held_s: float) -> None:
+    shaper = VelocityShaper(case.top, case.motion, case.stop)
+    plan = shaper.braking_plan(case.velocity, case.acceleration)
+    reach = shaper.braking_reach(case.velocity, case.acceleration, held_s)
     for t_s in np.linspace(0, plan.duration_s, 8):
-        way = velocity * held_s + plan.at(float(t_s)).displacement
+        way = case.velocity * held_s + plan.at(float(t_s)).displacement
         assert np.linalg.norm(way) <= reach + 1e-9
+
+
+def test_the_reach_is_no_idle_bound() -> None:
+    shaper = VelocityShaper(V, MOTION, STOP)
+    fast = np.array([0, V, 0])
+    way = shaper.braking_plan(fast, np.zeros(3)).at(1.0).displacement[1]
+    assert shaper.braking_reach(fast, np.zeros(3), 0.0) < 2 * way
+    assert shaper.braking_reach(np.zeros(3), np.zeros(3), 0.1) == 0.0
 
 
 targets = st.lists(st.tuples(within(V), st.integers(1, 12)), min_size=1, max_size=8)

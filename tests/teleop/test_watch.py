@@ -7,7 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tams_app.clock import NS_PER_MS, NS_PER_S
-from tams_app.records import ArmState, CommandLink, ControllerSample, ControllerStatus, Pose
+from tams_app.records import (
+    ArmState,
+    CommandLink,
+    ControllerSample,
+    ControllerStatus,
+    LinkFault,
+    Pose,
+)
 from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.teleop.watch import Watch
@@ -43,6 +50,7 @@ def test_a_fine_tick_has_neither_faults_nor_holds(state: ArmingState) -> None:
 
 
 NAN_POSE = Pose(np.array([0, np.nan, 0]), Rotation.identity())
+FAR_POSE = Pose(np.array([0, 0, -100.1]), Rotation.identity())  # 1e300 would overflow
 
 
 @pytest.mark.parametrize(
@@ -54,12 +62,16 @@ NAN_POSE = Pose(np.array([0, np.nan, 0]), Rotation.identity())
         (with_sample(status=ControllerStatus.DASHBOARD), Reason.DASHBOARD_OPEN),
         (with_sample(pose=NAN_POSE), Reason.BAD_INPUT),
         (with_sample(trigger=float("nan")), Reason.BAD_INPUT),
+        (with_sample(grip=float("inf")), Reason.BAD_INPUT),
         (with_sample(pose_ns=NOW + NS_PER_S), Reason.BAD_INPUT),
+        (with_sample(pose=FAR_POSE), Reason.BAD_INPUT),
         (with_sample(buttons_ns=NOW - 101 * MS), Reason.BUTTONS_STALE),
         (replace(FINE, arm=None), Reason.ARM_STATE_STALE),
         (with_arm(received_ns=NOW - 101 * MS), Reason.ARM_STATE_STALE),
         (with_arm(joints=np.full(6, np.inf)), Reason.ARM_STATE_INVALID),
         (with_arm(tcp=NAN_POSE), Reason.ARM_STATE_INVALID),
+        (with_arm(tcp=FAR_POSE), Reason.ARM_STATE_INVALID),
+        (with_arm(joints=np.full(6, -101.0)), Reason.ARM_STATE_INVALID),
         (with_link(acknowledged_ns=NOW - 101 * MS), Reason.ARM_REPLY_LATE),
         (with_link(round_trip_ns=101 * MS), Reason.ARM_REPLY_LATE),
         (replace(FINE, video_age_ns=1000 * MS), Reason.STALE_VIDEO),
@@ -77,6 +89,8 @@ def test_what_is_stale_holds(tick: TeleopInput, holds: Reason) -> None:
     [
         with_sample(buttons_ns=NOW - 100 * MS),
         with_sample(pose_ns=NOW - 99 * MS),
+        with_sample(pose=Pose(np.array([100.0, 0, -100]), Rotation.identity())),
+        with_arm(received_ns=NOW + 50 * MS),
         with_arm(received_ns=NOW - 100 * MS),
         with_link(acknowledged_ns=NOW - 100 * MS, round_trip_ns=100 * MS),
         replace(FINE, video_age_ns=999 * MS),
@@ -95,7 +109,12 @@ def test_what_is_just_fresh_enough_does_not_hold(tick: TeleopInput) -> None:
         (with_sample(status=ControllerStatus.RUNTIME_QUIT), Reason.RUNTIME_QUIT),
         (with_arm(error_code=24), Reason.ARM_ERROR),
         (with_arm(received_ns=NOW - 1001 * MS), Reason.ARM_SILENT),
+        (with_sample(status=ControllerStatus.ROLE_SWAPPED), Reason.ROLE_SWAPPED),
         (with_link(failure="The arm closed the connection."), Reason.ARM_LINK_LOST),
+        (with_link(failure="It is gone.", fault=LinkFault.LOST), Reason.ARM_LINK_LOST),
+        (with_link(failure="It said no.", fault=LinkFault.REFUSED), Reason.ARM_REFUSES),
+        (with_link(failure="It stays open.", fault=LinkFault.GRIPPER), Reason.GRIPPER_FAILED),
+        (replace(FINE, faults=(Reason.GUARD_STOPPED,)), Reason.GUARD_STOPPED),
         (replace(FINE, faults=(Reason.CAMERA_LOST,)), Reason.CAMERA_LOST),
     ],
 )
@@ -158,3 +177,23 @@ def test_the_video_limits_are_never_below_three_times_the_latency(
     assert watch.video_scale(slow_ms * MS - 1) == 1.0
     assert watch.video_scale(hold_ms * MS) == 0.0
     assert watch.video_scale(hold_ms * MS - MS) > 0.0
+
+
+def test_every_status_of_the_controller_but_ok_is_a_fault_or_a_hold() -> None:
+    for status in ControllerStatus:
+        tick = with_sample(status=status)
+        found = WATCH.faults(tick, ENGAGED) + WATCH.holds(tick, ENGAGED)
+        assert len(found) == (status is not ControllerStatus.OK), status
+
+
+def test_every_kind_of_link_failure_has_a_reason_of_its_own() -> None:
+    kinds = [kind for kind in LinkFault if kind is not LinkFault.NONE]
+    found = [WATCH.faults(with_link(failure="Why.", fault=kind), READY) for kind in kinds]
+    assert [len(reasons) for reasons in found] == [1] * len(kinds)
+    assert len({reasons[0] for reasons in found}) == len(kinds)
+
+
+def test_a_lost_controller_is_not_told_twice() -> None:
+    tick = with_sample(status=ControllerStatus.DISCONNECTED, pose=None, buttons_ns=0, pose_ns=0)
+    assert WATCH.faults(tick, ENGAGED) == [Reason.CONTROLLER_DISCONNECTED]
+    assert WATCH.holds(tick, ENGAGED) == []
