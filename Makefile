@@ -1,6 +1,6 @@
-# make run | make test | make setup | make bench | make check
+# make run | make test | make setup | make bench | make check | make mutate
 .DEFAULT_GOAL := run
-.PHONY: run test setup bench check lock
+.PHONY: run test setup bench check lock mutate
 
 READY := .venv/.ready
 PY := .venv/bin/python
@@ -12,7 +12,18 @@ test: $(READY)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
+ifdef ARGS
 	$(PY) -m pytest $(ARGS)
+else
+	$(PY) -m pytest --ignore=tests/teleop
+	$(PY) -m coverage run --branch --source=tams_app/teleop -m pytest tests/teleop
+	$(PY) -m coverage report --skip-covered --fail-under=100
+endif
+
+# An hour or two; writes tests/mutation/RESULT.txt and fails if a survivor is not explained.
+mutate: $(READY)
+	$(PY) -m mutmut run
+	$(PY) -m tests.mutation
 
 bench: $(READY)
 	$(PY) -m benchmarks $(ARGS)

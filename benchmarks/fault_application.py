@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hw.boundary import session_boundary
 from hw.controller import Controller
 from hw.lite6 import Lite6
 from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock
@@ -84,7 +85,12 @@ class Application:
         self.video_age_ns = _FRESH_NS
         self.arming = ArmingState.DISARMED
         self.arm = Lite6(config.arm, self.clock, config.control.rate_hz)
-        self.supervisor = ArmSupervisor(self.arm, build.servo(config), _say_nothing)
+        self.supervisor = ArmSupervisor(
+            self.arm,
+            build.servo(config),
+            session_boundary(config.arm, config.limits),
+            _say_nothing,
+        )
         self.guarding = Guarding(config.arm, folder, self.signals, _say_nothing)
 
     def start(self) -> list[Worker]:

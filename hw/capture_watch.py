@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import statistics
+import zlib
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +11,8 @@ from enum import StrEnum
 from tams_app.clock import NS_PER_MS, NS_PER_S
 
 SILENCE_NS = 500 * NS_PER_MS  # without a picture: frozen
-REPETITION_NS = NS_PER_S  # of one picture to the last bit: frozen, since a sensor has noise
+REPETITION_NS = NS_PER_S  # without a picture that was not shown before: opened again
+REMEMBERED = 8  # pictures; drivers take turns with about four buffers
 START_PATIENCE_NS = 3 * NS_PER_S  # a USB camera takes its time to the first picture
 _WINDOW_NS = 2 * NS_PER_S
 
@@ -20,6 +22,7 @@ class Sight(StrEnum):
 
     SEEING = "seeing"
     SILENT = "delivers no pictures"
+    REPEATED = "showed a picture again"
     REPEATING = "repeats one picture to the last bit"
 
 
@@ -28,7 +31,7 @@ class FreezeWatch:
 
     def __init__(self, noisy: bool) -> None:
         self._noisy = noisy
-        self._picture = b""
+        self._recent: deque[int] = deque(maxlen=REMEMBERED)  # checksums of different pictures
         self._changed_ns = 0
         self._seen_ns = 0
         self._patience_ns = START_PATIENCE_NS
@@ -36,21 +39,28 @@ class FreezeWatch:
     def opened(self, now_ns: int) -> None:
         """The camera was opened (again); its first picture may take a while.
 
-        What it showed before is kept: one that repeats itself still does so after re-opening.
+        What it showed before is kept: one that repeats itself still does so after re-opening. But
+        it gets the time for a new picture: the first ones may be left over from before.
         """
-        self._seen_ns = now_ns
+        self._seen_ns = self._changed_ns = now_ns
         self._patience_ns = START_PATIENCE_NS
 
     def picture(self, now_ns: int, picture: bytes) -> Sight:
-        """A picture came, at `now_ns`; REPEATING means that it must not be shown as a new one."""
+        """A picture came, at `now_ns`; show it as a new one only if SEEING.
+
+        A sensor has noise, so a picture that comes again to the last bit is an old one, at once:
+        then the age of what was shown last grows from here on. REPEATING: open the camera again.
+        """
         self._seen_ns = now_ns
         self._patience_ns = SILENCE_NS
         if not self._noisy:
             return Sight.SEEING
-        if picture != self._picture:  # ends at the first byte that differs
-            self._picture, self._changed_ns = picture, now_ns
+        checksum = zlib.crc32(picture)  # a collision costs one good picture in years
+        if checksum not in self._recent:
+            self._recent.append(checksum)
+            self._changed_ns = now_ns
             return Sight.SEEING
-        return Sight.REPEATING if now_ns - self._changed_ns > REPETITION_NS else Sight.SEEING
+        return Sight.REPEATING if now_ns - self._changed_ns > REPETITION_NS else Sight.REPEATED
 
     def silent_from_ns(self) -> int:
         """When the camera is to be called silent if no picture comes before."""

@@ -29,3 +29,8 @@ class Controller(ABC):
     @abstractmethod
     def close(self) -> None:
         """Let go of the device; may be called twice."""
+
+    @property
+    def realtime_thread_ids(self) -> dict[str, int]:
+        """Kernel ids of the threads between the device and `sample`, by name."""
+        return {}

@@ -44,8 +44,9 @@ class GstCamera(Camera):
     """View `view` from `source`; start and close in one thread, next_frame in one other.
 
     A source that fails, falls silent or repeats itself is opened again about once a second, with
-    the same settings; meanwhile next_frame gives None, and the stale video holds the arm. Each
-    change is told once to `note`. The time grid goes on over it all, so no index comes twice.
+    the same settings; meanwhile next_frame gives None, and the stale video holds the arm. A picture
+    that a sensor delivers again is left out at once. Each change is told once to `note`. The time
+    grid goes on over it all, so no index comes twice.
     """
 
     def __init__(
@@ -145,9 +146,11 @@ class GstCamera(Camera):
 
     def _look_at(self, picture: Picture) -> Frame | None:
         now_ns = self._clock.now_ns()
-        if self._watch.picture(now_ns, picture.data) is Sight.REPEATING:
+        sight = self._watch.picture(now_ns, picture.data)
+        if sight is Sight.REPEATING:
             self._shut()
-            self._tell(Sight.REPEATING, "it is opened again until that ends")
+            self._tell(sight, "it is opened again until that ends")
+        if sight is not Sight.SEEING:
             return None
         self._tell_recovery(now_ns)
         index = self._grid.index(picture.capture_ns)

@@ -1,7 +1,8 @@
 """The heartbeat between the control loop and the guard: datagrams on loopback, both ways.
 
 A beat keeps the guard from stopping the arm; every beat is answered, so that a guard that is gone
-or cannot reach the arm is seen as well. When the guard stops the arm it says so unasked.
+or cannot reach the arm is seen as well. While the arm is not armed the beats are queries, which are
+answered and watch over nothing. When the guard stops the arm it says so unasked.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ class GuardMessage(IntEnum):
     BEAT = 1
     DISARM = 2
     ACKNOWLEDGEMENT = 3
+    QUERY = 4  # arms nothing and disarms nothing
 
 
 _MESSAGES = {message.value: message for message in GuardMessage}
@@ -80,7 +82,7 @@ def decode_heartbeat(data: bytes) -> Heartbeat | None:
 
 
 class GuardLink:
-    """The control loop's side: `arm` once per arming, then `beat` every tick, then `disarm`.
+    """The control loop's side: `beat` every tick, between `arm` and `disarm` it is watched.
 
     For one thread. Nothing here blocks; a beat costs some 10 µs once the caches are warm.
     """
@@ -96,6 +98,7 @@ class GuardLink:
         self._armed = False
         self._heard_ns: int | None = None
         self._refused = False  # the guard's port is closed: its process has ended
+        self._acknowledged = False
         self.latched = False
         self.arm_lost = False
 
@@ -103,22 +106,26 @@ class GuardLink:
     def armed(self) -> bool:
         return self._armed
 
+    @property
+    def acknowledged(self) -> bool:
+        """The guard has answered a beat of this arming: it watches from here on."""
+        return self._armed and self._acknowledged
+
     def arm(self) -> None:
         """Begin a new arming: the next beat arms the guard, also after it has stopped the arm."""
         self._arming += 1
         self._armed = True
         self._heard_ns = None
+        self._acknowledged = False
         self.latched = False
 
     def beat(self, now_ns: int) -> None:
-        """Take in what the guard said, and say that the control loop runs; nothing if not armed."""
-        if not self._armed:
-            return
+        """Take in what the guard said, and say that the control loop runs; not armed, ask only."""
         if self._heard_ns is None:
             self._heard_ns = now_ns
         self._receive(now_ns)
         self._sequence += 1
-        self._send(GuardMessage.BEAT)
+        self._send(GuardMessage.BEAT if self._armed else GuardMessage.QUERY)
 
     def disarm(self) -> None:
         """End the watch without a stop; the caller sees to it that the arm stands."""
@@ -127,13 +134,15 @@ class GuardLink:
             self._sequence += 1
             self._send(GuardMessage.DISARM)
 
-    def alive(self, now_ns: int) -> bool:
-        """While armed: beats are answered and the guard could stop the arm. True if not armed."""
+    def answers(self, now_ns: int) -> bool:
+        """While armed: the guard is there and its last answer is fresh. True if not armed."""
         if not self._armed or self._heard_ns is None:
             return True
-        if self._refused or self.arm_lost:
-            return False
-        return now_ns - self._heard_ns <= self._silence_ns
+        return not self._refused and now_ns - self._heard_ns <= self._silence_ns
+
+    def alive(self, now_ns: int) -> bool:
+        """While armed: the guard answers and could stop the arm. True if not armed."""
+        return self.answers(now_ns) and not (self._armed and self.arm_lost)
 
     def close(self) -> None:
         """Disarm and let go; may be called twice."""
@@ -161,5 +170,7 @@ class GuardLink:
             if answer is None or answer.arming != self._arming:
                 continue
             self._heard_ns = now_ns
-            self.latched = self.latched or answer.latched  # until the next arming
+            if self._armed:
+                self._acknowledged = True
+                self.latched = self.latched or answer.latched  # until the next arming
             self.arm_lost = answer.arm_lost

@@ -53,6 +53,7 @@ class Lite6(Arm):
         self._boundary = boundary
         self._slow_after_ns = round(NS_PER_S / control_rate_hz)
         self._connection: Lite6Connection | None = None
+        self._renewed: Lite6Connection | None = None  # until it may take the place of that one
         self._stop_lock = threading.Lock()
         self._stops = 0
 
@@ -137,10 +138,10 @@ class Lite6(Arm):
     def stop(self) -> None:
         with self._stop_lock:
             self._stops += 1
-            connection = self._connection
-            if connection is not None:
-                connection.outbox.shut()
-                connection.stop.request_stop()
+            for connection in (self._connection, self._renewed):
+                if connection is not None:
+                    connection.outbox.shut()
+                    connection.stop.request_stop()
 
     def clear_errors(self) -> None:
         """Clear the controller's error and the link's failure; DeviceError if it persists.
@@ -183,20 +184,31 @@ class Lite6(Arm):
         return Lite6Connection(self._config, self._clock, self._slow_after_ns, self._boundary)
 
     def _renew(self, broken: Lite6Connection) -> None:
-        """Replace a connection; the stop of the old one works until the new one's does."""
+        """Replace a connection once the new one is configured; meanwhile a stop goes to both.
+
+        If that fails the broken one stays, and the next `clear_errors` begins anew.
+        """
         broken.hang_up()
         stops = self._stops
         renewed = self._open()
         with self._stop_lock:
-            self._connection = renewed
+            self._renewed = renewed
             if self._stops != stops:
                 renewed.stop.request_stop()
         try:
             renewed.clear_errors()
             renewed.configure()
-        finally:
             renewed.take_scheduling(broken)
-            broken.close()
+            with self._stop_lock:
+                if self._connection is not broken:
+                    raise DeviceError(_NOT_CONNECTED)  # closed meanwhile
+                self._connection, self._renewed = renewed, None
+        except BaseException:
+            with self._stop_lock:
+                self._renewed = None
+            renewed.close()
+            raise
+        broken.close()
 
     def _required(self) -> Lite6Connection:
         if self._connection is None:

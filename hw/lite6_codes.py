@@ -1,11 +1,13 @@
 """What the numbers of the Lite 6 controller mean, and what to do about them.
 
-Error codes after UFACTORY's user manual; return codes after the SDK's `x3/code.py`.
+Return codes after the SDK's `x3/code.py`; the controller's errors are in tams_app/lite6_errors.py.
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
+
+from tams_app.lite6_errors import describe_arm_error
 
 
 class Mode(IntEnum):
@@ -46,31 +48,17 @@ class Code(IntEnum):
 NOTHING_GETS_THROUGH = frozenset({Code.DISCONNECTED, Code.NOT_SENT, Code.TIMEOUT})
 
 
-CONTROLLER_ERRORS = {
-    1: "the emergency stop button is pressed; release it",
-    2: "the emergency stop is pressed; release it",
-    3: "the emergency stop of the three-state switch is pressed; release it",
-    10: "a joint motor failed; switch the control box off and on",
-    **{10 + n: f"joint {n}'s motor failed; switch the control box off and on" for n in range(1, 7)},
-    19: "the gripper does not answer; check its plug at the flange",
-    21: "the pose cannot be reached; move away from the edge of the workspace",
-    22: "the arm would hit itself; move it clear by hand guiding",
-    23: "a joint is at its limit; move it back by hand guiding",
-    24: "a joint would be too fast; keep away from stretched and folded wrist poses",
-    25: "the motion could not be planned; move more slowly",
-    28: "the tool flange does not answer; switch the control box off and on",
-    30: "a joint was faster than commanded; call UFACTORY",
-    31: "the arm met resistance; remove what it hit and check tcp_load_kg in the configuration",
-    35: "the arm is at the edge of its workspace; bring it back with `home` or by hand guiding",
-    38: "a joint angle is wrong; press the emergency stop and call UFACTORY",
-    60: "the arm would be too fast; lower limits.max_speed_mm_s",
-}
-
-
 def controller_error_sentence(code: int) -> str:
     """One sentence for controller error `code` (the number in the report's error field)."""
-    meaning = CONTROLLER_ERRORS.get(code, "look it up in UFACTORY's user manual")
-    return f"The arm stopped with error C{code}: {meaning}."
+    return f"The arm stopped with error {describe_arm_error(code)}."
+
+
+def standing_error_sentence(code: int) -> str:
+    """One sentence for an arm that is found in error `code`, and how to get it out of there."""
+    return (
+        f"The arm stands in error {describe_arm_error(code)}; "
+        "then run `run_tams.py home`, which clears it."
+    )
 
 
 def return_code_sentence(code: int, call: str) -> str:

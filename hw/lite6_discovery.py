@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from hw.lite6_codes import State, controller_error_sentence
+from hw.lite6_codes import State, standing_error_sentence
 from hw.lite6_report import read_simulation_flag
 from hw.uxbus import GET_ERROR, GET_STATE, GET_VERSION, STATUS_INVALID, UxbusClient
 from tams_app.config import ArmConfig
@@ -48,7 +48,7 @@ class ArmInfo:
         if not self.reachable or self.firmware is None:
             return f"{self.host}: {self.problem}"
         kind = "Lite 6" if self.is_lite6 else f"{self.axes} axes, type {self.device_type}"
-        firmware = ".".join(map(str, self.firmware))
+        firmware = _dotted(self.firmware)
         facts = f"{self.host}: {kind} {self.serial}, firmware {firmware}, {self._standing}"
         return f"{facts}. {self.problem}" if self.problem else facts
 
@@ -60,10 +60,9 @@ class ArmInfo:
         return State(self.state).name.lower() if known else f"state {self.state}"
 
 
-def find_arms(config: ArmConfig, other_hosts: tuple[str, ...] = ()) -> list[ArmInfo]:
-    """One `ArmInfo` for the configured host and each of `other_hosts`, in this order."""
-    hosts = dict.fromkeys((config.host, *other_hosts))
-    return [probe_arm(host, config.control_port, config.report_port) for host in hosts]
+def find_arm(config: ArmConfig) -> ArmInfo:
+    """What answers at the configured address."""
+    return probe_arm(config.host, config.control_port, config.report_port)
 
 
 def probe_arm(
@@ -92,7 +91,9 @@ def probe_arm(
     firmware = (int(numbers[0]), int(numbers[1]), int(numbers[2]))
     simulated, silence = _simulated(host, report_port)
     error_code = error_codes.data[0]
-    problem = silence or _problem(int(axes), int(kind), firmware, error_code, bool(simulated))
+    problem = silence or unfitness(int(axes), int(kind), firmware, bool(simulated))
+    if error_code and not problem:
+        problem = standing_error_sentence(error_code)
     return ArmInfo(
         host=host,
         reachable=True,
@@ -107,22 +108,29 @@ def probe_arm(
     )
 
 
+def unfitness(axes: int, device_type: int, firmware: tuple[int, ...], simulated: bool) -> str:
+    """Why TAMS cannot use an arm that is what it is, in one sentence; "" if it can."""
+    if (axes, device_type) != (AXES, LITE6_TYPE):
+        return (
+            f"The arm is no Lite 6 (axes {axes}, type {device_type}); set arm.host to the Lite 6."
+        )
+    if firmware < MIN_FIRMWARE:
+        return (
+            f"The arm's firmware {_dotted(firmware)} is older than {_dotted(MIN_FIRMWARE)} and "
+            "would not stop by itself when commands cease; update it with UFACTORY Studio."
+        )
+    if simulated:
+        return "The arm only pretends to move; switch its simulation mode off in UFACTORY Studio."
+    return ""
+
+
+def _dotted(firmware: tuple[int, ...]) -> str:
+    return ".".join(map(str, firmware))
+
+
 def _simulated(host: str, report_port: int) -> tuple[bool | None, str]:
     """Whether the arm only pretends to move; None, and a sentence, if it does not report."""
     try:
         return read_simulation_flag(host, report_port), ""
     except DeviceError as error:
         return None, str(error)
-
-
-def _problem(
-    axes: int, kind: int, firmware: tuple[int, int, int], error_code: int, simulated: bool
-) -> str:
-    if (axes, kind) != (AXES, LITE6_TYPE):
-        return "This is no Lite 6; set arm.host to one."
-    if firmware < MIN_FIRMWARE:
-        oldest = ".".join(map(str, MIN_FIRMWARE))
-        return f"The firmware is older than {oldest}; update it with UFACTORY Studio."
-    if simulated:
-        return "It only pretends to move; switch its simulation mode off in UFACTORY Studio."
-    return controller_error_sentence(error_code) if error_code else ""

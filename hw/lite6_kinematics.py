@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tams_app.config import LITE6_JOINT_LOWER_DEG, LITE6_JOINT_UPPER_DEG
 from tams_app.records import Pose, Vector
 
 Matrix: TypeAlias = NDArray[np.float64]
@@ -27,9 +28,8 @@ _D = np.array([BASE_TO_SHOULDER_M, 0.0, 0.0, 0.2276, 0.0, 0.0615])
 _ALPHA = np.radians([0.0, -90.0, 180.0, 90.0, 90.0, -90.0])
 _A = np.array([0.0, 0.0, 0.200, 0.087, 0.0, 0.0])
 
-# The SDK's table for axis 6, type 9 (xarm/core/config/x_config.py).
-JOINT_LOWER: Vector = np.radians([-360.0, -150.0, -3.5, -360.0, -124.0, -360.0])
-JOINT_UPPER: Vector = np.radians([360.0, 150.0, 300.0, 360.0, 124.0, 360.0])
+JOINT_LOWER: Vector = np.radians(LITE6_JOINT_LOWER_DEG)
+JOINT_UPPER: Vector = np.radians(LITE6_JOINT_UPPER_DEG)
 JOINT_SPEED_LIMITS: Vector = np.full(JOINTS, math.pi)
 HOME_JOINTS: Vector = np.radians([0.0, 9.9, 31.8, 0.0, 21.9, 0.0])
 

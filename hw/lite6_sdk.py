@@ -8,6 +8,7 @@ process; it prefers a Unix socket in the temporary folder, which anybody on the 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import io
 import logging
@@ -23,6 +24,9 @@ from tams_app.errors import DeviceError, SetupError
 
 FACTORY_CONTROL_PORT = 502
 _JOIN_S = 2.0
+_SOCKADDR_BYTES = 16
+
+_log = logging.getLogger(__name__)
 
 # The SDK keeps its ports and the sockets' default time-out in globals: one connect at a time.
 _lock = threading.Lock()
@@ -32,7 +36,7 @@ class _ForwardToLog(logging.Handler):
     """Carries the SDK's own log, which goes to stdout, to this module's logger at debug level."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        logging.getLogger(__name__).debug("%s", record.getMessage())
+        _log.debug("%s", record.getMessage())
 
 
 def connect_sdk(host: str, control_port: int) -> Any:
@@ -79,6 +83,21 @@ def disconnect_sdk(api: Any) -> None:
     if feedback is not None:
         api._arm._feedback_que.put(bytes(16))  # it looks up from its queue once a second only
         feedback.join(_JOIN_S)
+
+
+def break_off(api: Any) -> None:
+    """Take back what was sent and not acknowledged, and reset the connection; does not block.
+
+    Connecting a TCP socket to no address (AF_UNSPEC, connect(2)) empties its send queue and sends a
+    reset. Closing it, even with SO_LINGER 0, does that only once the SDK's receiver lets go of it.
+    """
+    connection = api._arm._stream.com
+    number = connection.fileno()
+    if number < 0:  # the SDK has closed it: it was broken
+        return
+    nowhere = ctypes.create_string_buffer(_SOCKADDR_BYTES)  # zeros: AF_UNSPEC
+    if ctypes.CDLL(None, use_errno=True).connect(number, nowhere, _SOCKADDR_BYTES) != 0:
+        _log.warning("The arm's connection is not reset: %s", os.strerror(ctypes.get_errno()))
 
 
 def note_mode(api: Any, mode: Mode) -> None:

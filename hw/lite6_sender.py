@@ -21,7 +21,7 @@ from hw.lite6_codes import (
     return_code_sentence,
 )
 from hw.lite6_outbox import Outbox
-from hw.lite6_sdk import reply_thread_id
+from hw.lite6_sdk import break_off, reply_thread_id
 from tams_app.clock import NS_PER_MS, Clock
 from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, LITE6_MAX_TCP_SPEED_MM_S
 from tams_app.records import CommandLink, LinkFault, Pose, Twist
@@ -51,6 +51,13 @@ class CommandSender:
 
     A failure shuts the outbox, so that nothing moves until the arm is enabled again. `on_error` is
     told the controller's error and warning codes as soon as a reply hints at them.
+
+    A lost link is broken off as well. What was sent and not acknowledged still lies in the kernel,
+    which would deliver it once the network is back, and the controller would drive it: after the
+    fault, perhaps before the stop. One missed reply is not enough for that. The kernel repeats a
+    command after 200 ms at the earliest, so that two reply time-outs come first; if it gets through
+    before, the newer command behind it replaces it at once. But if the arm was stopped meanwhile,
+    no newer one follows, and one missed reply breaks off.
     """
 
     def __init__(
@@ -145,7 +152,7 @@ class CommandSender:
             return
         self._sent += 1
         self._last_pose = motion if isinstance(motion, Pose) else None
-        self._outcome(opening, "a motion command", self._timed(send))
+        self._moved(opening, "a motion command", self._timed(send))
 
     def _velocity_call(self, twist: Twist) -> Callable[[], int]:
         speeds = [*(twist.linear * _MM_PER_M).tolist(), *twist.angular.tolist()]
@@ -197,7 +204,7 @@ class CommandSender:
             self._sent += 1
             code = self._timed(lambda: int(call(sync=sync)))
             if code == Code.ERROR or code in NOTHING_GETS_THROUGH:
-                self._outcome(opening, "a gripper command", code)
+                self._moved(opening, "a gripper command", code)
             elif code in (Code.OK, Code.WARNING):
                 self._misses = 0
                 self.gripper_closed = closed
@@ -250,6 +257,13 @@ class CommandSender:
             self._slow += 1
         return code
 
+    def _moved(self, opening: int, what: str, code: int) -> None:
+        """As `_outcome`, of a command that moves something, and must not arrive after a stop."""
+        if code == Code.TIMEOUT and not self._outbox.is_current(opening):
+            self._lose(return_code_sentence(code, what))
+        else:
+            self._outcome(opening, what, code)
+
     def _outcome(self, opening: int, what: str, code: int) -> None:
         """Take note of what `code` says of the link."""
         if code in (Code.OK, Code.WARNING):
@@ -262,8 +276,10 @@ class CommandSender:
         sentence = return_code_sentence(code, what)
         if code == Code.ERROR:
             sentence = self._ask_for_error() or sentence
-        lost = code in NOTHING_GETS_THROUGH
-        self._fail(opening, sentence, LinkFault.LOST if lost else LinkFault.REFUSED)
+        if code not in NOTHING_GETS_THROUGH:
+            self._fail(opening, sentence, LinkFault.REFUSED)
+        elif self._outbox.is_current(opening):
+            self._lose(sentence)
 
     def _ask_state(self) -> int:
         return int(self._api.get_state()[0])
@@ -281,6 +297,13 @@ class CommandSender:
         if self._outbox.is_current(opening) and self._failure is _NO_FAILURE:
             self._failure = (sentence, fault)
             self._outbox.shut()
+
+    def _lose(self, sentence: str) -> None:
+        """Nothing gets through: nothing may get through later either."""
+        if self._failure is _NO_FAILURE:
+            self._failure = (sentence, LinkFault.LOST)
+        self._outbox.shut()
+        break_off(self._api)
 
     def _on_death(self, name: str, failure: BaseException) -> None:
         self._death = f"The thread {name} ended ({failure}); please report this error."

@@ -28,8 +28,21 @@ class Lite6Settings:
         self._api, self._config, self._boundary = api, config, boundary
         self.load_is_set = False
 
+    def set_boundary(self) -> None:
+        """Also in an error, which the reply tells and which is judged elsewhere; or DeviceError.
+
+        Set first: outside of an older boundary the controller may not let go of its error.
+        """
+        if self._boundary is None:
+            return
+        edges = self._api.set_reduced_tcp_boundary(self._boundary.on_the_wire)
+        accept(edges, "the safety boundary", but=Code.ERROR)
+        switched = self._api.set_fence_mode(True)  # a list, but a number if not connected
+        code = switched[0] if isinstance(switched, list) else switched
+        accept(code, "the safety boundary's switch", but=Code.ERROR)
+
     def set(self) -> None:
-        """All but the load, on connecting; DeviceError if the controller refuses.
+        """All but boundary and load, on connecting; DeviceError if the controller refuses.
 
         Collision sensitivity and TCP offset move the controller's state: never later than this.
         """
@@ -38,12 +51,6 @@ class Lite6Settings:
         accept(self._api.set_self_collision_detection(True), "the self-collision check")
         offset = list(config.tcp_offset_mm_deg)
         accept(self._api.set_tcp_offset(offset, is_radian=False, wait=False), "the TCP offset")
-        if self._boundary is not None:
-            edges = self._api.set_reduced_tcp_boundary(self._boundary.on_the_wire)
-            accept(edges, "the safety boundary")
-            switched = self._api.set_fence_mode(True)  # a list, but a number if not connected
-            code = switched[0] if isinstance(switched, list) else switched
-            accept(code, "the safety boundary's switch")
         self.check_boundary()
 
     def set_load(self) -> None:

@@ -14,8 +14,9 @@ from hw.lite6_codes import (
     Mode,
     State,
     controller_error_sentence,
+    standing_error_sentence,
 )
-from hw.lite6_discovery import AXES, LITE6_TYPE, MIN_FIRMWARE
+from hw.lite6_discovery import unfitness
 from hw.lite6_outbox import Outbox
 from hw.lite6_report import STATUS_STALE_NS, ReportReader, read_simulation_flag
 from hw.lite6_sdk import (
@@ -106,11 +107,6 @@ class Lite6Connection:
         self.stop.close()
 
     @property
-    def failure(self) -> str:
-        """Why the arm cannot be used through these connections, "" if it can."""
-        return self.link.failure
-
-    @property
     def link(self) -> CommandLink:
         link = self.sender.link
         lost = self.stop.failure or self.reports.failure
@@ -160,11 +156,13 @@ class Lite6Connection:
     def configure(self) -> None:
         """Check the error state, then set what belongs to the tool; the arm stays stopped."""
         reports = self.reports
-        if not reports.wait_for(lambda: reports.motion is not None, REPORT_TIMEOUT_S):
+        if not reports.wait_for(self._has_reported, REPORT_TIMEOUT_S):
             raise DeviceError(
                 reports.failure or "The arm sends no reports; restart its control box."
             )
-        self.raise_error()
+        with self.patiently():
+            self._settings.set_boundary()
+        self._raise_standing_error()
         with self.patiently():
             self._settings.set()
             accept(self.api.set_state(State.STOPPED), "a stop")
@@ -236,24 +234,19 @@ class Lite6Connection:
         if status is not None and status.error_code:
             raise DeviceError(controller_error_sentence(status.error_code))
 
+    def _raise_standing_error(self) -> None:
+        status = self.reports.status
+        if status is not None and status.error_code:
+            raise DeviceError(standing_error_sentence(status.error_code))
+
+    def _has_reported(self) -> bool:
+        return self.reports.motion is not None and self.reports.status is not None
+
     def _check_identity(self) -> None:
-        where = f"{self._config.host}:{self._config.control_port}"
-        if (self.api.axis, self.api.device_type) != (AXES, LITE6_TYPE):
-            raise DeviceError(
-                f"The arm at {where} is no Lite 6 (axes {self.api.axis}, type "
-                f"{self.api.device_type}); set arm.host to the Lite 6."
-            )
-        if self.api.version_number < MIN_FIRMWARE:
-            raise DeviceError(
-                f"The arm's firmware ({self.api.version}) is older than "
-                f"{'.'.join(map(str, MIN_FIRMWARE))} and would not stop by itself when commands "
-                "cease; update it with UFACTORY Studio."
-            )
-        if read_simulation_flag(self._config.host, self._config.report_port):
-            raise DeviceError(
-                f"The arm at {where} only pretends to move; switch its simulation mode off in "
-                "UFACTORY Studio."
-            )
+        simulated = read_simulation_flag(self._config.host, self._config.report_port)
+        api = self.api
+        if problem := unfitness(api.axis, api.device_type, api.version_number, simulated):
+            raise DeviceError(problem)
 
     def _enter(self, mode: Mode) -> None:
         accept(self.api.set_mode(mode), f"mode {mode.value}")

@@ -106,9 +106,9 @@ class OpenVrController(Controller):
         return self._failure
 
     @property
-    def thread_ids(self) -> dict[str, int | None]:
-        """Kernel ids of the threads on a reading's way, for real-time scheduling."""
-        return {THREAD_NAME: self._native_id}
+    def realtime_thread_ids(self) -> dict[str, int]:
+        """Kernel id of the polling thread; empty before it runs."""
+        return {} if self._native_id is None else {THREAD_NAME: self._native_id}
 
     def _manifest(self) -> Path:
         """The committed manifest, or one for a mapping of the configuration's own."""

@@ -8,13 +8,14 @@ controller may do; `hw.openvr_controller` calls it often enough. In order of pre
 | no runtime: it quit, or its connection broke             | RUNTIME_QUIT   |      |         |
 | no device plays the hand, or it is not connected         | DISCONNECTED   |      |         |
 | another device plays the hand (see HandKeeper)           | ROLE_SWAPPED   |      | menu    |
+| the headset was recentred (see FrameKeeper)              | FRAME_CHANGED  |      | menu    |
 | the controller rests, by its activity level              | STANDBY        |      |         |
 | dashboard open, or buttons unread and input not for us   | DASHBOARD      | yes  |         |
 | tracking result not OK, pose invalid, (0, 0, 0), no pose | TRACKING_LOST  |      | yes     |
 | none of these                                            | OK             | yes  | yes     |
 
-Buttons that are not in the table read as released. With OK, buttons that cannot be read keep their
-value and their time, and become stale.
+FRAME_CHANGED stands for TRACKING_FRAME_CHANGED. Buttons that are not in the table read as released.
+With OK, buttons that cannot be read keep their value and their time, and become stale.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from hw.openvr_announcer import Announcer
 from hw.openvr_buttons import Buttons, ButtonSource
 from hw.openvr_components import COMPONENTS
 from hw.openvr_devices import DeviceIdentity, identify
+from hw.openvr_frame import FrameKeeper, frame_events
 from hw.openvr_haptics import HapticPlayer
 from hw.openvr_legacy import LegacyButtons
 from hw.openvr_runtime import OpenVrRuntime, binding_errors
@@ -62,6 +64,7 @@ class OpenVrPoller:
         self._config, self._manifest, self._note = config, manifest, note
         self._announcer = Announcer(note)
         self._hand = HandKeeper()
+        self._frame = FrameKeeper()
         self._pose = PoseKeeper()
         self._haptics = HapticPlayer()
         self._buttons, self._buttons_ns = RELEASED, 0
@@ -179,6 +182,9 @@ class OpenVrPoller:
                 if event == runtime.vr.VREvent_Quit:
                     runtime.acknowledge_quit()
                     return self._lose("SteamVR has quit", now_ns)
+                if event in frame_events(runtime.vr):
+                    self._frame.note_event()
+            self._frame.look(runtime.raw_to_standing())
             poses = runtime.poses()
             if self._is_alone(poses, now_ns):
                 return self._lose("SteamVR no longer knows any device", now_ns)
@@ -199,9 +205,11 @@ class OpenVrPoller:
         read = source.read(index, identity.controller_type)
         trigger = read.trigger if read else None
         if self._hand.is_swapped(identity.serial, trigger, now_ns):
-            self._take(Buttons(menu=read.menu) if read else None, now_ns)
-            menu = Buttons(menu=self._buttons.menu)  # it may still stop the arm
-            return _View(ControllerStatus.ROLE_SWAPPED, f"now {identity.serial}", buttons=menu)
+            why = f"now {identity.serial}"
+            return self._mistrusted(ControllerStatus.ROLE_SWAPPED, why, read, now_ns)
+        if self._frame.is_changed(trigger, now_ns):
+            why = "let the trigger go for a second"
+            return self._mistrusted(ControllerStatus.TRACKING_FRAME_CHANGED, why, read, now_ns)
         if self._rests(runtime, index):
             return _View(ControllerStatus.STANDBY, "pick it up to go on")
         problem = tracking_problem(runtime.vr, poses[index])
@@ -214,6 +222,13 @@ class OpenVrPoller:
             return _View(ControllerStatus.TRACKING_LOST, problem, buttons=self._buttons)
         self._announcer.tell_unread(source.unread, now_ns)
         return _View(ControllerStatus.OK, "", pose, self._buttons)
+
+    def _mistrusted(
+        self, status: ControllerStatus, why: str, read: Buttons | None, now_ns: int
+    ) -> _View:
+        """Nothing counts but the menu button, which may still stop the arm."""
+        self._take(Buttons(menu=read.menu) if read else None, now_ns)
+        return _View(status, why, buttons=Buttons(menu=self._buttons.menu))
 
     def _take(self, read: Buttons | None, now_ns: int) -> None:
         """Keep a reading with its time; what could not be read leaves the last as it is."""

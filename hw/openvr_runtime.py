@@ -7,7 +7,10 @@ open at a time. All calls belong to one thread.
 from __future__ import annotations
 
 import importlib
+import os
+import platform
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from tams_app.errors import DeviceError, SetupError
@@ -44,6 +47,20 @@ def load_binding() -> Any:
         ) from error
 
 
+def is_registered() -> bool:
+    """Whether a runtime is registered for this user; where that cannot be seen from here, True.
+
+    Without the registry the OpenVR library prints on standard error. Its place on Linux:
+    VR_PATHREG_OVERRIDE, else openvr/openvrpaths.vrpath in the user's configuration folder.
+    """
+    if platform.system() != "Linux":
+        return True
+    if override := os.environ.get("VR_PATHREG_OVERRIDE"):
+        return Path(override).is_file()
+    folder = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(folder, "openvr", "openvrpaths.vrpath").is_file()
+
+
 def binding_errors(vr: Any) -> tuple[type[Exception], ...]:
     """What the binding raises: its own errors, and KeyError for a code that is newer than it."""
     return (vr.OpenVRError, KeyError)
@@ -55,6 +72,8 @@ class OpenVrRuntime:
     def __init__(self, application: int) -> None:
         """Connect as `application`, a VRApplication_*; DeviceError with one sentence if refused."""
         self.vr = load_binding()
+        if not is_registered():
+            raise DeviceError(_NOT_INSTALLED)
         try:
             self.system = self.vr.init(application)
         except binding_errors(self.vr) as error:
@@ -93,6 +112,10 @@ class OpenVrRuntime:
         return self.system.getDeviceToAbsoluteTrackingPose(
             self.vr.TrackingUniverseStanding, 0.0, self._poses
         )
+
+    def raw_to_standing(self) -> Any:
+        """HmdMatrix34_t from the tracking's own frame to the standing universe."""
+        return self.system.getRawZeroPoseToStandingAbsoluteTrackingPose()
 
     def acknowledge_quit(self) -> None:
         """Tell a runtime that quits that this process is letting go of it."""

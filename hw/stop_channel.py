@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 
 from hw.lite6_codes import State
@@ -10,7 +11,9 @@ from tams_app.errors import DeviceError
 from tams_app.worker import Worker
 
 RETRY_PAUSE_S = 0.01
-RECONNECT_TIMEOUT_S = 0.2
+# A lost request to connect is repeated by the kernel after a second, by a new attempt at once;
+# every fourth is patient, for a network that is merely slow.
+RECONNECT_TIMEOUTS_S = (0.05, 0.05, 0.05, 0.2)
 KEEPALIVE_PERIOD_S = 0.5  # also how long a dead connection may go unnoticed
 KEEPALIVE_MISSES = 2
 LONGEST_REPLY_TIMEOUT_S = 1.0
@@ -28,6 +31,7 @@ class StopChannel:
         self._client = UxbusClient(host, port)
         self._where = f"{host}:{port}"
         self._reply_timeout_s = reply_timeout_s
+        self._reconnect_timeouts_s = itertools.cycle(RECONNECT_TIMEOUTS_S)
         self._wake = threading.Condition()
         self._requested = 0
         self._acknowledged = 0
@@ -114,7 +118,7 @@ class StopChannel:
         """One attempt at a request, over a new connection if the old one is gone."""
         try:
             if not self._client.connected:
-                self._client.connect(RECONNECT_TIMEOUT_S)
+                self._client.connect(next(self._reconnect_timeouts_s))
             reply = self._client.request(register, payload, timeout_s)
         except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
             return False

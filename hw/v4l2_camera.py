@@ -51,13 +51,13 @@ class V4l2Source:
     def open(self) -> GstCapture:
         """Find it, set its controls, start it; DeviceError in one sentence if that fails."""
         config, video = self._config, self._video
+        mjpeg = config.pixel_format == "mjpeg"
+        gst.require_elements(("v4l2src", "jpegdec") if mjpeg else ("v4l2src",))
         info = choose_camera(self._find(), config.name, config.serial, config.path)
         self._info = info
-        mjpeg = config.pixel_format == "mjpeg"
         rate = choose_mode(info, mjpeg, video.width, video.height, video.fps)
         self._set_controls(info)
         kind, decoder = ("image/jpeg", " ! jpegdec") if mjpeg else ("video/x-raw", "")
-        gst.require_elements(("v4l2src", "jpegdec"))
         return GstCapture(
             f"v4l2src name=camera ! {kind},width={video.width},height={video.height},"
             f"framerate={rate.numerator}/{rate.denominator}{decoder}",

@@ -25,7 +25,10 @@ ConfigOption = Annotated[
 
 
 def main() -> None:
-    """Run the command line; without a command it is `run`. Errors are one sentence."""
+    """Run the command line; without a command it is `run`. Errors are one sentence.
+
+    KeyboardInterrupt is the caller's to tell, who has to expect it before this is imported.
+    """
     sys.exit(_main(sys.argv[1:]))
 
 
@@ -35,7 +38,7 @@ def _main(arguments: list[str]) -> int:
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
         arguments.insert(0, "run")
     try:
-        return app(arguments, prog_name="run_tams.py", standalone_mode=False) or 0
+        code = app(arguments, prog_name="run_tams.py", standalone_mode=False) or 0
     except TamsError as error:
         if debug:
             raise
@@ -47,9 +50,13 @@ def _main(arguments: list[str]) -> int:
     except TyperException as error:
         typer.echo(f"tams: {error.format_message()} (see run_tams.py --help)", err=True)
         return 2
+    if code == _CTRL_C:
+        raise KeyboardInterrupt
+    return int(code)
 
 
 _GLOBAL_OPTIONS = ("--help", "--version")
+_CTRL_C = 130  # what typer makes of a KeyboardInterrupt
 
 
 def _show_version(wanted: bool) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -65,9 +68,21 @@ class MissingElement:
     package: str
 
 
+def _keep_exceptions_working() -> None:
+    """Load GCC's unwinder before GStreamer brings libunwind's into the global scope.
+
+    A C++ library loaded later (matplotlib's ft2font) would bind `_Unwind_Resume` to the latter and
+    abort at its first exception.
+    """
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):  # another C library: no such clash
+            ctypes.CDLL("libgcc_s.so.1", mode=ctypes.RTLD_GLOBAL)
+
+
 @cache
 def load() -> GStreamer:
     """Import and initialise GStreamer once; SetupError with the command that installs it."""
+    _keep_exceptions_working()
     try:
         import gi
 

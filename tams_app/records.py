@@ -58,6 +58,7 @@ class ControllerStatus(StrEnum):
     DASHBOARD = "dashboard open"
     RUNTIME_QUIT = "runtime quit"
     ROLE_SWAPPED = "role swapped"  # another device plays the operator's hand now
+    TRACKING_FRAME_CHANGED = "tracking frame changed"  # recentred: directions may have turned
 
 
 @dataclass(frozen=True, slots=True)

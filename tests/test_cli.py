@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import runpy
 import subprocess
 import sys
 
@@ -131,6 +132,35 @@ def test_home_needs_hardware_to_move(capsys):
     code, _, err = run(capsys, "home")
     assert code == 2
     assert len(err.splitlines()) == 1
+
+
+class InterruptingImport:
+    """Ctrl-C while the command line is being imported."""
+
+    @staticmethod
+    def find_spec(name, *_):
+        if name == "tams_app.cli":
+            raise KeyboardInterrupt
+
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+
+def test_ctrl_c_among_the_imports_is_one_sentence_and_exit_code_one(monkeypatch):
+    monkeypatch.delitem(sys.modules, "tams_app.cli")
+    monkeypatch.setattr(sys, "meta_path", [InterruptingImport, *sys.meta_path])
+    with pytest.raises(SystemExit, match=r"^tams: interrupted$"):
+        runpy.run_path(str(PROJECT_DIRECTORY / "run_tams.py"), run_name="__main__")
+
+
+@pytest.mark.parametrize("command", ["home", "doctor", "run", "allocate"])
+def test_ctrl_c_in_any_command_is_one_sentence_and_exit_code_one(monkeypatch, command):
+    monkeypatch.setattr("tams_app.cli.load_config", interrupt)
+    options = ["--phase", "ALIGN", "--budget-kbps", "1"] if command == "allocate" else []
+    monkeypatch.setattr(sys, "argv", ["run_tams.py", command, *options])
+    with pytest.raises(SystemExit, match=r"^tams: interrupted$"):
+        runpy.run_path(str(PROJECT_DIRECTORY / "run_tams.py"), run_name="__main__")
 
 
 def test_debug_shows_where_it_came_from():

@@ -37,7 +37,53 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"arm.velocity_deadman_s": 0}, "arm.velocity_deadman_s: .*greater than 0"),
         ({"arm.velocity_deadman_s": -1}, "arm.velocity_deadman_s: .*greater than 0"),
         ({"arm.velocity_deadman_s": float("nan")}, "arm.velocity_deadman_s"),
-        ({"hand.rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "hand: rotation is mirrored"),
+        ({"arm.velocity_deadman_s": 1.01}, "velocity_deadman_s: .*less than or equal to 1$"),
+        ({"freshness.pose_frozen_ms": 2001}, "pose_frozen_ms: .*less than or equal to 2000"),
+        ({"freshness.buttons_ms": 2001}, "buttons_ms: .*less than or equal to 2000"),
+        ({"freshness.arm_state_ms": 2001}, "arm_state_ms: .*less than or equal to 2000"),
+        ({"freshness.arm_reply_ms": 2001}, "arm_reply_ms: .*less than or equal to 2000"),
+        ({"freshness.hold_pose_ms": 201}, "hold_pose_ms: .*less than or equal to 200"),
+        ({"freshness.video_hold_ms": 5001}, "video_hold_ms: .*less than or equal to 5000"),
+        ({"freshness.video_slow_ms": 5001}, "video_slow_ms: .*less than or equal to 5000"),
+        ({"limits.leash_fault_mm": 101}, "leash_fault_mm: .*less than or equal to 100"),
+        ({"limits.leash_mm": 51}, "leash_mm: .*less than or equal to 50"),
+        ({"limits.leash_mm": 50, "limits.leash_fault_mm": 50}, "leash_mm must be smaller"),
+        ({"limits.leash_rad": 0.6}, "leash_rad: .*less than or equal to 0.5"),
+        ({"limits.floor_mm": 400}, "floor_mm must be below the top of the box"),
+        ({"arm.tcp_load_kg": 1.1}, "tcp_load_kg: .*less than or equal to 1"),
+        ({"arm.tcp_load_centre_mm": [0, 0, 400]}, "tcp_load_centre_mm must be within 300 mm"),
+        ({"arm.tcp_offset_mm_deg": [0, 0, 820, 0, 0, 0]}, "fingertips 820 mm from the flange"),
+        ({"arm.tcp_offset_mm_deg": [0, 0, 82, 0, 0, 181]}, "within -180 and 180 degrees"),
+        ({"arm.ready_joints_deg": [0, 0, -4, 0, 0, 0]}, "joint 3 turns from -3.5 to 300 .* -4"),
+        ({"arm.ready_joints_deg": [0, 0, 0, 0, 125, 0]}, "joint 5 turns from -124 to 124 .* 125"),
+        ({"arm.pose_gain_per_s": 21}, "pose_gain_per_s: .*less than or equal to 20"),
+        ({"arm.host": ""}, "arm.host: must be the control box's address"),
+        ({"arm.host": "192.168.1. 150"}, "arm.host: must be the control box's address"),
+        ({"hand.max_rejects": 21}, "max_rejects: .*less than or equal to 20"),
+        ({"hand.smoothing_s": 0.6}, "smoothing_s: .*less than or equal to 0.5"),
+        ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: Input should be 'vive"),
+        ({"name": 7}, "name must be text: write it in quotes"),
+        ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih: serial must be text: write it in"),
+        (
+            {"cameras": {"eih": {"source": "pattern", "exposure_us": 8000}}},
+            "cameras.eih: exposure_us means nothing to a pattern camera: take it out",
+        ),
+        (
+            {"cameras": {"eih": {"source": "file", "file": "a.mkv", "serial": "S"}}},
+            "cameras.eih: serial means nothing to a file camera",
+        ),
+        (
+            {"cameras": {"eih": {"source": "file", "file": "a.mkv", "name": "Webcam"}}},
+            "cameras.eih: name means nothing to a file camera",
+        ),
+        (
+            {"cameras": {"eih": {"name": "Webcam", "file": "a.mkv"}}},
+            "cameras.eih: file means nothing to a v4l2 camera",
+        ),
+        (
+            {"hand.rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]},
+            "hand: rotation is mirrored .*one of its rows has the wrong sign",
+        ),
         (
             {"hand.rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]},
             "hand: rotation must be orthonormal",
@@ -68,6 +114,13 @@ def test_a_wrong_value_is_named_with_file_key_and_reason(overrides, sentence):
         ("version: 1\ninclude: [bad.yaml]\n", "the file includes itself"),
         ("a: 2020-13-45\n", "is not valid YAML"),
         ("[" * 5000, "is not valid YAML"),
+        (
+            "version: 1\nlimits:\n  floor_mm: 5\n  floor_mm: -500\n",
+            "bad.yaml: line 4: floor_mm: is already given in line 3; keep one",
+        ),
+        ("version: 1\nversion: 1\n", "bad.yaml: line 2: version: is already given in line 1"),
+        ("a: {b: 1, b: 2}\n", "bad.yaml: line 1: b: is already given in line 1"),
+        ("a: 1\n'a': 2\n", "bad.yaml: line 2: a: is already given in line 1"),
     ],
 )
 def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
@@ -76,6 +129,25 @@ def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
     with pytest.raises(ConfigError, match=sentence) as caught:
         load_config(path)
     assert "\n" not in str(caught.value)
+
+
+def test_what_a_file_takes_over_from_an_anchor_it_may_replace(tmp_path):
+    path = tmp_path / "anchor.yaml"
+    path.write_text(
+        f"include: [{DEFAULT_CONFIG}]\ncameras:\n"
+        "  eih: &usual {serial: A, exposure_us: 8000}\n"
+        "  gt: {<<: *usual, serial: B}\n"
+        "  gs: {<<: *usual, serial: C}\n"
+    )
+    cameras = load_config(path).cameras
+    assert [camera.serial for camera in cameras.values()] == ["A", "B", "C"]
+    assert {camera.exposure_us for camera in cameras.values()} == {8000}
+
+
+def test_a_key_that_an_included_file_has_may_be_given_again(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"include: [{DEFAULT_CONFIG}]\nnetwork: s3\n")
+    assert load_config(path).network == "s3"
 
 
 def test_yes_is_no_number():

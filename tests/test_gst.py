@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from tams_app import gst
 from tams_app.errors import SetupError
+from tams_app.process import PROJECT_DIRECTORY
 
 
 def test_a_machine_with_all_packages_lacks_nothing() -> None:
@@ -61,3 +65,20 @@ def test_a_critical_of_gstreamer_does_not_go_unnoticed(glib_complaints: list[str
     Gst.Caps.from_string("video/x-raw").get_structure(0).set_name("not a name")
     assert glib_complaints
     glib_complaints.clear()
+
+
+def test_c_plus_plus_libraries_loaded_after_gstreamer_can_throw() -> None:
+    program = (
+        "import sys; from tams_app.config import load_config; "
+        "from hw.file_camera import PatternSource; "
+        "PatternSource(load_config().video).open().close(); import matplotlib.pyplot; print('ok')"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=PROJECT_DIRECTORY,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.stdout == "ok\n", result.stderr

@@ -34,6 +34,7 @@ class SensorFault(Enum):
     DISCONNECTED = ControllerStatus.DISCONNECTED  # flat battery, out of radio reach
     RUNTIME_QUIT = ControllerStatus.RUNTIME_QUIT
     ROLE_SWAPPED = ControllerStatus.ROLE_SWAPPED  # another controller plays the hand: not this one
+    TRACKING_FRAME_CHANGED = ControllerStatus.TRACKING_FRAME_CHANGED  # the headset was recentred
     FROZEN_POSE = "frozen pose"  # status OK, the same pose for ever
     FROZEN_BUTTONS = "frozen buttons"  # status OK, the buttons as they last were
 
@@ -45,6 +46,7 @@ _WITHOUT_POSE = frozenset(
         SensorFault.DISCONNECTED,
         SensorFault.RUNTIME_QUIT,
         SensorFault.ROLE_SWAPPED,
+        SensorFault.TRACKING_FRAME_CHANGED,
     }
 )
 _WITH_FRESH_BUTTONS = frozenset({None, SensorFault.TRACKING_LOST, SensorFault.FROZEN_POSE})

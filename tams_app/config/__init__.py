@@ -2,6 +2,8 @@
 
 from tams_app.config.devices import CameraConfig, ControllerConfig, MappingConfig
 from tams_app.config.motion import (
+    LITE6_JOINT_LOWER_DEG,
+    LITE6_JOINT_UPPER_DEG,
     LITE6_MAX_JOINT_SPEED_RAD_S,
     LITE6_MAX_TCP_SPEED_MM_S,
     ArmConfig,
@@ -13,11 +15,13 @@ from tams_app.config.motion import (
 )
 from tams_app.config.reader import CONFIG_DIRECTORY, DEFAULT_CONFIG, dump_config, load_config
 from tams_app.config.streaming import BudgetConfig, Network, PhasesConfig, PolicyConfig, VideoConfig
-from tams_app.config.whole import Config, OperatorConfig, TrialConfig
+from tams_app.config.whole import Config, OperatorConfig, StudyConfig, TrialConfig
 
 __all__ = [
     "CONFIG_DIRECTORY",
     "DEFAULT_CONFIG",
+    "LITE6_JOINT_LOWER_DEG",
+    "LITE6_JOINT_UPPER_DEG",
     "LITE6_MAX_JOINT_SPEED_RAD_S",
     "LITE6_MAX_TCP_SPEED_MM_S",
     "ArmConfig",
@@ -34,6 +38,7 @@ __all__ = [
     "PhasesConfig",
     "PolicyConfig",
     "ProfileConfig",
+    "StudyConfig",
     "TrialConfig",
     "VideoConfig",
     "dump_config",

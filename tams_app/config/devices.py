@@ -40,6 +40,18 @@ class ControllerConfig(Section):
     mapping: dict[ControllerType, MappingConfig] = Field(default_factory=dict)
 
 
+# What only a real camera has
+_V4L2_ONLY = (
+    "name",
+    "serial",
+    "path",
+    "pixel_format",
+    "exposure_us",
+    "white_balance_k",
+    "controls",
+)
+
+
 class CameraConfig(Section):
     """Where one view's pictures come from."""
 
@@ -62,4 +74,13 @@ class CameraConfig(Section):
             raise ValueError("a v4l2 camera needs its name, serial or path")
         if self.source == "file" and not self.file:
             raise ValueError("a file camera needs its file")
+        return self
+
+    @model_validator(mode="after")
+    def _says_nothing_that_would_not_count(self) -> Self:
+        foreign = {"v4l2": ("file",), "file": _V4L2_ONLY, "pattern": (*_V4L2_ONLY, "file")}
+        for key in foreign[self.source]:
+            field = type(self).model_fields[key]
+            if getattr(self, key) != field.get_default(call_default_factory=True):
+                raise ValueError(f"{key} means nothing to a {self.source} camera: take it out")
         return self

@@ -9,7 +9,7 @@ import math
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from tams_app.config.section import (
     Finite,
@@ -26,7 +26,11 @@ LITE6_MAX_TCP_SPEED_MM_S = 500.0
 LITE6_MAX_ACCELERATION_MM_S2 = 50_000.0
 LITE6_MAX_JOINT_SPEED_RAD_S = math.pi
 LITE6_REACH_MM = 440.0
+# The SDK's table for axis 6, type 9 (xarm/core/config/x_config.py).
+LITE6_JOINT_LOWER_DEG = (-360.0, -150.0, -3.5, -360.0, -124.0, -360.0)
+LITE6_JOINT_UPPER_DEG = (360.0, 150.0, 300.0, 360.0, 124.0, 360.0)
 MAX_STOP_TIME_S = 0.1
+MAX_TOOL_LENGTH_MM = 300.0  # the arm itself reaches 440
 
 
 def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
@@ -56,22 +60,56 @@ class GuardConfig(Section):
 class ArmConfig(Section):
     """The Lite 6 and how it is reached."""
 
-    host: str = "127.0.0.1"
+    host: str = "127.0.0.1"  # name or address of the control box
     control_port: Port = 502
     report_port: Port = 30001  # the normal report; the real-time one is two above
     servo: Literal["velocity", "pose"] = "velocity"
-    velocity_deadman_s: Positive = 0.1  # the controller's own deadman: `duration`
+    # The controller's own deadman, `duration`. The times of docs/SAFETY.md are those of 0.1.
+    velocity_deadman_s: Annotated[float, Field(gt=0, le=1)] = 0.1
     reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.05
     tcp_offset_mm_deg: Six = (0, 0, 82, 0, 0, 0)
-    tcp_load_kg: NonNegative = 0.35
+    tcp_load_kg: Annotated[float, Field(ge=0, le=1)] = 0.35  # the Lite 6 carries 0.6
     tcp_load_centre_mm: Triple = (0, 0, 40)
     collision_sensitivity: Annotated[int, Field(ge=1, le=5)] = 3
     # the controller's own fence stands this far outside limits.box
     boundary_margin_mm: Annotated[float, Field(ge=5, le=200)] = 20.0
     ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)  # TCP (350, 0, 180) mm, gripper down
     ready_speed_deg_s: Annotated[float, Field(gt=0, le=30)] = 10.0  # of `home`, the way there
-    pose_gain_per_s: Positive = 4.0  # outer P-loop of the velocity servo
+    pose_gain_per_s: Annotated[float, Field(gt=0, le=20)] = (
+        4.0  # outer P-loop of the velocity servo
+    )
     guard: GuardConfig = GuardConfig()
+
+    @field_validator("host")
+    @classmethod
+    def _somewhere(cls, host: str) -> str:
+        if not host or host != "".join(host.split()):
+            raise ValueError("must be the control box's address, it is on the box's label")
+        return host
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        length_mm = math.hypot(*self.tcp_offset_mm_deg[:3])
+        if length_mm > MAX_TOOL_LENGTH_MM:
+            raise ValueError(
+                f"tcp_offset_mm_deg puts the fingertips {length_mm:.0f} mm from the flange; "
+                f"at most {MAX_TOOL_LENGTH_MM:g} mm are allowed"
+            )
+        if max(map(abs, self.tcp_offset_mm_deg[3:])) > 180:
+            raise ValueError("tcp_offset_mm_deg: its angles must be within -180 and 180 degrees")
+        if math.hypot(*self.tcp_load_centre_mm) > MAX_TOOL_LENGTH_MM:
+            raise ValueError(
+                f"tcp_load_centre_mm must be within {MAX_TOOL_LENGTH_MM:g} mm of the flange"
+            )
+        ranges = zip(LITE6_JOINT_LOWER_DEG, LITE6_JOINT_UPPER_DEG, strict=True)
+        joints = zip(self.ready_joints_deg, ranges, strict=True)
+        for number, (joint, (lower, upper)) in enumerate(joints, start=1):
+            if not lower <= joint <= upper:
+                raise ValueError(
+                    f"ready_joints_deg: joint {number} turns from {lower:g} to {upper:g} degrees, "
+                    f"not to {joint:g}"
+                )
+        return self
 
 
 class ClutchConfig(Section):
@@ -93,12 +131,12 @@ class HandConfig(Section):
     rotation: tuple[Triple, Triple, Triple] = ((0, 0, -1), (-1, 0, 0), (0, 1, 0))
     translation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
     rotation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
-    smoothing_s: Positive = 0.04
+    smoothing_s: Annotated[float, Field(gt=0, le=0.5)] = 0.04
     clamp_above_m_s: Positive = 1.5
     reject_above_m_s: Positive = 4.0
     clamp_above_rad_s: Positive = 6.0
     reject_above_rad_s: Positive = 15.0
-    max_rejects: Annotated[int, Field(ge=1)] = 6
+    max_rejects: Annotated[int, Field(ge=1, le=20)] = 6  # in a row, then it is a fault
 
     @model_validator(mode="after")
     def _proper_rotation(self) -> Self:
@@ -106,7 +144,10 @@ class HandConfig(Section):
         if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
             raise ValueError("rotation must be orthonormal")
         if np.linalg.det(matrix) < 0:
-            raise ValueError("rotation is mirrored (determinant -1); calibrate the frame again")
+            raise ValueError(
+                "rotation is mirrored (determinant -1): one of its rows has the wrong sign; "
+                "docs/OPERATOR.md has the usual four"
+            )
         if self.reject_above_m_s <= self.clamp_above_m_s:
             raise ValueError("reject_above_m_s must exceed clamp_above_m_s")
         if self.reject_above_rad_s <= self.clamp_above_rad_s:
@@ -160,18 +201,24 @@ class LimitsConfig(Section):
     box_max_mm: Triple = (420, 330, 400)
     radius_min_mm: NonNegative = 180.0  # from the base axis
     radius_max_mm: Annotated[float, Field(gt=0, le=LITE6_REACH_MM)] = 425.0
-    floor_mm: Finite = 5.0
+    floor_mm: Finite = 5.0  # the lowest of the TCP, on the way to the ready pose too
     slow_down_mm: Positive = 30.0  # the outward speed shrinks to zero over this distance
     cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0  # about the ready orientation
     singularity_scale_from: Annotated[float, Field(gt=0, lt=1)] = 0.7
-    leash_mm: Positive = 15.0  # following error at which the target waits for the arm
-    leash_fault_mm: Positive = 60.0
-    leash_rad: Positive = 0.15
+    leash_mm: Annotated[float, Field(gt=0, le=50)] = (
+        15.0  # following error at which the target waits for the arm
+    )
+    leash_fault_mm: Annotated[float, Field(gt=0, le=100)] = 60.0  # ... and at which it is a fault
+    leash_rad: Annotated[float, Field(gt=0, le=0.5)] = 0.15
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
         if any(low >= high for low, high in zip(self.box_min_mm, self.box_max_mm, strict=True)):
             raise ValueError("box_min_mm must be below box_max_mm on every axis")
+        if self.floor_mm >= self.box_max_mm[2]:
+            raise ValueError("floor_mm must be below the top of the box, box_max_mm")
+        if self.leash_mm >= self.leash_fault_mm:
+            raise ValueError("leash_mm must be smaller than leash_fault_mm")
         if self.radius_min_mm >= self.radius_max_mm:
             raise ValueError("radius_min_mm must be smaller than radius_max_mm")
         for key in ProfileConfig.model_fields:
@@ -204,16 +251,26 @@ class LimitsConfig(Section):
         return self
 
 
-class FreshnessConfig(Section):
-    """How old an input may be before the arm holds or faults."""
+ControlAgeMs = Annotated[float, Field(gt=0, le=2000)]
+PictureAgeMs = Annotated[float, Field(gt=0, le=5000)]
 
-    hold_pose_ms: Positive = 25.0  # an unchanged pose keeps its velocity this long
-    pose_frozen_ms: Positive = 100.0
-    buttons_ms: Positive = 100.0
-    arm_state_ms: Positive = 100.0
-    arm_reply_ms: Positive = 100.0
-    video_slow_ms: Positive = 500.0
-    video_hold_ms: Positive = 1000.0
+
+class FreshnessConfig(Section):
+    """How old an input may be before the arm holds or faults.
+
+    The times of docs/SAFETY.md are those of the defaults; the maxima keep the arm from being
+    steered by what is long past.
+    """
+
+    hold_pose_ms: Annotated[float, Field(gt=0, le=200)] = (
+        25.0  # an unchanged pose keeps its velocity
+    )
+    pose_frozen_ms: ControlAgeMs = 100.0
+    buttons_ms: ControlAgeMs = 100.0
+    arm_state_ms: ControlAgeMs = 100.0
+    arm_reply_ms: ControlAgeMs = 100.0
+    video_slow_ms: PictureAgeMs = 500.0
+    video_hold_ms: PictureAgeMs = 1000.0
 
     @model_validator(mode="after")
     def _order(self) -> Self:

@@ -15,10 +15,33 @@ CONFIG_DIRECTORY = Path(__file__).resolve().parents[2] / "config"
 DEFAULT_CONFIG = CONFIG_DIRECTORY / "tams.yaml"
 
 
+class _RepeatedKeyError(yaml.YAMLError):
+    """One mapping has a key twice."""
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Refuses what YAML's own loader settles silently: of a key given twice the last would win."""
+
+    def compose_mapping_node(self, anchor: dict[Any, yaml.Node]) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        lines: dict[tuple[str, str], int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            line, name = key.start_mark.line + 1, (key.tag, key.value)
+            if name in lines:
+                raise _RepeatedKeyError(
+                    f"line {line}: {key.value}: is already given in line {lines[name]}; keep one"
+                )
+            lines[name] = line
+        return node
+
+
 def load_config(path: Path | None = None, overrides: dict[str, Any] | None = None) -> Config:
     """Read a YAML file, lay dotted-key `overrides` over it and check everything.
 
-    `include:` at the top of a file lists files beside it whose keys it takes over and may replace.
+    `include:` at the top of a file lists files whose keys it takes over and may replace; they are
+    looked for beside it, then in CONFIG_DIRECTORY, so that a copy works anywhere.
     Raises ConfigError with file, key and reason.
     """
     path = path or DEFAULT_CONFIG
@@ -47,7 +70,8 @@ def describe_validation_error(error: ValidationError) -> str:
 
 
 def _key(error: ValidationError) -> str:
-    return ".".join(str(part) for part in error.errors()[0]["loc"])
+    where = error.errors()[0]["loc"]
+    return ".".join(str(part) for part in where if part != "[key]")  # pydantic's, for a wrong key
 
 
 def _override(content: dict[str, Any], dotted: str, value: Any, path: Path) -> None:
@@ -71,16 +95,24 @@ def _read_with_includes(path: Path, including: tuple[Path, ...]) -> dict[str, An
         raise ConfigError(f"{path}: include: must be a list of file names")
     merged: dict[str, Any] = {}
     for name in includes:
-        _lay_over(merged, _read_with_includes(path.parent / name, (*including, resolved)))
+        _lay_over(merged, _read_with_includes(_included(path, name), (*including, resolved)))
     _lay_over(merged, content)
     return merged
 
 
+def _included(path: Path, name: str) -> Path:
+    """The file `name` as `path` means it: beside it, or else one of ours."""
+    beside, ours = path.parent / name, CONFIG_DIRECTORY / name
+    return ours if not beside.exists() and ours.exists() else beside
+
+
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except _RepeatedKeyError as error:
+        raise ConfigError(f"{path}: {error}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         line = " ".join(str(error).split())
         raise ConfigError(f"{path}: is not valid YAML: {line}") from error

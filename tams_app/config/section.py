@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -22,9 +23,13 @@ class Section(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _yes_is_no_number(cls, data: Any) -> Any:
+    def _what_yaml_takes_for_something_else(cls, data: Any) -> Any:
+        """`yes` is no number, and 0123 no text: YAML has read it as 83 by now."""
         for name, value in data.items() if isinstance(data, dict) else ():
             field = cls.model_fields.get(name)
-            if isinstance(value, bool) and field is not None and field.annotation in (int, float):
+            kind = None if field is None else field.annotation
+            if isinstance(value, bool) and kind in (int, float):
                 raise ValueError(f"{name} must be a number, not {str(value).lower()}")
+            if kind is str and isinstance(value, int | float | date):
+                raise ValueError(f"{name} must be text: write it in quotes")
         return data

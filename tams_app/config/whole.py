@@ -48,6 +48,28 @@ class TrialConfig(Section):
     max_drops: Annotated[int, Field(ge=0)] = 2
 
 
+class StudyConfig(Section):
+    """What a study compares: every strategy on every network (paper, section IV)."""
+
+    strategies: Annotated[tuple[str, ...], Field(min_length=1)] = ("equal", "static", "tams")
+    networks: Annotated[tuple[str, ...], Field(min_length=1)] = ("s1", "s2", "s3")
+    reference: str = "equal"  # what the others are compared with
+    proposed: str = "tams"  # what the study is about
+    repetitions: Annotated[int, Field(ge=1)] = 3
+    practice_trials: Annotated[int, Field(ge=0)] = 0  # per participant, never analysed
+    scene_marks: Annotated[int, Field(ge=1)] = 5  # start marks for the block on a real table
+
+    @model_validator(mode="after")
+    def _compares_what_it_runs(self) -> Self:
+        for names in (self.strategies, self.networks):
+            if len(set(names)) < len(names):
+                raise ValueError(f"{', '.join(names)}: each may be named once only")
+        for key in ("reference", "proposed"):
+            if getattr(self, key) not in self.strategies:
+                raise ValueError(f"{key} must be one of {', '.join(self.strategies)}")
+        return self
+
+
 class RecordingConfig(Section):
     """What a session leaves behind."""
 
@@ -81,6 +103,7 @@ class Config(Section):
     networks: dict[str, Network]
     rig: RigConfig = RigConfig()
     trial: TrialConfig = TrialConfig()
+    study: StudyConfig = StudyConfig()
     recording: RecordingConfig = RecordingConfig()
 
     @model_validator(mode="after")

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from rich.console import Console
 
 from tams_app.clock import MonotonicClock
 from tams_app.config import Config
+from tams_app.console.confirmations import Confirmations
+from tams_app.console.signals import handled_signals
 from tams_app.console.status import StatusLine
 from tams_app.console.table import summary_tables
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import LogError, TamsError
 from tams_app.recording import SessionLog, read_log
-from tams_app.session.build import check_names
+from tams_app.session.build import check_names, check_ready_pose
 from tams_app.session.folder import create_session_folder
 from tams_app.session.recorders import LOG_NAME
 from tams_app.session.session import Session
@@ -38,9 +38,10 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     """Run one session to its end; the exit code. Everything it leaves is in its own folder."""
     console = Console()
     check_names(config)
+    check_ready_pose(config)
     folder = create_session_folder(config)
     session = Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
-    with _signals(session):
+    with handled_signals(session.request_end, session.signals.estop):
         session.start()
         try:
             _watch(session, console)
@@ -105,7 +106,9 @@ def _watch(session: Session, console: Console) -> None:
     """Show the session until it ends; from the main thread."""
     with ExitStack() as stack:
         windows = _open_windows(session, stack)
-        _read_keys(session, stack)
+        has_keys = _read_keys(session, stack)
+        if not session.config.rig.enabled:
+            _tell_how_to_begin(session, has_keys, bool(windows))
         line = stack.enter_context(StatusLine(console))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S if not windows else 1 / session.config.video.fps):
@@ -146,35 +149,47 @@ def _has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _read_keys(session: Session, stack: ExitStack) -> None:
+def _tell_how_to_begin(session: Session, has_keys: bool, has_windows: bool) -> None:
+    """What a person at the hardware has to know before the arm may move."""
+    if has_keys:
+        session.note(
+            "info",
+            "release the trigger and press Enter (or hold the menu button for a second) "
+            "to arm the arm; Space stops it",
+        )
+    else:
+        session.note(
+            "warning",
+            "there is no terminal: only the menu button, held for a second with the trigger "
+            "released, arms the arm, and Space cannot stop it: keep the emergency stop button "
+            "within reach",
+        )
+    if not has_windows:
+        session.note(
+            "warning",
+            "this computer shows no pictures: arm the arm only if the operator sees them elsewhere",
+        )
+
+
+def _read_keys(session: Session, stack: ExitStack) -> bool:
+    """Act on the terminal's keys from now on; False if there is no terminal to read."""
+    confirmations, clock = Confirmations(), MonotonicClock()
+
+    def confirm() -> None:
+        if confirmations.counts(clock.now_ns()):
+            session.signals.confirm()
+
     actions: dict[Key, Callable[[], None]] = {
-        Key.CONFIRM: session.signals.confirm,
+        Key.CONFIRM: confirm,
         Key.EMERGENCY_STOP: session.signals.estop,
         Key.QUIT: lambda: session.end("ended by the operator"),
     }
     keys = TerminalKeys()
     stack.callback(keys.close)
+    keys.open()
     worker = Worker(
         "keys", keys.body(lambda key: actions[key]()), lambda _, error: session.fail(str(error))
     )
     stack.callback(worker.stop)
     worker.start()
-
-
-@contextmanager
-def _signals(session: Session) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a closed terminal end the session in order, SIGUSR1 stops the arm."""
-
-    def handle(number: int, _frame: FrameType | None) -> None:
-        if number == signal.SIGUSR1:
-            session.signals.estop()
-        else:
-            session.request_end(f"ended by {signal.Signals(number).name}")
-
-    handlers = dict.fromkeys((signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1), handle)
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return keys.active

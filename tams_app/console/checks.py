@@ -77,14 +77,15 @@ def gstreamer(_: Config) -> Iterator[Finding]:
 
 
 def configuration(config: Config) -> Iterator[Finding]:
-    """What `run` refuses before it makes anything: names that do not exist."""
-    try:
-        from tams_app.session.build import check_names  # needs the libraries looked at above
+    """What `run` refuses before it makes anything: names and a ready pose that cannot be."""
+    try:  # these need the libraries looked at above
+        from tams_app.session.build import check_names, check_ready_pose
     except ImportError as error:
         yield Finding("Configuration", False, str(error), "install the Python libraries first")
         return
     names: dict[str, Callable[[], object]] = {
         "Strategy and network": lambda: check_names(config),
+        "Ready pose": lambda: check_ready_pose(config),
         "Video decoder": lambda: gst.choose_decoder(config.video.decoder),
     }
     for what, look in names.items():
@@ -184,7 +185,7 @@ def disk(config: Config) -> Iterator[Finding]:
     )
 
 
-def home(_: Config) -> Iterator[Finding]:
+def home_folder(_: Config) -> Iterator[Finding]:
     """The home folder: the xArm SDK writes ~/.UFACTORY when it is imported."""
     folder = Path.home()
     yield Finding(
@@ -244,7 +245,7 @@ CHECKS: tuple[Check, ...] = (
     shared_memory,
     ports,
     disk,
-    home,
+    home_folder,
     realtime,
     display,
     network_emulation,

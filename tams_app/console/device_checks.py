@@ -13,9 +13,9 @@ def arm(config: Config) -> Iterator[Finding]:
     """The Lite 6 at the configured address."""
     if config.rig.enabled:
         return
-    from hw.lite6_discovery import find_arms
+    from hw.lite6_discovery import find_arm
 
-    (info,) = find_arms(config.arm)
+    info = find_arm(config.arm)
     if info.problem:
         yield Finding("Arm", False, config.arm.host, info.problem)
     else:
@@ -23,13 +23,16 @@ def arm(config: Config) -> Iterator[Finding]:
 
 
 def controller(config: Config) -> Iterator[Finding]:
-    """The controller of the operator's hand."""
+    """The controller of the operator's hand, and the mapping of its buttons."""
     if config.rig.enabled:
         return
+    from hw.openvr_controller import OpenVrController
     from hw.openvr_devices import list_controllers
+    from tams_app.clock import MonotonicClock
 
     what, hand = "Controller", config.controller.hand
     try:
+        OpenVrController(config.controller, MonotonicClock(), lambda *_: None)
         found = list_controllers()
     except TamsError as error:
         yield Finding(what, False, "", str(error))
@@ -51,13 +54,17 @@ def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
     from hw.make_camera import make_camera
     from tams_app.clock import MonotonicClock
 
-    what = f"Camera {view}"
+    what, warnings = f"Camera {view}", list[str]()
+
+    def note(_level: str, text: str) -> None:
+        warnings.append(text.removeprefix(f"camera {view} "))
+
     try:
-        device = make_camera(view, camera, config.video, MonotonicClock(), lambda *_: None)
+        device = make_camera(view, camera, config.video, MonotonicClock(), note)
         try:
             device.start()
         finally:
             device.close()
     except TamsError as error:
         return Finding(what, False, "", str(error).removeprefix(f"camera {view}: "))
-    return Finding(what, True)
+    return Finding(what, True, "; ".join(warnings))

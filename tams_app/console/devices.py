@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from rich.console import Console
 
-from hw.lite6_discovery import ArmInfo, find_arms
+from hw.lite6_discovery import find_arm
 from hw.openvr_devices import ControllerInfo, list_controllers
 from hw.v4l2_devices import CameraInfo, choose_camera, list_cameras
 from tams_app.config import CameraConfig, Config
@@ -21,7 +21,7 @@ def show_devices(config: Config, console: Console | None = None) -> int:
     """
     console = console or Console()
     for title, lines in (
-        ("Arms", arm_lines(find_arms(config.arm))),
+        ("Arm", [find_arm(config.arm).description]),
         ("Controllers", _controllers()),
         ("Cameras", camera_lines(list_cameras(), config.cameras)),
     ):
@@ -29,11 +29,6 @@ def show_devices(config: Config, console: Console | None = None) -> int:
         for line in lines:
             console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
     return 0
-
-
-def arm_lines(found: list[ArmInfo]) -> Iterator[str]:
-    """What answers at the configured address."""
-    return (info.description for info in found)
 
 
 def controller_lines(found: list[ControllerInfo]) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from types import TracebackType
 
 from rich.console import Console
 
@@ -12,69 +13,114 @@ from hw.arm import Arm
 from hw.boundary import reach_boundary
 from hw.guard_link import GuardLink, guard_specification
 from hw.lite6 import Lite6
+from hw.lite6_codes import controller_error_sentence
 from tams_app.clock import MonotonicClock
 from tams_app.config import Config
+from tams_app.console.dialogue import Dialogue
+from tams_app.console.signals import handled_signals
 from tams_app.console.terminal import TerminalKeys
-from tams_app.errors import ConfigError, DeviceError, SetupError
+from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
 from tams_app.process import HelperProcess
-from tams_app.records import LinkFault
+from tams_app.session.build import check_ready_pose
 from tams_app.session.guarding import SILENCE_NS
-from tams_app.session.home import HomeRun
+from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
 
-_CONSENT_POLL_S = 0.2
+_Exit = Callable[[type[BaseException] | None, BaseException | None, TracebackType | None], None]
+
+
+class _EndRequest:
+    """Whether a signal asked to end; asked for in the loops, where the arm can be stopped."""
+
+    def __init__(self) -> None:
+        self._reason = ""
+
+    def ask(self, reason: str) -> None:
+        self._reason = self._reason or reason
+
+    def check(self) -> None:
+        """TamsError if somebody asked."""
+        if self._reason:
+            raise TamsError(f"{self._reason} before the arm was in its ready pose")
 
 
 def run_home(config: Config, terminal_fd: int = 0, console: Console | None = None) -> int:
     """Move the arm to its ready pose; 0 if it is there, 1 if the operator ended it before.
 
-    Where a step fails it raises a TamsError, with the arm stopped.
+    Where a step fails, or a signal ends it, it raises a TamsError, with the arm stopped.
     """
     if config.rig.enabled:
         raise ConfigError("home moves a real arm: give --config with a file of your hardware")
-    console = console or Console()
+    check_ready_pose(config)
     clock = MonotonicClock()
-
-    def say(text: str) -> None:
-        console.print(text, highlight=False, markup=False, soft_wrap=True)
-
-    with ExitStack() as stack:
+    request = _EndRequest()
+    with (
+        handled_signals(request.ask, lambda: request.ask("stopped by SIGUSR1")),
+        ExitStack() as stack,
+    ):
         keys = TerminalKeys(terminal_fd)
         stack.callback(keys.close)
         keys.open()
         if not keys.active:
             raise SetupError("home needs a terminal of its own: the arm moves while Enter is held")
+        dialogue = Dialogue(keys, console or Console(), request.check)
+        stack.callback(dialogue.close)
+        dialogue.start()
         process = HelperProcess("guard", "hw.guard", guard_specification(config.arm), None)
         stack.callback(process.stop)
         boundary = reach_boundary(config.arm, config.limits)
         arm = Lite6(config.arm, clock, config.control.rate_hz, boundary)
-        stack.callback(arm.close)
-        say(f"Connecting to the arm at {config.arm.host} ...")
-        connect_with_consent(arm, keys.read_bytes, say)
+        stack.push(_closing(arm))
+        dialogue.say(f"Connecting to the arm at {config.arm.host} ...")
+        connect_with_consent(arm, dialogue.confirms)
+        request.check()
         process.start()
         guard = GuardLink(int(process.wait_ready()["port"]), SILENCE_NS)
         stack.callback(guard.close)
         # what was pushed last is undone first: the arm must stand before the guard lets go
-        stack.callback(arm.close)
+        stack.push(_closing(arm))
         executor = stack.enter_context(ThreadPoolExecutor(1, thread_name_prefix="arm-homing"))
-        run = HomeRun(config, clock, arm, guard, executor, keys.read_bytes, say)
+        run = HomeRun(
+            config,
+            clock,
+            arm,
+            guard,
+            executor,
+            dialogue.read_keys,
+            dialogue.say,
+            dialogue.all_shown,
+        )
+        dialogue.discard_keys()
         return 0 if run.run() is HomingState.DONE else 1
 
 
-def connect_with_consent(
-    arm: Arm, read_keys: Callable[[float], bytes], say: Callable[[str], None]
-) -> None:
-    """Connect; an error of the arm's controller is cleared if the operator presses Enter."""
+def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
+    """Connect; an error of the arm's controller is cleared if the operator `confirms` that."""
     try:
         arm.connect()
-    except DeviceError as error:
-        if arm.link().fault is LinkFault.LOST:
+    except DeviceError:
+        state = arm.state()
+        if state is None or not state.error_code:
             raise
-        say(f"{error}\nEnter clears the error, any other key ends.")
-        answer = b""
-        while not answer:
-            answer = read_keys(_CONSENT_POLL_S)
-        if answer[:1] not in (b"\r", b"\n"):
+        error = controller_error_sentence(state.error_code)
+        if not confirms(f"{error}\nEnter clears the error, any other key ends."):
             raise
         arm.clear_errors()
         arm.connect()
+
+
+def _closing(arm: Arm) -> _Exit:
+    """Closes the arm; that its stop was not acknowledged must not hide what happened before."""
+
+    def close(
+        _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        try:
+            arm.close()
+        except DeviceError as unstopped:
+            if not isinstance(error, TamsError):
+                raise
+            before, after = str(error).rstrip("."), str(unstopped)
+            raise DeviceError(f"{before}; and {after[0].lower()}{after[1:]}") from error
+
+    return close

@@ -22,8 +22,9 @@ def status_lines(snapshot: StatusSnapshot) -> list[str]:
     deadman = "trigger held" if snapshot.deadman else "trigger up"
     mode = "orientation" if snapshot.orientation_mode else "translation"
     lines = [
-        f"{_clock(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  {deadman}, {mode}"
-        f"{_tcp(snapshot.tcp_mm)}",
+        f"{_clock(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  "
+        f"{', '.join((deadman, *snapshot.pressed, mode))}"
+        f"{_tcp(snapshot.tcp_mm)}{_gripper(snapshot.gripper_closed)}",
         "   ".join(_view(name, view) for name, view in snapshot.views.items()),
         f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)} kbit/s, "
         f"queue {_whole(snapshot.queue_ms)} ms",
@@ -88,6 +89,12 @@ def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
         return ""
     x, y, z = tcp_mm
     return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm"
+
+
+def _gripper(closed: bool | None) -> str:
+    if closed is None:
+        return ""
+    return f", gripper {'closed' if closed else 'open'}"
 
 
 def _view(name: str, view: ViewStatus) -> str:

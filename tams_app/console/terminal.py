@@ -66,7 +66,7 @@ class TerminalKeys:
     """Reads single keys from a terminal; where there is none, it does nothing.
 
     The terminal is put back as it was by `close`, and at the end of the process in any case.
-    Ctrl-C keeps working.
+    Ctrl-C keeps working, Ctrl-S is a key as any other: it stops no output.
     """
 
     def __init__(self, fd: int = 0) -> None:
@@ -84,7 +84,16 @@ class TerminalKeys:
             return
         self._before = termios.tcgetattr(self._fd)
         atexit.register(self.close)
-        tty.setcbreak(self._fd, termios.TCSAFLUSH)
+        tty.setcbreak(self._fd, termios.TCSANOW)  # not after output that may be stuck
+        modes = termios.tcgetattr(self._fd)
+        modes[0] &= ~termios.IXON
+        termios.tcsetattr(self._fd, termios.TCSANOW, modes)
+        self.discard()
+
+    def discard(self) -> None:
+        """Forget what was typed and not read yet."""
+        with contextlib.suppress(termios.error):  # the terminal is gone: the next reading tells
+            termios.tcflush(self._fd, termios.TCIFLUSH)
 
     def close(self) -> None:
         """Put the terminal back as it was; may be called twice."""
@@ -93,7 +102,7 @@ class TerminalKeys:
             return
         atexit.unregister(self.close)
         with contextlib.suppress(termios.error):  # the terminal is gone: nothing to put back
-            termios.tcsetattr(self._fd, termios.TCSADRAIN, before)
+            termios.tcsetattr(self._fd, termios.TCSANOW, before)
 
     def read(self, timeout_s: float) -> list[Key]:
         """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""

@@ -8,27 +8,58 @@ import numpy as np
 
 from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
-from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
+from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg, tcp_pose
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.capacity import Capacity
 from tams_app.clock import NS_PER_MS, Clock
 from tams_app.config import Config, Network
+from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import Budget, OracleBudget, SenderBudget
 from tams_app.policy.engine import Policy
 from tams_app.policy.phases import PhaseParameters, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
+from tams_app.records import Pose
 from tams_app.session.devices import Devices
 from tams_app.study.trial import TaskGeometry
+from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
+from tams_app.teleop.workspace import Workspace
 from tams_app.video.networks import resolve_network
 from tams_app.video.repair import RepairRule
+
+# of `Workspace.excess`, in its order
+_BOUNDS = (
+    "box_min_mm",
+    "box_min_mm",
+    "floor_mm or box_min_mm",
+    "box_max_mm",
+    "box_max_mm",
+    "box_max_mm",
+    "radius_min_mm",
+    "radius_max_mm",
+)
 
 
 def check_names(config: Config) -> None:
     """ConfigError for a strategy or network that does not exist, before anything is made."""
     make_strategy(config.strategy, config.policy)
     resolve_network(config, config.network)
+
+
+def check_ready_pose(config: Config) -> None:
+    """ConfigError if the arm could not work from its ready pose: outside the box or the ring."""
+    limits = config.limits
+    ready = _ready_pose(config).position
+    workspace = Workspace(limits, linear_profile(limits.motion), config.arm.velocity_deadman_s)
+    beyond = workspace.excess(ready[np.newaxis])[0]
+    if beyond.max() > 0.0:
+        where = ", ".join(str(round(value * 1000)) for value in ready)
+        raise ConfigError(
+            f"arm.ready_joints_deg puts the fingertips at ({where}) mm, "
+            f"{beyond.max() * 1000:.0f} mm outside limits.{_BOUNDS[int(beyond.argmax())]}: "
+            "change one of the two"
+        )
 
 
 def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
@@ -65,8 +96,12 @@ def picture_delay_ns(network: Network, rule: RepairRule) -> int:
 def teleop(config: Config, delay_ns: int) -> Teleop:
     """Clutch to limits, for the Lite 6 with the configured tool; `delay_ns` of the pictures."""
     model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
-    ready = model.tcp_pose(np.radians(np.array(config.arm.ready_joints_deg)))
-    return Teleop(config, model, ready.rotation, delay_ns)
+    return Teleop(config, model, _ready_pose(config).rotation, delay_ns)
+
+
+def _ready_pose(config: Config) -> Pose:
+    joints = np.radians(np.array(config.arm.ready_joints_deg))
+    return tcp_pose(joints, offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
 
 
 def phase_tracker(config: Config) -> PhaseTracker:

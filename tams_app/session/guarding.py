@@ -68,8 +68,10 @@ class Guarding:
             self._note("warning", "the guard stopped the arm: the control loop beat too late")
             self._signals.trip(Reason.GUARD_STOPPED)
         self._latched = link.latched
-        if not link.alive(now_ns):
+        if not link.answers(now_ns):
             self._signals.fault(Reason.GUARD_LOST)
+        elif link.arm_lost:
+            self._signals.trip(Reason.GUARD_BLIND)  # in each tick, until it is back
 
     def close(self) -> None:
         """Disarm and end the guard; the arm must have been stopped before."""

@@ -1,10 +1,12 @@
 """The way to the ready pose, and only while the operator holds a key: the decisions of it.
 
-Pure: time, key presses and the arm's state come in, START and STOP come out; `home.py` acts.
+Pure: time, key presses and the arm's state come in, ARM, START and STOP come out; `home_run.py`
+acts.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 
@@ -20,8 +22,10 @@ from tams_app.records import ArmState, CommandLink, Vector
 # A key that is held repeats: after up to 0.66 s (X11's default), then every 25 to 100 ms.
 FIRST_REPEAT_NS = 700 * NS_PER_MS
 REPEAT_NS = 250 * NS_PER_MS
+HOLD_NS = 300 * NS_PER_MS  # of repeats: some quick taps are no held key
 
 ARRIVED_RAD = 0.005
+OFF_PATH_RAD = math.radians(2.0)  # further from the path that was shown, it is another one
 SILENT_NS = 300 * NS_PER_MS  # of the arm's reports, which come every 10 ms
 NO_MOTION_NS = NS_PER_S  # a controller that stands still for so long has given up
 _SAMPLES = 100
@@ -31,25 +35,31 @@ _FLOOR_TOLERANCE_M = 0.001
 class HeldKey:
     """Whether a terminal's key is held, judged by its auto-repeat.
 
-    A single press holds nothing: only the second one, in time for a repeat, shows that the key is
-    held. So the arm moves some 0.7 s after the key went down, and never by a mere tap.
+    A press or two hold nothing: only repeats that come for `HOLD_NS` show that the key is held. So
+    the arm moves about a second after the key went down, and never by a tap.
     """
 
     def __init__(self) -> None:
         self._pressed_ns: int | None = None
-        self._repeats = False
+        self._repeats_since_ns: int | None = None
 
     def press(self, now_ns: int) -> None:
-        self._repeats = self._within(now_ns)
+        if not self._within(now_ns):
+            self._repeats_since_ns = None
+        elif self._repeats_since_ns is None:
+            self._repeats_since_ns = now_ns
         self._pressed_ns = now_ns
 
     def held(self, now_ns: int) -> bool:
-        return self._repeats and self._within(now_ns)
+        if self._pressed_ns is None or self._repeats_since_ns is None:
+            return False
+        return self._pressed_ns - self._repeats_since_ns >= HOLD_NS and self._within(now_ns)
 
     def _within(self, now_ns: int) -> bool:
         if self._pressed_ns is None:
             return False
-        return now_ns - self._pressed_ns <= (REPEAT_NS if self._repeats else FIRST_REPEAT_NS)
+        repeats = self._repeats_since_ns is not None
+        return now_ns - self._pressed_ns <= (REPEAT_NS if repeats else FIRST_REPEAT_NS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +75,14 @@ class HomingPath:
     def duration_s(self, speed_rad_s: float) -> float:
         """Time for it at `speed_rad_s` of the fastest joint, without ramps [s]."""
         return self.travel_rad / speed_rad_s
+
+    def passes(self, joints: Vector) -> bool:
+        """Whether `joints` [rad] lie on it: from there the rest of it is the same path."""
+        way = self.goal - self.start
+        length = float(way @ way)
+        fraction = float((joints - self.start) @ way) / length if length > 0.0 else 0.0
+        nearest = self.start + min(max(fraction, 0.0), 1.0) * way
+        return float(np.abs(joints - nearest).max()) <= OFF_PATH_RAD
 
 
 def plan_path(config: Config, joints: Vector) -> HomingPath:
@@ -93,6 +111,7 @@ class Action(Enum):
     """What is to be done now."""
 
     NONE = "none"
+    ARM = "arm"  # the guard
     START = "start"
     STOP = "stop"
 
@@ -101,6 +120,7 @@ class HomingState(StrEnum):
     """Where the way to the ready pose stands."""
 
     WAITING = "waiting"  # for the key
+    ARMING = "arming"  # until the guard has said that it watches
     STARTING = "starting"
     CANCELLING = "cancelling"  # released while it was starting
     MOVING = "moving"
@@ -117,17 +137,18 @@ class HomingInput:
     """What one step is decided on."""
 
     now_ns: int
-    presses: int  # of the deadman key since the step before
+    pressed: bool  # the deadman key; what is read at once is one press
     other_key: bool
     arm: ArmState | None
     link: CommandLink
     began: bool = False  # the move that was started is under way
     refused: str = ""  # ... or was refused, and why
+    guarded: bool = False  # the guard has acknowledged the newest arming
     guard: str = ""  # what is wrong with the guard
 
 
 class Homing:
-    """START once the key is held, STOP when it is not; over when the arm is there."""
+    """ARM once the key is held, START once guarded, STOP on release; over when the arm is there."""
 
     def __init__(self, goal: Vector) -> None:
         """`goal`: joints [rad], shape (6,)."""
@@ -145,7 +166,7 @@ class Homing:
         """Take in what happened; what is to be done about it."""
         if self.over:
             return Action.NONE
-        for _ in range(tick.presses):
+        if tick.pressed:
             self._key.press(tick.now_ns)
         if tick.other_key:
             return self._finish(HomingState.ENDED)
@@ -155,6 +176,8 @@ class Homing:
         match self.state:
             case HomingState.WAITING:
                 return self._waiting(tick, held)
+            case HomingState.ARMING:
+                return self._arming(tick, held)
             case HomingState.STARTING:
                 return self._starting(tick, held)
             case HomingState.MOVING:
@@ -166,6 +189,15 @@ class Homing:
         if tick.arm is not None and self._is_there(tick.arm):
             return self._finish(HomingState.DONE)
         if not held:
+            return Action.NONE
+        self.state = HomingState.ARMING
+        return Action.ARM
+
+    def _arming(self, tick: HomingInput, held: bool) -> Action:
+        if not held:
+            self.state = HomingState.WAITING
+            return Action.STOP
+        if not tick.guarded:
             return Action.NONE
         self.state = HomingState.STARTING
         return Action.START

@@ -14,7 +14,7 @@ from tams_app.session.stops import StopWatch
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import Trial
 from tams_app.teleop.records import TeleopOutput
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.safety import ArmingState, Reason
 
 CONFIRM_AGAIN_NS = NS_PER_S
 
@@ -57,6 +57,8 @@ class TickObserver:
         if output.arming is not self._arming:
             self._arming = output.arming
             self._note_arming(output)
+        if output.refusal and not self._confirms:
+            self._note("warning", f"not confirmed: {output.refusal}")
         self._confirm(now_ns)
         self._stops.observe(now_ns, output, arm)
         self._board.tick(output, arm)
@@ -72,5 +74,12 @@ class TickObserver:
         if output.reason is None:
             self._note("info", output.arming.value)
         else:
-            what = f"{output.arming.value}, {describe(output)}"
-            self._note("warning", f"{what}. {output.reason.sentence}")
+            self._note("warning", f"{output.arming.value}, {_advice(output, output.reason)}")
+
+
+def _advice(output: TeleopOutput, reason: Reason) -> str:
+    """What happened and what to do. A detail that is a sentence says both by itself."""
+    told = describe(output)
+    if not output.detail.endswith("."):
+        return f"{told}. {reason.sentence}"
+    return told if "confirm" in told else f"{told} Release the trigger, then confirm."

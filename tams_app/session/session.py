@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import gc
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
 from hw.arm import Arm
+from hw.boundary import session_boundary
+from hw.lite6_codes import State
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
 from tams_app.errors import TamsError
@@ -20,6 +22,7 @@ from tams_app.records import (
     PhaseChange,
     SceneTruth,
     ShownFrame,
+    Tick,
 )
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
@@ -37,7 +40,6 @@ from tams_app.study.trial import Trial, TrialJudge, UnjudgedTrial
 from tams_app.teleop.safety import Reason
 from tams_app.worker import Worker
 
-STATE_STOPPED = 4  # of the Lite 6's controller
 STOP_PATIENCE_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
 LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
@@ -133,17 +135,23 @@ class Session:
             self.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         self._stack.callback(arm.close)
         arm.connect()
-        if priority := self.config.control.realtime_priority:
-            for thread_id in arm.realtime_thread_ids.values():
-                use_fifo(priority - 1, thread_id)
-        supervisor = ArmSupervisor(arm, build.servo(self.config), self.note)
+        self._hurry(arm.realtime_thread_ids)
+        boundary = session_boundary(self.config.arm, self.config.limits)
+        supervisor = ArmSupervisor(arm, build.servo(self.config), boundary, self.note)
         self._arm, self._supervisor = arm, supervisor
         self._guarding.wait_ready()
         self._helpers["guard"] = self._guarding.process
         self._controller = self._devices.make_controller(self.note)
         self._stack.callback(self._controller.close)
         self._controller.start()
+        self._hurry(self._controller.realtime_thread_ids)
         return arm, supervisor
+
+    def _hurry(self, thread_ids: Mapping[str, int]) -> None:
+        """Real-time priority, just below the control loop's, for what it waits for."""
+        if priority := self.config.control.realtime_priority:
+            for thread_id in thread_ids.values():
+                use_fifo(priority - 1, thread_id)
 
     def _start_workers(self, arm: Arm, supervisor: ArmSupervisor) -> None:
         self._stops = StopWatch(self._record)
@@ -177,7 +185,7 @@ class Session:
             request=supervisor.request,
             arm_ready=lambda: supervisor.ready,
             phase_began=self._on_phase,
-            record=self._record,
+            record=self._keep_tick,
             output=observer.observe,
         )
         return ControlLoop(
@@ -250,13 +258,13 @@ class Session:
 
     def fail(self, sentence: str) -> None:
         """The job has failed: stop the arm, let the session end with exit code 1."""
-        if not self.failure:
-            self.failure = sentence
-            self.note("error", sentence)
         self.signals.fault(Reason.SESSION_FAILED)
         if self._arm is not None and self._supervisor is not None:
             self._supervisor.stopped()
             self._arm.stop()
+        if not self.failure:
+            self.failure = sentence
+            self.note("error", sentence)
         self.end(sentence)
 
     def note(self, level: str, text: str) -> None:
@@ -311,7 +319,7 @@ class Session:
         deadline_ns = self._clock.now_ns() + STOP_PATIENCE_NS
         while control.alive and self._clock.now_ns() < deadline_ns:
             state = arm.state()
-            if state is not None and state.state == STATE_STOPPED:
+            if state is not None and state.state == State.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
 
@@ -320,6 +328,10 @@ class Session:
     def _on_worker_failure(self, name: str, failure: BaseException) -> None:
         sentence = str(failure) if isinstance(failure, TamsError) else f"{name}: {failure!r}"
         self.fail(sentence)
+
+    def _keep_tick(self, tick: Tick) -> None:
+        self.board.buttons(tick.controller)
+        self._record(tick)
 
     def _on_phase(self, change: PhaseChange) -> None:
         self._recorders.phase(change)

@@ -9,13 +9,22 @@ from dataclasses import dataclass
 
 from tams_app.capacity import Capacity
 from tams_app.clock import NS_PER_MS, NS_PER_S
-from tams_app.records import Allocation, ArmState, PacketKind, PacketRecord, Phase, Vector
+from tams_app.records import (
+    Allocation,
+    ArmState,
+    ControllerSample,
+    PacketKind,
+    PacketRecord,
+    Phase,
+    Vector,
+)
 from tams_app.session.control import describe
 from tams_app.session.uplink import Uplink
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 
 WINDOW_NS = 1 * NS_PER_S
+GRIP_SHOWN_ABOVE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +43,12 @@ class StatusSnapshot:
     t_s: float
     arming: str
     deadman: bool
+    pressed: tuple[str, ...]  # buttons other than the trigger
     orientation_mode: bool
     phase: str
     reason: str
     tcp_mm: tuple[float, float, float] | None  # in the arm's base frame
+    gripper_closed: bool | None  # None: not known
     views: Mapping[str, ViewStatus]
     link_kbps: float | None
     capacity_kbps: float | None
@@ -53,6 +64,7 @@ class StatusBoard:
         self._views = views
         self._output: TeleopOutput | None = None
         self._arm: ArmState | None = None
+        self._sample: ControllerSample | None = None
         self._reason = ""
         self._lock = threading.Lock()
         self._packets: deque[PacketRecord] = deque()
@@ -63,6 +75,10 @@ class StatusBoard:
         self._output, self._arm = output, arm
         if output.reason is not None and output.arming is not ArmingState.DISARMED:
             self._reason = describe(output)
+
+    def buttons(self, sample: ControllerSample) -> None:
+        """The newest reading of the controller."""
+        self._sample = sample
 
     def packets(self, packets: list[PacketRecord]) -> None:
         """Newly decided packet fates; those older than the window are forgotten."""
@@ -101,10 +117,12 @@ class StatusBoard:
             t_s=elapsed_s,
             arming=output.arming.value if output else "starting",
             deadman=output.deadman if output else False,
+            pressed=_pressed(self._sample),
             orientation_mode=output.orientation_mode if output else False,
             phase=self.phase.value,
             reason=self._reason,
             tcp_mm=None if arm is None else _mm(arm.tcp.position),
+            gripper_closed=None if arm is None else arm.gripper_closed,
             views={
                 view: ViewStatus(
                     target_kbps=targets.get(view),
@@ -117,6 +135,18 @@ class StatusBoard:
             capacity_kbps=_finite(capacity.mean_kbps(now_ns - WINDOW_NS, now_ns)),
             queue_ms=_queue_ms(packets),
         )
+
+
+def _pressed(sample: ControllerSample | None) -> tuple[str, ...]:
+    if sample is None:
+        return ()
+    down = {
+        "grip": sample.grip > GRIP_SHOWN_ABOVE,
+        "A": sample.a,
+        "B": sample.b,
+        "menu": sample.menu,
+    }
+    return tuple(name for name, is_down in down.items() if is_down)
 
 
 def _mm(position: Vector) -> tuple[float, float, float]:

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 
 from hw.arm import Arm, ServoMode
+from hw.boundary import TcpBoundary
 from tams_app.errors import DeviceError
 from tams_app.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
@@ -17,17 +18,26 @@ class ArmSupervisor:
     """Enables the arm and clears its errors when the arming logic asks; the body of a Worker.
 
     A stop outdates every request made before it: an ENABLE that was queued or under way when the
-    arm was stopped never leaves it enabled. Only one ENABLE is queued or under way at a time.
+    arm was stopped never leaves it enabled. Only one ENABLE and one CLEAR_ERRORS are queued or
+    under way at a time. An arm outside `boundary` is not enabled: its controller would end the
+    first motion with C35.
     """
 
-    def __init__(self, arm: Arm, servo: ServoMode, note: Callable[[str, str], None]) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        servo: ServoMode,
+        boundary: TcpBoundary,
+        note: Callable[[str, str], None],
+    ) -> None:
         self._arm = arm
         self._servo = servo
+        self._boundary = boundary
         self._note = note
         self._requests: BoundedQueue[tuple[Request, int]] = BoundedQueue(4)
         self._lock = threading.Lock()
         self._stops = 0
-        self._enabling = False
+        self._pending: set[Request] = set()  # queued or under way
         self._ready = False
 
     @property
@@ -38,12 +48,10 @@ class ArmSupervisor:
     def request(self, request: Request) -> None:
         """Queue a request; called by the control thread, does not block."""
         with self._lock:
-            if request is Request.ENABLE:
-                if self._enabling:
-                    return
-                self._enabling = True
-            stops = self._stops
-        self._requests.put((request, stops))
+            if request in self._pending:
+                return
+            if self._requests.put((request, self._stops)):
+                self._pending.add(request)
 
     def stopped(self) -> None:
         """A stop is sent: the arm must be enabled anew before it moves. From any thread."""
@@ -66,18 +74,29 @@ class ArmSupervisor:
                 self._note("info", "arm errors cleared")
         except DeviceError as error:
             self._note("error", str(error))
-
-    def _enable(self, stops: int) -> None:
-        try:
-            if stops != self._stops:
-                return
-            self._arm.enable(self._servo)
-            with self._lock:
-                self._ready = stops == self._stops
-            if self._ready:
-                self._note("info", "arm enabled")
-            else:
-                self._arm.stop()
         finally:
             with self._lock:
-                self._enabling = False
+                self._pending.discard(request)
+
+    def _enable(self, stops: int) -> None:
+        if stops != self._stops:
+            return
+        self._check_inside()
+        self._arm.enable(self._servo)
+        with self._lock:
+            self._ready = stops == self._stops
+        if self._ready:
+            self._note("info", "arm enabled")
+        else:
+            self._arm.stop()
+
+    def _check_inside(self) -> None:
+        """DeviceError if the TCP is where the controller would not let it move."""
+        state = self._arm.state()
+        if state is None or self._boundary.contains(state.tcp.position):
+            return  # without a report the control loop holds the arm
+        x, y, z = (state.tcp.position * 1000.0).tolist()
+        raise DeviceError(
+            f"the TCP is at ({x:.0f}, {y:.0f}, {z:.0f}) mm, outside the workspace: "
+            "run `run_tams.py home` first"
+        )

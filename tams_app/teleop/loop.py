@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.clock import NS_PER_S
 from tams_app.config import Config
+from tams_app.lite6_errors import describe_arm_error
 from tams_app.records import Haptic, Twist
 from tams_app.teleop.clutch import Clutch, Fingers
 from tams_app.teleop.drive import Drive
@@ -17,7 +18,6 @@ from tams_app.teleop.safety import (
     ArmingState,
     Reason,
     Request,
-    describe_arm_error,
 )
 from tams_app.teleop.watch import STOPPED_STATE, Watch
 
@@ -61,25 +61,28 @@ class Teleop:
         before = self._arming.state
         self._drive.note_interval(tick.now_ns, interval_s)
         faults, holds = self._judge(tick, fingers, interval_s)
+        confirm = tick.confirm or self._menu_confirms(fingers)
         request = self._arming.step(
             ArmingEvents(
                 now_ns=tick.now_ns,
                 faults=faults,
                 holds=holds,
                 arm_ready=tick.arm_ready and self._watch.servo_ready(tick.arm),
-                confirm=tick.confirm or self._menu_confirms(fingers),
+                confirm=confirm,
                 press=fingers.press,
                 pressed=fingers.pressed,
                 released=fingers.released,
             )
         )
+        counts = request is not Request.NONE or self._arming.state is not before
+        refusal = self._in_the_way() if confirm and not counts else ""
         scale = self._watch.video_scale(tick.video_age_ns)
         try:
             self._move(tick, fingers, before, holds, scale, interval_s)
         except TrajectoryError:
             self._arming.trip(Reason.TRAJECTORY_ERROR)
             self._drive.reset()
-        return self._output(tick, fingers, before, faults, request, scale)
+        return self._output(tick, fingers, before, faults, request, scale, refusal)
 
     def _interval(self, now_ns: int) -> float:
         """Seconds since the last tick; 0 at the first and if time went back."""
@@ -152,6 +155,7 @@ class Teleop:
         faults: tuple[Reason, ...],
         request: Request,
         scale: float,
+        refusal: str,
     ) -> TeleopOutput:
         state = self._arming.state
         twist, pose = None, None
@@ -177,7 +181,19 @@ class Teleop:
             speed_scale=scale * self._drive.joint_scale,
             braking=self._drive.braking,
             haptic=_haptic(before, state),
+            refusal=refusal,
         )
+
+    def _in_the_way(self) -> str:
+        """What keeps a confirmation from counting; "" where there is nothing to confirm."""
+        arming = self._arming
+        if arming.state.is_armed:
+            return ""
+        in_fault = arming.state is ArmingState.FAULT
+        blocked_by = arming.blocked_by if in_fault else arming.reason
+        if blocked_by is not None:
+            return f"{blocked_by.label}. {blocked_by.sentence}"
+        return "release the trigger first."
 
     def _must_stop(
         self, tick: TeleopInput, before: ArmingState, faults: tuple[Reason, ...]
@@ -204,6 +220,7 @@ class Teleop:
         elif reason in _TOLD_BY_THE_LINK and tick.link.failure:
             told.append(tick.link.failure)
         if blocked_by is not None and blocked_by is not reason:
+            told = [one.removesuffix(".") for one in told]
             told.append(f"and {blocked_by.label}")
         return ", ".join(told)
 

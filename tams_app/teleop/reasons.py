@@ -49,6 +49,12 @@ class Reason(Enum):
         Severity.FAULT,
         "Commands no longer reach the arm: check its power and network cable, then confirm.",
     )
+    GUARD_BLIND = (  # behind the arm's own link, which is usually lost with it
+        "guard blind",
+        Severity.FAULT,
+        "The guard process cannot reach the arm: check the network to the arm and wait until the "
+        "guard is back, release the trigger, then confirm.",
+    )
     ARM_REFUSES = (
         "arm refuses",
         Severity.FAULT,
@@ -98,6 +104,12 @@ class Reason(Enum):
         "Another controller has taken the operator's hand: take the right one, wait until it is "
         "tracked, release the trigger, then confirm.",
     )
+    TRACKING_FRAME_CHANGED = (
+        "tracking frame changed",
+        Severity.FAULT,
+        "The headset was recentred: check that the arm's directions are still right (dry run), "
+        "release the trigger, then confirm.",
+    )
     POSE_FROZEN = (
         "pose frozen",
         Severity.FAULT,
@@ -115,16 +127,6 @@ class Reason(Enum):
         Severity.FAULT,
         "The motion could not be computed: release the trigger, then confirm; "
         "report it if it comes back.",
-    )
-    HELPER_LOST = (
-        "helper lost",
-        Severity.FAULT,
-        "A helper process ended unasked: start the session again.",
-    )
-    CAMERA_LOST = (
-        "camera lost",
-        Severity.FAULT,
-        "A camera no longer delivers pictures: check its cable, then start the session again.",
     )
     TRACKING_LOST = (
         "tracking lost",
@@ -155,7 +157,7 @@ class Reason(Enum):
     ARM_NOT_READY = (
         "arm not ready",
         Severity.HOLD,
-        "Wait until the arm is enabled and has passed its ready pose, with the trigger released.",
+        "The arm is not enabled: wait until it is, with the trigger released.",
     )
     CONTROL_STALLED = (  # before what it makes late
         "control stalled",
@@ -209,21 +211,3 @@ class Reason(Enum):
     @property
     def is_fault(self) -> bool:
         return self.severity is Severity.FAULT
-
-
-_ARM_ERRORS = {
-    2: "emergency stop pressed",
-    21: "kinematic error",
-    22: "self-collision",
-    23: "joint limit",
-    24: "joint speed or singularity",
-    31: "collision",
-    35: "safety boundary",
-    60: "linear speed",
-}
-
-
-def describe_arm_error(code: int) -> str:
-    """The Lite 6 controller's error `code` as people look it up: C24, with its meaning if known."""
-    meaning = _ARM_ERRORS.get(code)
-    return f"C{code} ({meaning})" if meaning else f"C{code}"

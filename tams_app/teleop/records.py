@@ -31,11 +31,11 @@ class TeleopInput:
     sample: ControllerSample
     arm: ArmState | None
     link: CommandLink
-    arm_ready: bool  # enabled, right mode, at or past the ready pose: the self-check passed
+    arm_ready: bool  # enabled, and nothing has stopped it since
     video_age_ns: int | None  # of the shown primary view; None: no video in this run
     confirm: bool  # edge of Enter or the console's button
     estop: bool  # edge of terminal, console or signal
-    faults: tuple[Reason, ...] = ()  # what the session lost: guard, helper, camera
+    faults: tuple[Reason, ...] = ()  # what the session lost or the guard did
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,3 +55,4 @@ class TeleopOutput:
     speed_scale: float  # 1 unless stale video or a singularity slows the arm
     braking: bool  # the stop profile is in force, not the motion profile
     haptic: Haptic | None
+    refusal: str = ""  # why this tick's confirmation does not count

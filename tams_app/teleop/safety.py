@@ -11,10 +11,10 @@
 | FAULT    | trigger up and explicit confirm, cause gone                       | DISARMED        |
 
 There is no other arrow. A confirmation in DISARMED asks the session to enable the arm and holds for
-a minute; one in FAULT asks it to clear the arm's errors and holds for three seconds, unless a fault
-comes that clearing cannot take away. A fault keeps its first reason; `blocked_by` tells what must
-be gone before a confirmation counts. While DISARMED, READY or HOLDING, `reason` tells what is in
-the way.
+ten seconds; one in FAULT asks it to clear the arm's errors and holds for three seconds, unless a
+fault comes that clearing cannot take away. A fault keeps its first reason; `blocked_by` tells what
+must be gone before a confirmation counts. While DISARMED, READY or HOLDING, `reason` tells what is
+in the way.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from tams_app.clock import NS_PER_S
-from tams_app.teleop.reasons import Reason, Severity, describe_arm_error
+from tams_app.teleop.reasons import Reason, Severity
 
 __all__ = [
     "Arming",
@@ -32,10 +32,9 @@ __all__ = [
     "Reason",
     "Request",
     "Severity",
-    "describe_arm_error",
 ]
 
-ENABLE_CONSENT_NS = 60 * NS_PER_S  # brakes, mode and the way to the ready pose
+ENABLE_CONSENT_NS = 10 * NS_PER_S  # brakes and mode
 CLEAR_CONSENT_NS = 3 * NS_PER_S  # the arm's errors are cleared and reported so
 
 # What clearing the arm's errors can take away; every other fault must be gone before the confirm.

@@ -23,6 +23,7 @@ _LOST = {
     ControllerStatus.DISCONNECTED: Reason.CONTROLLER_DISCONNECTED,
     ControllerStatus.RUNTIME_QUIT: Reason.RUNTIME_QUIT,
     ControllerStatus.ROLE_SWAPPED: Reason.ROLE_SWAPPED,
+    ControllerStatus.TRACKING_FRAME_CHANGED: Reason.TRACKING_FRAME_CHANGED,
 }
 _LINK_FAULTS = {
     LinkFault.LOST: Reason.ARM_LINK_LOST,

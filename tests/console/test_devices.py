@@ -5,9 +5,10 @@ from __future__ import annotations
 import io
 from fractions import Fraction
 
+import pytest
 from rich.console import Console
 
-from hw.lite6_discovery import ArmInfo
+from hw.file_camera import PatternSource
 from hw.openvr_devices import ControllerInfo
 from hw.sim.controller_model import ControllerModel
 from hw.sim.controller_server import ControllerServer
@@ -15,7 +16,9 @@ from hw.sim.plant import IdealPlant
 from hw.v4l2_devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import device_checks
-from tams_app.console.devices import arm_lines, camera_lines, controller_lines, show_devices
+from tams_app.console.devices import camera_lines, controller_lines, show_devices
+from tests.hw.fake_openvr import RIGHT as RIGHT_HAND
+from tests.hw.fake_openvr import FakeRuntime
 
 MODE = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
 LEFT = CameraInfo("Cam", "A1", "/dev/video0", ("/dev/v4l/by-path/left",), (MODE,))
@@ -53,17 +56,14 @@ def test_a_controller_is_listed_with_hand_battery_and_tracking() -> None:
     ]
 
 
-def test_an_arm_that_is_not_there_is_listed_with_what_to_do() -> None:
-    info = ArmInfo("host", reachable=False, problem="Nothing answers; switch it on.")
-    assert list(arm_lines([info])) == ["host: Nothing answers; switch it on."]
-
-
 def test_the_list_is_printed_whatever_is_missing() -> None:
     output = io.StringIO()
     settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
     assert show_devices(settings, Console(file=output, width=200)) == 0
-    titles = [line for line in output.getvalue().splitlines() if not line.startswith(" ")]
-    assert titles == ["Arms", "Controllers", "Cameras"]
+    lines = output.getvalue().splitlines()
+    titles = [line for line in lines if not line.startswith(" ")]
+    assert titles == ["Arm", "Controllers", "Cameras"]
+    assert lines[1].startswith("  127.0.0.1: No arm answers")
 
 
 def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -> None:
@@ -96,6 +96,36 @@ def test_a_test_pattern_is_a_camera_like_any_other() -> None:
     pattern = {"source": "pattern"}
     settings = hardware(cameras={"eih": pattern, "gt": pattern, "gs": pattern})
     assert all(finding.ok for finding in device_checks.cameras(settings))
+
+
+def test_what_a_camera_did_not_take_is_told_though_it_works(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kept = "keeps exposure at 10 although 80 was set"
+    monkeypatch.setattr(PatternSource, "complaints", lambda _: [kept])
+    cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
+    for finding in device_checks.cameras(hardware(cameras=cameras)):
+        assert finding.ok
+        assert finding.detail.endswith(kept)
+        assert not finding.detail.startswith("camera")
+
+
+def test_the_doctor_finds_the_controller_of_the_hand() -> None:
+    runtime = FakeRuntime()
+    with runtime.in_place_of_the_library():
+        (there,) = device_checks.controller(hardware())
+        runtime.devices[RIGHT_HAND].connected = False
+        (away,) = device_checks.controller(hardware())
+    assert (there.ok, there.detail) == (True, "vive_focus3_controller")
+    assert (away.ok, away.detail) == (False, "none for the right hand")
+
+
+def test_a_mapping_that_run_would_refuse_is_found() -> None:
+    mapping = {"vive_focus3_controller": {"a": "no_such/click"}}
+    with FakeRuntime().in_place_of_the_library():
+        (finding,) = device_checks.controller(hardware(controller__mapping=mapping))
+    assert not finding.ok
+    assert "no_such/click" in finding.fix
 
 
 def test_the_simulated_rig_needs_no_devices() -> None:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import pty
+import signal
+import subprocess
+import sys
+import termios
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,11 +24,14 @@ from hw.lite6_kinematics import HOME_JOINTS
 from hw.sim.controller_codes import ErrorCode, Register, State
 from hw.sim.controller_server import ControllerServer
 from hw.sim.plant import IdealPlant
-from tams_app.config import Config, load_config
+from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console.home import run_home
-from tams_app.errors import ConfigError, SetupError
+from tams_app.console.terminal import TerminalKeys
+from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
+from tams_app.process import PROJECT_DIRECTORY
 from tests.faults.wire import TappedModel
 
+WITHIN_S = 20.0  # generous: the machine may be busy
 READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])
 
 
@@ -34,11 +44,16 @@ class Lab:
         self.server.start()
         self.master, self.terminal = pty.openpty()
         self.screen = io.StringIO()
+        self.heartbeat_timeout_ms = 1000.0
+        self.released = threading.Event()  # the Enter key
         self._ended = threading.Event()
         self._operator: threading.Thread | None = None
 
     def config(self) -> Config:
         config = load_config(None)
+        guard = config.arm.guard.model_copy(
+            update={"heartbeat_timeout_ms": self.heartbeat_timeout_ms}
+        )
         ports = self.server.ports
         arm = config.arm.model_copy(
             update={
@@ -46,7 +61,7 @@ class Lab:
                 "report_port": ports.report,
                 "reply_timeout_s": 0.5,
                 "ready_speed_deg_s": 30.0,
-                "guard": config.arm.guard.model_copy(update={"heartbeat_timeout_ms": 1000.0}),
+                "guard": guard,
             }
         )
         rig = config.rig.model_copy(update={"enabled": False})
@@ -56,11 +71,31 @@ class Lab:
         """An operator who holds Enter from now on."""
 
         def press() -> None:
-            while not self._ended.wait(0.03):
+            while not self._ended.wait(0.03) and not self.released.is_set():
                 os.write(self.master, b"\r")
 
         self._operator = threading.Thread(target=press)
         self._operator.start()
+
+    def until_stopped(self) -> None:
+        while self.model.state != State.STOPPED:
+            assert not self._ended.wait(0.02), "it never stopped"
+
+    def until_moving(self) -> None:
+        deadline = time.monotonic() + WITHIN_S
+        while not self.model.moving:
+            assert time.monotonic() < deadline, "it never moved"
+            time.sleep(0.02)
+
+    def file(self, folder: Path) -> Path:
+        """A configuration file for another process."""
+        ports = self.server.ports
+        arm = {"host": "127.0.0.1", "control_port": ports.control, "report_port": ports.report}
+        arm |= {"reply_timeout_s": 0.5, "guard": {"heartbeat_timeout_ms": 1000.0}}
+        path = folder / "lab.yaml"
+        base = CONFIG_DIRECTORY / "lite6.yaml"
+        path.write_text(f"version: 1\ninclude: [{base}]\narm: {json.dumps(arm)}\n")
+        return path
 
     def run(self) -> int:
         return run_home(self.config(), self.terminal, Console(file=self.screen, width=200))
@@ -89,15 +124,17 @@ def lab() -> Iterator[Lab]:
         yield made
 
 
-def test_holding_enter_brings_the_arm_home_even_out_of_an_error(lab: Lab) -> None:
+@pytest.mark.parametrize("error", [ErrorCode.BOUNDARY, ErrorCode.COLLISION])
+def test_holding_enter_brings_the_arm_home_even_out_of_an_error(lab: Lab, error: ErrorCode) -> None:
     with lab.server.lock:
-        lab.model.raise_error(ErrorCode.BOUNDARY)
+        lab.model.raise_error(error)
     lab.hold_enter()
     assert lab.run() == 0
     np.testing.assert_allclose(lab.model.joints, READY, atol=2e-3)
     assert lab.model.state == State.STOPPED
     said = lab.screen.getvalue()
-    assert "C35" in said
+    assert f"C{error.value} (" in said
+    assert "Enter clears the error" in said
     assert "ready pose" in said
     assert threading.active_count() < 12
     assert not {t.name for t in threading.enumerate()} & {"arm-sender", "arm-stop", "arm-report"}
@@ -105,6 +142,171 @@ def test_holding_enter_brings_the_arm_home_even_out_of_an_error(lab: Lab) -> Non
 
 def test_another_key_ends_it_without_moving(lab: Lab) -> None:
     threading.Timer(1.5, os.write, (lab.master, b" ")).start()
+    assert lab.run() == 1
+    moves = [request for request in lab.model.wire if request.register == Register.MOVE_JOINT]
+    assert moves == []
+
+
+def test_an_error_that_the_operator_does_not_clear_stays(lab: Lab) -> None:
+    with lab.server.lock:
+        lab.model.raise_error(ErrorCode.COLLISION)
+    threading.Timer(1.5, os.write, (lab.master, b"n")).start()
+    with pytest.raises(DeviceError, match="C31"):
+        lab.run()
+    assert lab.model.error_code == ErrorCode.COLLISION
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1])
+def test_a_signal_stops_the_moving_arm_and_gives_the_terminal_back(
+    lab: Lab, number: signal.Signals
+) -> None:
+    def deadly(*_: object) -> None:
+        raise AssertionError("this signal would have killed the process")
+
+    def strike() -> None:
+        lab.until_moving()
+        os.kill(os.getpid(), number)
+
+    as_before = termios.tcgetattr(lab.terminal)
+    handler_before = signal.signal(number, deadly)
+    try:
+        lab.hold_enter()
+        killer = threading.Thread(target=strike)
+        killer.start()
+        with pytest.raises(TamsError, match=f"{number.name} before the arm was in its ready pose"):
+            lab.run()
+        killer.join()
+        assert signal.getsignal(number) is deadly
+    finally:
+        signal.signal(number, handler_before)
+    assert termios.tcgetattr(lab.terminal) == as_before
+    assert lab.model.state == State.STOPPED
+    assert np.abs(lab.model.joints - READY).max() > 0.1
+
+
+def test_a_signal_is_one_sentence_and_exit_code_one_for_the_shell(lab: Lab, tmp_path: Path) -> None:
+    as_before = termios.tcgetattr(lab.terminal)
+    process = subprocess.Popen(
+        [sys.executable, "run_tams.py", "home", "--config", lab.file(tmp_path)],
+        cwd=PROJECT_DIRECTORY,
+        stdin=lab.terminal,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    lab.hold_enter()
+    lab.until_moving()
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert said == "tams: ended by SIGTERM before the arm was in its ready pose\n"
+    assert termios.tcgetattr(lab.terminal) == as_before
+    assert lab.model.state == State.STOPPED
+
+
+def test_an_arm_that_is_gone_on_its_way_is_told_with_the_stop_it_did_not_take(lab: Lab) -> None:
+    def leave() -> None:
+        lab.until_moving()
+        lab.server.close()
+
+    lab.hold_enter()
+    cut = threading.Thread(target=leave)
+    cut.start()
+    with pytest.raises(DeviceError) as failed:
+        lab.run()
+    cut.join()
+    before, _, after = str(failed.value).partition("; and ")
+    assert any(word in before for word in ("lost", "reports", "reporting", "answer", "connection"))
+    assert after.startswith("the arm did not acknowledge its last stop")
+
+
+# --- the deadman key ------------------------------------------------------------------------------
+
+
+class StuckScreen(io.StringIO):
+    """Takes no text from the moment that one holds `word`, until it is let `go`."""
+
+    def __init__(self, word: str) -> None:
+        super().__init__()
+        self._word = word
+        self.stuck, self.go = threading.Event(), threading.Event()
+
+    def write(self, text: str) -> int:
+        if self._word in text:
+            self.stuck.set()
+        if self.stuck.is_set():
+            self.go.wait(60.0)
+        return super().write(text)
+
+
+@pytest.mark.parametrize("word", ["Releasing", "Moving"])
+def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
+    lab: Lab, word: str
+) -> None:
+    screen = lab.screen = StuckScreen(word)
+    stood: list[bool] = []
+
+    def operate() -> None:
+        screen.stuck.wait(60.0)
+        lab.until_moving()
+        lab.released.set()
+        lab.until_stopped()
+        threading.Event().wait(0.5)  # it slows down
+        before = lab.model.joints
+        threading.Event().wait(0.3)
+        stood.append(bool((lab.model.joints == before).all()) and not screen.go.is_set())
+        os.write(lab.master, b"q")
+        screen.go.set()
+
+    operator = threading.Thread(target=operate)
+    operator.start()
+    lab.hold_enter()
+    assert lab.run() == 1
+    operator.join()
+    assert stood == [True]
+
+
+def test_ctrl_s_ends_it_as_any_other_key_does(lab: Lab) -> None:
+    def press() -> None:
+        lab.until_moving()
+        os.write(lab.master, b"\x13")
+
+    operator = threading.Thread(target=press)
+    operator.start()
+    lab.hold_enter()
+    assert lab.run() == 1
+    operator.join()
+    assert lab.model.state == State.STOPPED
+    assert np.abs(lab.model.joints - READY).max() > 0.1
+
+
+@pytest.mark.parametrize("since", ["Releasing", "Moving"])
+def test_when_the_keys_are_not_read_any_more_the_guard_stops_the_arm(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch, since: str
+) -> None:
+    read = TerminalKeys.read_bytes
+    stalled_at: list[np.ndarray] = []
+
+    def stall(keys: TerminalKeys, timeout_s: float) -> bytes:
+        if since in lab.screen.getvalue() and not stalled_at:
+            stalled_at.append(lab.model.joints)
+            threading.Event().wait(3.0)
+            stalled_at.extend((lab.model.joints, np.array([lab.model.state])))
+        return read(keys, timeout_s)
+
+    monkeypatch.setattr(TerminalKeys, "read_bytes", stall)
+    lab.heartbeat_timeout_ms = 150.0
+    lab.hold_enter()
+    with pytest.raises(DeviceError, match="guard"):
+        lab.run()
+    before, after, state = stalled_at
+    assert state == State.STOPPED
+    assert np.degrees(np.abs(after - before).max()) < 15.0  # of 55: half a second's way
+
+
+def test_enter_that_was_pressed_before_the_path_was_shown_moves_nothing(lab: Lab) -> None:
+    threading.Timer(0.2, os.write, (lab.master, b"\r" * 40)).start()
+    threading.Timer(3.0, os.write, (lab.master, b"q")).start()
     assert lab.run() == 1
     moves = [request for request in lab.model.wire if request.register == Register.MOVE_JOINT]
     assert moves == []

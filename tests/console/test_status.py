@@ -14,10 +14,12 @@ SNAPSHOT = StatusSnapshot(
     t_s=72.34,
     arming="engaged",
     deadman=True,
+    pressed=(),
     orientation_mode=False,
     phase="ALIGN",
     reason="",
     tcp_mm=(350.2, -1.4, 180.0),
+    gripper_closed=None,
     views={"eih": ViewStatus(3000, 2950.4, 81.6), "gt": ViewStatus(None, None, None)},
     link_kbps=5210.0,
     capacity_kbps=6000.0,
@@ -38,6 +40,14 @@ def test_the_line_says_all_an_operator_looks_for() -> None:
     ):
         assert part in text
     assert "last stop" not in text
+
+
+def test_the_line_shows_pressed_buttons_and_the_gripper_once_it_is_known() -> None:
+    (first, *_) = status_lines(replace(SNAPSHOT, pressed=("grip", "A"), gripper_closed=True))
+    assert "trigger held, grip, A, translation, TCP" in first
+    assert first.endswith("mm, gripper closed")
+    assert status_lines(replace(SNAPSHOT, gripper_closed=False))[0].endswith("gripper open")
+    assert "gripper" not in status_lines(SNAPSHOT)[0]
 
 
 def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:

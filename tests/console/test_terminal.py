@@ -78,6 +78,32 @@ def test_the_terminal_is_put_back_as_it_was(terminal: tuple[int, int]) -> None:
     assert termios.tcgetattr(program) == before
 
 
+def test_ctrl_s_is_a_key_and_stops_no_output(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    keys = TerminalKeys(program)
+    keys.open()
+    try:
+        os.write(operator, b"\x13")
+        assert keys.read_bytes(20.0) == b"\x13"
+        os.write(program, b"still here")
+        assert select.select([operator], [], [], 20)[0]
+    finally:
+        keys.close()
+
+
+def test_what_is_discarded_is_not_read(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    keys = TerminalKeys(program)
+    keys.open()
+    try:
+        os.write(operator, b"\r\r\r")
+        assert select.select([program], [], [], 20)[0]
+        keys.discard()
+        assert keys.read_bytes(0.0) == b""
+    finally:
+        keys.close()
+
+
 def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) -> None:
     operator, program = terminal
     before = termios.tcgetattr(program)

@@ -20,7 +20,7 @@ from hw.sim.hand import Button, Hand, HandWish
 from hw.sim.virtual_controller import SensorFault, VirtualController
 from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock
 from tams_app.config import ControllerConfig, OperatorConfig
-from tams_app.records import ControllerSample, Haptic
+from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tests.hw.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 
 TICK_NS = 8 * NS_PER_MS
@@ -145,6 +145,8 @@ class OpenVrRig(ControllerRig):
             case SensorFault.ROLE_SWAPPED:
                 self.runtime.devices[SPARE] = FakeDevice("CTL_SPARE")
                 self.runtime.give_hand_to(SPARE)
+            case SensorFault.TRACKING_FRAME_CHANGED:
+                self.runtime.recentre()
             case SensorFault.FROZEN_POSE:
                 hand.trembles = False
             case SensorFault.FROZEN_BUTTONS:
@@ -167,3 +169,11 @@ class OpenVrRig(ControllerRig):
         self.runtime.bound.add("trigger")
         self.runtime.give_hand_to(RIGHT)
         self.runtime.restart()
+        self._let_go_for_a_second()
+
+    def _let_go_for_a_second(self) -> None:
+        """After a recentring this alone makes the controller count again."""
+        if self.controller.sample(0).status is ControllerStatus.TRACKING_FRAME_CHANGED:
+            self.runtime.press("trigger", 0.0)
+            self.until(lambda sample: sample.status is ControllerStatus.OK)
+            self.runtime.press("trigger")

@@ -436,7 +436,7 @@ def test_a_pressed_emergency_stop_cannot_be_cleared(rig: ArmRig, enabled: Arm) -
     with rig.model_lock:
         rig.model.press_emergency_stop()
     assert rig.until(lambda: rig.next_state(enabled).error_code == 2)
-    with pytest.raises(DeviceError, match="release it"):
+    with pytest.raises(DeviceError, match="release the emergency stop"):
         enabled.clear_errors()
     with rig.model_lock:
         rig.model.release_emergency_stop()

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from hw.arm import Arm
+from hw.boundary import session_boundary
 from hw.lite6 import Lite6
 from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
 from hw.sim.controller_server import ControllerServer
@@ -114,7 +115,9 @@ class ArmBench(ABC):
         self.ticks: list[Tick] = []
         self.outputs: list[TeleopOutput] = []
         self.positions: list[Vector] = []  # of the TCP as it truly is, at the end of each tick
-        self.supervisor = ArmSupervisor(arm, build.servo(config), self._note)
+        self.supervisor = ArmSupervisor(
+            arm, build.servo(config), session_boundary(config.arm, config.limits), self._note
+        )
         self._cleaning = ExitStack()
         self._folder = folder
         self._recorders: Recorders | None = None

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.arm import ServoMode
+from hw.boundary import session_boundary
 from hw.sim.controller_codes import Register
 from hw.sim.inprocess_arm import InProcessArm
 from hw.sim.plant import IdealPlant
@@ -113,7 +114,10 @@ class Bench:
         self._log_path = log
         self._recorder = None if log is None else _recorder(log)
         self._supervisor = ArmSupervisor(
-            self.arm, self.servo, lambda level, text: self.notes.append(text)
+            self.arm,
+            self.servo,
+            session_boundary(self.config.arm, self.config.limits),
+            lambda level, text: self.notes.append(text),
         )
         self._stop_watch = StopWatch(self._keep_stop)
         self._asked = False

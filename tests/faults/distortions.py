@@ -18,6 +18,7 @@ _NO_BUTTONS = (
     ControllerStatus.DASHBOARD,
     ControllerStatus.RUNTIME_QUIT,
     ControllerStatus.ROLE_SWAPPED,
+    ControllerStatus.TRACKING_FRAME_CHANGED,
 )
 _WITH_POSE = (ControllerStatus.DASHBOARD, ControllerStatus.ROLE_SWAPPED)
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tams_app.session.guarding import SILENCE_NS
+from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 
-from .arm_bench import LiveBench, MakeBench
+from .arm_bench import SIDEWAYS, LiveBench, MakeBench
 from .arm_promises import is_logged, is_stopped, moving_connections, recovers, stands
 from .bench import PERIOD_NS
 from .wire import Request
@@ -78,6 +80,61 @@ def stays(bench: LiveBench) -> None:
     bench.signals.confirm()
     stands(bench, 30)
     assert bench.outputs[-1].arming is ArmingState.FAULT
+
+
+# --- the guard cannot reach the arm --------------------------------------------------------------
+
+
+def tells(bench: LiveBench, refusal: str) -> None:
+    """Confirm in each tick, the trigger held, until that is what the operator is told."""
+
+    def told(output: TeleopOutput) -> bool:
+        bench.signals.confirm()
+        return output.refusal.startswith(refusal)
+
+    bench.run_until(told)
+    bench.run(2)
+    assert bench.outputs[-1].arming is ArmingState.FAULT
+
+
+def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
+    patient: LiveBench,
+) -> None:
+    bench = patient
+    bench.engage_and_move()
+    bench.quiesce()
+    bench.reachable = False
+    bench.server.refuse_connections = True
+    bench.server.drop_connections()
+    seen = bench.run_until_state(ArmingState.FAULT)
+    with bench.lock:
+        bench.model.power_cycle()
+    tells(bench, Reason.GUARD_BLIND.label)
+    assert bench.outputs[seen].reason is Reason.ARM_LINK_LOST
+    assert Reason.GUARD_BLIND.label in bench.outputs[-1].detail
+    bench.server.refuse_connections = False
+    tells(bench, "release the trigger")
+    bench.reachable = True
+    stands(bench)
+    recovers(bench)
+    is_logged(bench, seen, Reason.ARM_LINK_LOST)
+
+
+def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
+    tmp_path: Path, make_bench: MakeBench
+) -> None:
+    bench = make_bench(folder=tmp_path)
+    drivers = {each.connection for each in bench.model.since(-1)}
+    bench.add_guard(PATIENT_MS)
+    bench.engage_and_move(SIDEWAYS / 4)
+    bench.server.is_cut = lambda frame: threading.get_native_id() not in drivers
+    seen = bench.run_until_state(ArmingState.FAULT)
+    is_stopped(bench, seen, Reason.GUARD_BLIND)
+    tells(bench, Reason.GUARD_BLIND.label)
+    bench.server.is_cut = lambda frame: False
+    tells(bench, "release the trigger")
+    recovers(bench)
+    is_logged(bench, seen, Reason.GUARD_BLIND)
 
 
 # --- the control loop is held up ----------------------------------------------------------------

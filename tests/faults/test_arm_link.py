@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hw.sim.controller_codes import Register
-from hw.sim.controller_settings import ControllerSettings
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason
 
@@ -184,7 +183,7 @@ def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
     bench.server.drop_connections()
     seen = until_lost(bench)
     with bench.lock:
-        power_cycle(bench)
+        bench.model.power_cycle()
     bench.run(ticks_away)
     assert bench.requests(seen) == []
     bench.server.refuse_connections = False
@@ -196,14 +195,6 @@ def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
     recovers(bench)
     assert bench.model.settings.tcp_offset == pytest.approx(offset)
     assert bench.model.settings.collision_sensitivity == sensitivity
-
-
-def power_cycle(bench: ArmBench) -> None:
-    """What the controller knew is gone; the arm stands with its brakes on."""
-    bench.model.settings = ControllerSettings()
-    bench.model.set_tcp_offset((0.0,) * 6)
-    bench.model.set_mode(0)
-    bench.model.enable(False)
 
 
 # --- reports ------------------------------------------------------------------------------------

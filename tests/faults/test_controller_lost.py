@@ -44,6 +44,10 @@ FAULTS = {
     ),
     "runtime killed": (distortions.status(ControllerStatus.RUNTIME_QUIT), Reason.RUNTIME_QUIT),
     "role swapped": (distortions.status(ControllerStatus.ROLE_SWAPPED), Reason.ROLE_SWAPPED),
+    "recentred": (
+        distortions.status(ControllerStatus.TRACKING_FRAME_CHANGED),
+        Reason.TRACKING_FRAME_CHANGED,
+    ),
 }
 
 

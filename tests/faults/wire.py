@@ -11,6 +11,7 @@ import numpy as np
 
 from hw.sim.controller_codes import Register, State
 from hw.sim.controller_model import ControllerModel
+from hw.sim.controller_settings import ControllerSettings
 from tams_app.records import Vector
 
 _MOTION = (
@@ -79,6 +80,13 @@ class TappedModel(ControllerModel):
         self.wire.append(Request(self.tick, now_ns, register, payload, connection))
         reply = self.interpose(register, payload)
         return super().handle(register, payload, now_ns) if reply is None else reply
+
+    def power_cycle(self) -> None:
+        """What the controller knew is gone; the arm stands with its brakes on."""
+        self.settings = ControllerSettings()
+        self.set_tcp_offset((0.0,) * 6)
+        self.set_mode(0)
+        self.enable(False)
 
     def since(self, tick: int) -> list[Request]:
         """Requests of control tick `tick` and later."""

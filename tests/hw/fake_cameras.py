@@ -41,6 +41,7 @@ SOURCE = Path(__file__).parent / "fake_v4l2.c"
 ROOT = Path(__file__).parents[2]
 SMALL = VideoConfig(width=160, height=120)
 PICTURES = 8
+ROUNDS = 4  # of them, with other noise, before the first one comes again
 GREYS = 25  # between the pictures
 GAIN = 0x0098_0913
 INTEGER, BOOLEAN, MENU = 1, 2, 3
@@ -110,11 +111,11 @@ WEBCAM_CONTROLS = (
 )
 
 
-def jpegs(video: VideoConfig) -> list[bytes]:
-    """Noisy pictures whose mean grey tells which one it is; padded to one length."""
+def jpegs(video: VideoConfig, rounds: int = 1) -> list[bytes]:
+    """Noisy pictures whose mean grey tells which of PICTURES it is; padded to one length."""
     rng = np.random.default_rng(5)
     encoded = []
-    for number in range(PICTURES):
+    for number in list(range(PICTURES)) * rounds:
         noise = rng.integers(-4, 5, (video.height, video.width, 3))
         picture = np.clip(30 + GREYS * number + noise, 0, 255).astype(np.uint8)
         encoded.append(cv2.imencode(".jpg", picture)[1].tobytes())
@@ -152,7 +153,7 @@ class Machine:
         controls: Sequence[FakeControl] = WEBCAM_CONTROLS,
     ) -> FakeCamera:
         """Put a camera in, as /dev/video<number> on USB port `port`."""
-        pictures = jpegs(video)
+        pictures = jpegs(video, ROUNDS)
         fourcc = int.from_bytes(b"YUYV" if raw else b"MJPG", "little")
         described = FakeCamera(
             card=name.encode(),

@@ -11,11 +11,13 @@ import json
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from itertools import cycle
+from itertools import count, cycle
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import openvr
@@ -24,6 +26,7 @@ from scipy.spatial.transform import Rotation
 HEADSET, RIGHT, LEFT, SPARE = 0, 3, 4, 7  # device indices
 NO_DEVICE = openvr.k_unTrackedDeviceIndexInvalid
 _TREMOR_M = cycle((1e-6, 1e-6, -2e-6))
+_TOKENS = count(100)  # of all runtimes: the binding keeps what it found while the token stays
 WAIT_S = 20.0  # for whoever hangs in the runtime, should a test forget him
 
 
@@ -71,6 +74,7 @@ class FakeRuntime:
         }
         self.devices[RIGHT].put((0.2, 1.1, -0.3))
         self.devices[LEFT].put((-0.2, 1.1, -0.3))
+        self.standing = FakeDevice("standing")  # `matrix` leads from the raw frame to this one
         self.events: deque[int] = deque()
         self.bound = {"trigger", "grip", "a", "b", "menu"}  # actions with a component of ours
         self.actions: dict[tuple[str, str], float] = {}  # (hand, action) → value, else 0
@@ -84,7 +88,7 @@ class FakeRuntime:
         self.calls: list[str] = []
         self._flowing = threading.Event()
         self._flowing.set()
-        self._token = 100
+        self._token = next(_TOKENS)
         self._names: dict[int, str] = {}
         self._types: dict[str, str] = {}
         self._active_sets: set[str] = set()
@@ -110,6 +114,12 @@ class FakeRuntime:
                 device.role = openvr.TrackedControllerRole_Invalid
         self.devices[index].role = role
 
+    def recentre(self, degrees: float = 90.0) -> None:
+        """Turn the standing frame, and all that is in it, about the vertical; without a word."""
+        turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+        for device in (self.standing, *self.devices.values()):
+            device.matrix = turn @ device.matrix
+
     def quit(self) -> None:
         """Say goodbye to everybody and be gone."""
         self.events.append(openvr.VREvent_Quit)
@@ -132,17 +142,22 @@ class FakeRuntime:
     @contextmanager
     def in_place_of_the_library(self) -> Iterator[FakeRuntime]:
         """Let the binding run on this runtime instead of libopenvr_api."""
-        exports = self._exports()
         library = openvr._openvr
-        saved = {name: getattr(library, name) for name in exports}
-        for name, export in exports.items():
-            setattr(library, name, export)
-        try:
+        with ExitStack() as stack:
+            registry = stack.enter_context(NamedTemporaryFile(suffix=".vrpath"))
+            stack.enter_context(patch.dict("os.environ", VR_PATHREG_OVERRIDE=registry.name))
+            for name, export in self._exports().items():
+                stack.enter_context(patch.object(library, name, export))
+            stack.enter_context(self.in_place_of_structures())
+            stack.callback(self.flow)
             yield self
-        finally:
-            self.flow()
-            for name, export in saved.items():
-                setattr(library, name, export)
+
+    @contextmanager
+    def in_place_of_structures(self) -> Iterator[None]:
+        """Answer above the table what returns a structure: ctypes makes no callback that does."""
+        name = "getRawZeroPoseToStandingAbsoluteTrackingPose"
+        with patch.object(openvr.IVRSystem, name, lambda _: self._raw_to_standing()):
+            yield
 
     def init_error(self, application: int) -> int:
         """What VR_Init says; an overlay application starts a runtime, a background one does not."""
@@ -167,7 +182,7 @@ class FakeRuntime:
             code = self.init_error(application)
             ctypes.c_int32.from_address(error).value = code
             self.connections += code == 0
-            self._token += 1
+            self._token = next(_TOKENS)
             return self._token
 
         def get(name: bytes, error: int) -> int | None:
@@ -279,6 +294,13 @@ class FakeRuntime:
             "getBoolTrackedDeviceProperty": lambda i, p, e: devices[i].battery is not None,
             "getFloatTrackedDeviceProperty": lambda i, p, e: devices[i].battery or 0.0,
         }
+
+    def _raw_to_standing(self) -> openvr.HmdMatrix34_t:
+        self._wait("getRawZeroPoseToStandingAbsoluteTrackingPose")
+        matrix = openvr.HmdMatrix34_t()
+        for row, values in zip(matrix.m, self.standing.matrix, strict=True):
+            row[:] = values.tolist()
+        return matrix
 
     def _may_read(self) -> bool:
         return self.input_available and not (self.dashboard and self.dashboard_takes_input)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hw.capture_watch import (
+    REMEMBERED,
     REPETITION_NS,
     SILENCE_NS,
     START_PATIENCE_NS,
@@ -37,14 +38,34 @@ def test_a_camera_is_silent_half_a_second_after_its_last_picture(watch: FreezeWa
 
 def test_pictures_that_differ_in_one_bit_are_seen(watch: FreezeWatch) -> None:
     for number in range(90):
-        picture = b"same" * 100 + bytes([number % 2])
+        picture = b"same" * 100 + bytes([number])
         assert watch.picture(OPENED_NS + number * PERIOD_NS, picture) is Sight.SEEING
 
 
-def test_one_picture_for_more_than_a_second_is_a_frozen_sensor(watch: FreezeWatch) -> None:
+def test_a_picture_that_comes_again_is_left_out_at_once(watch: FreezeWatch) -> None:
+    assert watch.picture(OPENED_NS, b"a") is Sight.SEEING
+    assert watch.picture(OPENED_NS + PERIOD_NS, b"a") is Sight.REPEATED
+    assert watch.picture(OPENED_NS + 2 * PERIOD_NS, b"b") is Sight.SEEING
+    assert watch.picture(OPENED_NS + 3 * PERIOD_NS, b"a") is Sight.REPEATED
+
+
+@pytest.mark.parametrize("buffers", [2, 4, REMEMBERED])
+def test_old_buffers_in_turn_are_left_out_and_then_a_frozen_sensor(
+    watch: FreezeWatch, buffers: int
+) -> None:
+    sights = [
+        watch.picture(OPENED_NS + number * PERIOD_NS, bytes([number % buffers]))
+        for number in range(60)
+    ]
+    assert set(sights[:buffers]) == {Sight.SEEING}
+    assert set(sights[buffers:30]) == {Sight.REPEATED}
+    assert sights[-1] is Sight.REPEATING
+
+
+def test_no_new_picture_for_more_than_a_second_is_a_frozen_sensor(watch: FreezeWatch) -> None:
     at = OPENED_NS
     assert watch.picture(at, b"a") is Sight.SEEING
-    assert watch.picture(at + REPETITION_NS, b"a") is Sight.SEEING
+    assert watch.picture(at + REPETITION_NS, b"a") is Sight.REPEATED
     assert watch.picture(at + REPETITION_NS + 1, b"a") is Sight.REPEATING
     assert REPETITION_NS == NS_PER_S
 
@@ -54,7 +75,19 @@ def test_reopening_does_not_make_the_same_picture_a_new_one(watch: FreezeWatch) 
         watch.picture(OPENED_NS + number * PERIOD_NS, b"a")
     reopened_ns = OPENED_NS + 3 * NS_PER_S
     watch.opened(reopened_ns)
-    assert watch.picture(reopened_ns + PERIOD_NS, b"a") is Sight.REPEATING
+    assert watch.picture(reopened_ns + PERIOD_NS, b"a") is Sight.REPEATED
+    assert watch.picture(reopened_ns + REPETITION_NS + 1, b"a") is Sight.REPEATING
+    assert watch.picture(reopened_ns + REPETITION_NS + PERIOD_NS, b"b") is Sight.SEEING
+
+
+def test_a_picture_left_over_from_before_reopening_does_not_close_the_camera(
+    watch: FreezeWatch,
+) -> None:
+    for number in range(60):
+        watch.picture(OPENED_NS + number * PERIOD_NS, b"a")
+    reopened_ns = OPENED_NS + 3 * NS_PER_S
+    watch.opened(reopened_ns)
+    assert watch.picture(reopened_ns + PERIOD_NS, b"a") is not Sight.REPEATING
     assert watch.picture(reopened_ns + 2 * PERIOD_NS, b"b") is Sight.SEEING
 
 

@@ -144,14 +144,35 @@ def link(silent_guard: socket.socket) -> Iterator[GuardLink]:
     made.close()
 
 
-def test_a_link_that_is_not_armed_says_nothing_and_is_well(
+def test_a_link_that_is_not_armed_only_asks_and_is_well_without_an_answer(
     silent_guard: socket.socket, link: GuardLink
 ) -> None:
     link.beat(0)
     assert link.alive(NS_PER_S)
-    silent_guard.setblocking(False)
-    with pytest.raises(BlockingIOError):
-        silent_guard.recv(64)
+    assert decode_heartbeat(silent_guard.recv(64)) == Heartbeat(GuardMessage.QUERY, 0, 1)
+
+
+@pytest.mark.parametrize("armings", [0, 1])
+def test_what_is_asked_arms_nothing(armings: int) -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    if armings:
+        watch.hear(0, Heartbeat(GuardMessage.BEAT, 1, 1))
+        watch.hear(0, Heartbeat(GuardMessage.DISARM, 1, 2))
+    watch.hear(0, Heartbeat(GuardMessage.QUERY, armings, 3))
+    watch.hear(0, Heartbeat(GuardMessage.QUERY, armings + 1, 4))  # the arming itself was not heard
+    assert watch.watch is Watch.IDLE
+    assert not watch.lost(TIMEOUT_NS + 1)
+
+
+def test_a_link_that_is_not_armed_hears_whether_the_guard_has_the_arm_but_of_no_stop(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1, latched=True, arm_lost=True)
+    silent_guard.sendto(answer.encode(), sender)
+    assert until(lambda: link.beat(1) or link.arm_lost)
+    assert not link.latched
 
 
 def test_a_guard_that_does_not_answer_is_not_alive(link: GuardLink) -> None:
@@ -186,6 +207,28 @@ def test_a_guard_that_lost_the_arm_is_not_alive(
     silent_guard.sendto(answer.encode(), sender)
     assert until(lambda: link.beat(1) or link.arm_lost)
     assert not link.alive(1)
+    assert link.answers(1)
+
+
+def test_an_arming_is_acknowledged_by_an_answer_to_one_of_its_own_beats(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    assert not link.acknowledged
+    first, second = (Heartbeat(GuardMessage.ACKNOWLEDGEMENT, arming, 1) for arming in (1, 2))
+    silent_guard.sendto(first.encode(), sender)
+    assert until(lambda: link.beat(1) or link.acknowledged)
+    link.disarm()
+    assert not link.acknowledged
+    link.arm()
+    silent_guard.sendto(first.encode(), sender)  # late
+    for _ in range(10):
+        link.beat(2)
+    assert not link.acknowledged
+    silent_guard.sendto(second.encode(), sender)
+    assert until(lambda: link.beat(3) or link.acknowledged)
 
 
 def test_each_arming_has_a_number_of_its_own(silent_guard: socket.socket, link: GuardLink) -> None:

@@ -18,6 +18,7 @@ from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.lite6 import Lite6
 from hw.lite6_outbox import Outbox, Work
+from hw.lite6_setup import Lite6Connection
 from hw.sim.controller_codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller_model import ReportKind
 from hw.sim.controller_server import ControllerServer
@@ -546,6 +547,69 @@ def test_state_link_and_stop_do_not_wait_for_a_link_that_is_made_anew(
     clearing.join()
     assert arm.link().fault is LinkFault.NONE
     assert rig.model.state == State.STOPPED
+
+
+def test_a_link_whose_renewal_was_not_configured_stays_lost_and_the_next_one_is(
+    rig: ControllerRig, arm: Lite6, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[LinkFault] = []
+
+    def fail(connection: Lite6Connection) -> None:
+        seen.append(arm.link().fault)
+        raise DeviceError("The arm did not take its settings.")
+
+    rig.restart()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    with monkeypatch.context() as broken:
+        broken.setattr(Lite6Connection, "configure", fail)
+        with pytest.raises(DeviceError, match="its settings"):
+            arm.clear_errors()
+    assert seen == [LinkFault.LOST]
+    assert arm.link().fault is LinkFault.LOST
+    assert rig.model.settings.tcp_offset[2] == 0.0
+    arm.clear_errors()
+    assert rig.model.settings.tcp_offset[2] == ArmConfig().tcp_offset_mm_deg[2]
+    assert arm.link().fault is LinkFault.NONE
+
+
+def test_a_stop_goes_to_the_link_that_is_being_made_too(
+    rig: ControllerRig, arm: Lite6, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    configure = Lite6Connection.configure
+    stops: list[bool] = []
+
+    def stop_meanwhile(connection: Lite6Connection) -> None:
+        with rig.server.lock:
+            rig.model.enable(True)
+            rig.model.set_mode(0)
+            rig.model.set_state(0)
+        arm.stop()
+        stops.append(connection.stop.pending or rig.model.state == State.STOPPED)
+        configure(connection)
+
+    rig.server.drop_connections()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    monkeypatch.setattr(Lite6Connection, "configure", stop_meanwhile)
+    arm.clear_errors()
+    assert stops == [True]
+    assert rig.model.state == State.STOPPED
+
+
+def test_an_arm_that_is_closed_while_its_link_is_made_anew_stays_closed(
+    rig: ControllerRig, arm: Lite6, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    configure = Lite6Connection.configure
+
+    def close_meanwhile(connection: Lite6Connection) -> None:
+        arm.close()
+        configure(connection)
+
+    rig.server.drop_connections()
+    assert until(lambda: arm.link().fault is LinkFault.LOST)
+    monkeypatch.setattr(Lite6Connection, "configure", close_meanwhile)
+    with pytest.raises(DeviceError, match="not connected"):
+        arm.clear_errors()
+    assert arm.state() is None
 
 
 def test_frozen_reports_need_a_new_connection_and_get_it(rig: ControllerRig, arm: Lite6) -> None:

@@ -5,19 +5,25 @@ from __future__ import annotations
 import pytest
 
 from hw.lite6_codes import (
-    CONTROLLER_ERRORS,
     Code,
     controller_error_sentence,
     return_code_sentence,
+    standing_error_sentence,
 )
+from tams_app.lite6_errors import CONTROLLER_ERRORS
 
 
 @pytest.mark.parametrize("code", [*CONTROLLER_ERRORS, 99])
 def test_every_controller_error_is_one_sentence_with_its_number(code: int) -> None:
-    sentence = controller_error_sentence(code)
-    assert f"C{code}:" in sentence
-    assert sentence.endswith(".")
-    assert sentence.count(".") == 1 + sentence.count("limits.max")
+    for sentence in (controller_error_sentence(code), standing_error_sentence(code)):
+        assert f"C{code}" in sentence
+        assert sentence.endswith(".")
+        settings = ("limits.max", "arm.tcp", "run_tams.py")
+        assert sentence.count(".") == 1 + sum(map(sentence.count, settings))
+
+
+def test_an_arm_found_in_an_error_has_a_way_out_of_it() -> None:
+    assert "then run `run_tams.py home`, which clears it" in standing_error_sentence(2)
 
 
 def test_return_codes_say_which_call_and_tell_lost_silent_and_refused_apart() -> None:

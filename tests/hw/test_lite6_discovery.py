@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hw.sim.controller_registers
-from hw.lite6_discovery import ArmInfo, find_arms, probe_arm
+from hw.lite6_discovery import ArmInfo, find_arm, probe_arm
 from hw.sim.controller_codes import ErrorCode, Register, State
 from hw.sim.controller_model import ReportKind
 from tams_app.config import ArmConfig
@@ -28,7 +28,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[ControllerRig]:
 
 
 def probe(rig: ControllerRig) -> ArmInfo:
-    return find_arms(rig.config())[0]
+    return find_arm(rig.config())
 
 
 def test_an_arm_is_found_with_all_that_it_says_of_itself(rig: ControllerRig) -> None:
@@ -66,6 +66,7 @@ def test_an_error_and_the_simulation_mode_are_told_with_what_to_do(rig: Controll
     info = probe(rig)
     assert info.error_code == ErrorCode.COLLISION
     assert "C31" in info.description
+    assert "run_tams.py home" in info.problem
     with rig.server.lock:
         rig.model.clean_error()
         rig.model.set_simulation_robot(True)
@@ -116,13 +117,6 @@ def test_an_arm_without_reports_is_told(rig: ControllerRig) -> None:
     assert "no reports" in info.problem
 
 
-def test_each_host_is_asked_once(rig: ControllerRig) -> None:
-    config = rig.config()
-    infos = find_arms(config, (config.host, "localhost"))
-    assert [info.host for info in infos] == [config.host, "localhost"]
-    assert all(info.is_lite6 for info in infos)
-
-
 def test_no_thread_is_left_behind(rig: ControllerRig) -> None:
     def ours() -> set[str]:
         names = {thread.name for thread in threading.enumerate()}
@@ -130,5 +124,5 @@ def test_no_thread_is_left_behind(rig: ControllerRig) -> None:
 
     before = ours()
     probe(rig)
-    find_arms(ArmConfig(control_port=1, report_port=2))
+    find_arm(ArmConfig(control_port=1, report_port=2))
     assert ours() == before

@@ -136,9 +136,9 @@ def test_a_runtime_that_is_restarted_in_mid_session_is_joined_again(controller, 
 
 
 def test_the_thread_has_a_name_and_a_kernel_id(controller):
-    assert controller.thread_ids == {"openvr-poll": None}
+    assert controller.realtime_thread_ids == {}
     controller.start()
-    assert isinstance(controller.thread_ids["openvr-poll"], int)
+    assert isinstance(controller.realtime_thread_ids["openvr-poll"], int)
 
 
 def test_a_second_start_is_refused_while_the_first_lives(controller):

@@ -361,6 +361,122 @@ def test_the_same_controller_under_another_index_is_no_swap(rig):
     assert rig.step().status is ControllerStatus.OK
 
 
+# --- the headset was recentred ------------------------------------------------------------------
+
+FRAME_EVENTS = [
+    openvr.VREvent_ChaperoneDataHasChanged,
+    openvr.VREvent_ChaperoneUniverseHasChanged,
+    openvr.VREvent_ChaperoneRoomSetupCommitted,
+    openvr.VREvent_SeatedZeroPoseReset,
+    openvr.VREvent_StandingZeroPoseReset,
+]
+
+
+@pytest.mark.parametrize("event", FRAME_EVENTS)
+def test_a_word_of_a_new_frame_takes_pose_and_trigger_away_in_that_very_step(rig, event):
+    rig.runtime.press("trigger")
+    before = rig.step()
+    rig.runtime.events.append(event)
+    sample = rig.step()
+    assert sample.status is ControllerStatus.TRACKING_FRAME_CHANGED
+    assert (sample.pose, sample.trigger) == (None, 0.0)
+    assert sample.pose_ns == before.pose_ns
+
+
+def test_a_frame_that_turns_without_a_word_is_noticed_in_that_very_step(rig):
+    rig.runtime.press("trigger")
+    assert rig.step().status is ControllerStatus.OK
+    rig.runtime.recentre()
+    assert rig.step().status is ControllerStatus.TRACKING_FRAME_CHANGED
+    assert rig.run(3.0).status is ControllerStatus.TRACKING_FRAME_CHANGED
+    assert rig.told("tracking frame changed") == 1
+
+
+def test_a_new_frame_counts_after_the_trigger_was_up_for_a_second(rig):
+    rig.runtime.press("trigger")
+    rig.step()
+    rig.runtime.recentre()
+    rig.run(0.5)
+    rig.runtime.press("trigger", 0.0)
+    assert rig.run(0.9).status is ControllerStatus.TRACKING_FRAME_CHANGED
+    rig.runtime.press("trigger", 0.3)
+    rig.step()
+    rig.runtime.press("trigger", 0.0)
+    assert rig.run(0.9).status is ControllerStatus.TRACKING_FRAME_CHANGED
+    assert rig.run(0.2).status is ControllerStatus.OK
+    rig.runtime.press("trigger")
+    assert rig.run(1.0).trigger == 1.0
+
+
+def test_a_second_recentring_begins_the_second_anew(rig):
+    rig.step()
+    rig.runtime.recentre()
+    rig.run(0.8)
+    rig.runtime.recentre()
+    assert rig.run(0.9).status is ControllerStatus.TRACKING_FRAME_CHANGED
+
+
+def test_buttons_that_cannot_be_read_do_not_accept_a_new_frame(rig):
+    rig.step()
+    rig.runtime.recentre()
+    rig.runtime.dashboard = True
+    assert rig.run(3.0).status is ControllerStatus.TRACKING_FRAME_CHANGED
+
+
+def test_the_menu_still_stops_the_arm_in_a_new_frame(rig):
+    rig.step()
+    rig.runtime.recentre()
+    rig.runtime.press("menu")
+    sample = rig.step()
+    assert sample.menu
+    assert sample.buttons_ns == rig.now_ns
+
+
+@pytest.mark.parametrize("away", ["the runtime quits", "the controller is off"])
+def test_a_frame_that_turned_meanwhile_is_noticed_afterwards(rig, away):
+    rig.step()
+    if away == "the runtime quits":
+        rig.runtime.quit()
+    else:
+        rig.runtime.devices[RIGHT].connected = False
+    rig.run(1.5)
+    rig.runtime.recentre()
+    rig.run(0.5)
+    rig.runtime.restart()
+    away_still = (ControllerStatus.RUNTIME_QUIT, ControllerStatus.DISCONNECTED)
+    back = next(s for s in (rig.step() for _ in range(300)) if s.status not in away_still)
+    assert back.status is ControllerStatus.TRACKING_FRAME_CHANGED
+    assert rig.run(1.1).status is ControllerStatus.OK
+
+
+def test_small_corrections_of_the_frame_are_let_pass_until_they_add_up(rig):
+    rig.step()
+    for _ in range(4):
+        rig.runtime.recentre(degrees=0.1)
+        assert rig.step().status is ControllerStatus.OK
+    rig.runtime.recentre(degrees=0.2)
+    assert rig.step().status is ControllerStatus.TRACKING_FRAME_CHANGED
+
+
+def test_a_frame_that_moves_sideways_is_a_change_too(rig):
+    rig.step()
+    rig.runtime.standing.matrix[0, 3] += 0.004
+    assert rig.step().status is ControllerStatus.OK
+    rig.runtime.standing.matrix[0, 3] += 0.004
+    assert rig.step().status is ControllerStatus.TRACKING_FRAME_CHANGED
+
+
+def test_a_frame_that_is_not_a_number_is_a_change(rig):
+    rig.step()
+    rig.runtime.standing.matrix[0, 0] = float("nan")
+    assert rig.step().status is ControllerStatus.TRACKING_FRAME_CHANGED
+
+
+def test_another_kind_of_event_changes_nothing(rig):
+    rig.runtime.events.append(openvr.VREvent_ChaperoneSettingsHaveChanged)
+    assert rig.step().status is ControllerStatus.OK
+
+
 # --- the runtime --------------------------------------------------------------------------------
 
 

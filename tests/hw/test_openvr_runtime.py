@@ -1,9 +1,11 @@
 import importlib
+import platform
+from pathlib import Path
 
 import openvr
 import pytest
 
-from hw.openvr_runtime import OpenVrRuntime, load_binding
+from hw.openvr_runtime import OpenVrRuntime, is_registered, load_binding
 from tams_app.errors import DeviceError, SetupError
 
 from .fake_openvr import FakeRuntime
@@ -69,3 +71,34 @@ def test_a_missing_library_is_a_setup_error(monkeypatch):
     monkeypatch.setattr(importlib, "import_module", fail)
     with pytest.raises(SetupError, match="wrong ELF class"):
         load_binding()
+
+
+def test_the_registry_is_looked_for_where_the_library_does(monkeypatch, tmp_path):
+    monkeypatch.setattr(platform, "system", lambda: "Linux")
+    monkeypatch.delenv("VR_PATHREG_OVERRIDE", raising=False)
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    assert not is_registered()
+    registry = tmp_path / ".config" / "openvr" / "openvrpaths.vrpath"
+    registry.parent.mkdir(parents=True)
+    registry.touch()
+    assert is_registered()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "elsewhere"))
+    assert not is_registered()
+    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(registry))
+    assert is_registered()
+    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(tmp_path))
+    assert not is_registered()
+
+
+def test_where_the_registry_is_elsewhere_the_library_is_asked(monkeypatch, tmp_path):
+    monkeypatch.setattr(platform, "system", lambda: "Windows")
+    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(tmp_path / "none"))
+    assert is_registered()
+
+
+def test_without_a_registry_the_library_is_not_even_asked(fake, monkeypatch, tmp_path):
+    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(tmp_path / "none"))
+    with pytest.raises(DeviceError, match=r"^SteamVR is not installed[^.]*\.$"):
+        OpenVrRuntime.join()
+    assert fake.joined_as == []

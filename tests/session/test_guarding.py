@@ -13,11 +13,12 @@ class ScriptedLink:
     """A guard that lives and says what it is told to."""
 
     latched = False
+    arm_lost = False
 
     def beat(self, now_ns):
         """Nothing to hear."""
 
-    def alive(self, now_ns):
+    def answers(self, now_ns):
         return True
 
 
@@ -65,3 +66,16 @@ def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
     guard.beat(SILENCE_NS + 1)
     guard.close()
     assert signals.take().faults == (Reason.GUARD_LOST,)
+
+
+def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tmp_path):
+    signals = Signals()
+    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard._link = ScriptedLink()
+    taken = []
+    for lost in (False, True, True, False):
+        guard._link.arm_lost = lost
+        guard.beat(0)
+        taken.append(signals.take().faults)
+    blind = (Reason.GUARD_BLIND,)
+    assert taken == [(), blind, blind, ()]

@@ -19,6 +19,7 @@ from hw.sim.plant import IdealPlant
 from tams_app.clock import MonotonicClock
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.recording import read_log
+from tams_app.records import Vector
 from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
 from tests.faults.wire import TappedModel
@@ -87,9 +88,12 @@ def hardware(tmp_path: Path, control_port: int, report_port: int) -> Config:
 
 
 @contextmanager
-def station(tmp_path: Path, dry_run: bool = False) -> Iterator[Station]:
+def station(
+    tmp_path: Path, dry_run: bool = False, joints: Vector | None = None
+) -> Iterator[Station]:
+    """`joints` [rad]: where the arm stands; None: at its ready pose."""
     ready = np.radians(load_config(CONFIG_DIRECTORY / "lite6.yaml").arm.ready_joints_deg)
-    model = TappedModel(IdealPlant(), start_joints=ready)
+    model = TappedModel(IdealPlant(), start_joints=ready if joints is None else joints)
     server, runtime = ControllerServer(model), FakeRuntime()
     server.start()
     try:
@@ -159,6 +163,26 @@ def test_a_runtime_that_quits_stops_the_arm_and_says_so(tmp_path: Path) -> None:
         here.until(lambda: here.arming == "fault", "a fault")
         assert "VR runtime quit" in here.session.snapshot().reason
         here.until(lambda: any(r.is_stop for r in here.model.wire[-20:]), "state 4")
+
+
+@pytest.mark.parametrize("dry_run", [False, True])
+def test_an_arm_at_the_factorys_home_is_sent_home_and_not_enabled(
+    tmp_path: Path, dry_run: bool
+) -> None:
+    with station(tmp_path, dry_run, np.zeros(6)) as here:
+        told: list[str] = []
+
+        def refused() -> bool:
+            told.extend(here.session.board.take_notes())
+            return any("outside the workspace" in note for note in told)
+
+        here.until(lambda: here.arming == "disarmed", "disarmed")
+        here.session.signals.confirm()
+        here.until(refused, "a refusal")
+        assert here.arming == "disarmed"
+        assert not here.model.enabled
+    (sentence,) = [note for note in told if "outside the workspace" in note]
+    assert sentence.endswith("run `run_tams.py home` first")
 
 
 @pytest.mark.parametrize("missing", ["arm", "controller"])

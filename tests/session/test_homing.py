@@ -41,11 +41,22 @@ def test_a_tap_holds_nothing() -> None:
     assert not any(key.held(at * MS) for at in (0, 1, 500, 700, 5000))
 
 
-def test_a_held_key_is_held_from_its_first_repeat_until_a_quarter_second_after_its_last() -> None:
-    key = pressed(0, 660, 700, 740)
-    assert key.held(740 * MS)
-    assert key.held(990 * MS)
-    assert not key.held(991 * MS)
+REPEATS_MS = (660, 700, 740, 780, 820, 860, 900, 940)
+
+
+def test_a_held_key_is_held_once_it_repeats_and_until_a_quarter_second_after_its_last() -> None:
+    key = pressed(0, *REPEATS_MS)
+    assert not key.held(940 * MS)
+    key.press(980 * MS)
+    assert key.held(980 * MS)
+    assert key.held(1230 * MS)
+    assert not key.held(1231 * MS)
+
+
+@pytest.mark.parametrize("taps_ms", [(0, 0), (0, 1, 2, 3), (0, 400, 600), (0, 150, 300, 420)])
+def test_a_few_taps_hold_nothing(taps_ms: tuple[float, ...]) -> None:
+    key = pressed(*taps_ms)
+    assert not any(key.held(at * MS) for at in range(1000))
 
 
 def test_two_presses_too_far_apart_are_two_taps() -> None:
@@ -53,10 +64,13 @@ def test_two_presses_too_far_apart_are_two_taps() -> None:
 
 
 def test_after_a_release_holding_begins_anew() -> None:
-    key = pressed(0, 500, 540, 1000)
-    assert not key.held(1000 * MS)
-    key.press(1500 * MS)
-    assert key.held(1500 * MS)
+    key = pressed(0, *REPEATS_MS, 980, 1300)
+    assert not key.held(1300 * MS)
+    for at in (1900, 1990, 2080, 2170):
+        key.press(at * MS)
+        assert not key.held(at * MS)
+    key.press(2260 * MS)
+    assert key.held(2260 * MS)
 
 
 # --- the machine --------------------------------------------------------------------------------
@@ -83,14 +97,25 @@ class Bench:
             gripper_closed=None,
         )
 
-    def step(self, presses: int = 1, **changes: Any) -> Action:
+    def step(self, pressed: bool = True, **changes: Any) -> Action:
         self.now_ns += 20 * MS
-        tick = HomingInput(self.now_ns, presses, False, self.arm(), LINK)
+        tick = HomingInput(self.now_ns, pressed, False, self.arm(), LINK, guarded=True)
         return self.homing.step(replace(tick, **changes))
 
-    def moving(self) -> Bench:
-        assert self.step() is Action.NONE
+    def hold(self) -> Action:
+        """Step with the key pressed until something is to be done."""
+        for _ in range(100):
+            if (action := self.step()) is not Action.NONE:
+                return action
+        raise AssertionError("nothing happens")
+
+    def starting(self) -> Bench:
+        assert self.hold() is Action.ARM
         assert self.step() is Action.START
+        return self
+
+    def moving(self) -> Bench:
+        self.starting()
         self.controller_state = 1
         assert self.step(began=True) is Action.NONE
         assert self.homing.state is HomingState.MOVING
@@ -99,34 +124,48 @@ class Bench:
 
 def test_nothing_moves_without_the_key() -> None:
     bench = Bench()
-    assert {bench.step(presses=0) for _ in range(100)} == {Action.NONE}
+    assert {bench.step(pressed=False) for _ in range(100)} == {Action.NONE}
     assert bench.homing.state is HomingState.WAITING
 
 
 def test_it_starts_once_however_long_starting_takes() -> None:
     bench = Bench()
-    actions = [bench.step() for _ in range(50)]
-    assert actions.count(Action.START) == 1
+    actions = [bench.step() for _ in range(100)]
+    assert actions.count(Action.ARM) == actions.count(Action.START) == 1
+    assert actions.index(Action.ARM) < actions.index(Action.START)
     assert bench.homing.state is HomingState.STARTING
+
+
+def test_it_does_not_start_before_the_guard_has_said_that_it_watches() -> None:
+    bench = Bench()
+    assert bench.hold() is Action.ARM
+    assert {bench.step(guarded=False) for _ in range(50)} == {Action.NONE}
+    assert bench.step(guarded=True) is Action.START
+
+
+def test_letting_go_before_the_guard_watches_starts_nothing() -> None:
+    bench = Bench()
+    assert bench.hold() is Action.ARM
+    actions = {bench.step(pressed=False, guarded=False) for _ in range(50)}
+    assert actions == {Action.NONE, Action.STOP}
+    assert bench.homing.state is HomingState.WAITING
+    assert bench.step(pressed=False, guarded=True) is Action.NONE
 
 
 def test_letting_go_stops_within_a_quarter_second_and_holding_again_goes_on() -> None:
     bench = Bench().moving()
     steps = 0
-    while bench.step(presses=0) is Action.NONE:
+    while bench.step(pressed=False) is Action.NONE:
         steps += 1
     assert steps * 20 <= 250
     assert bench.homing.state is HomingState.WAITING
     bench.controller_state = 4
-    assert bench.step() is Action.NONE
-    assert bench.step() is Action.START
+    bench.starting()
 
 
 def test_letting_go_while_it_starts_stops_at_once_and_again_when_it_has_started() -> None:
-    bench = Bench()
-    bench.step()
-    assert bench.step() is Action.START
-    while bench.step(presses=0) is not Action.STOP:
+    bench = Bench().starting()
+    while bench.step(pressed=False) is not Action.STOP:
         assert bench.homing.state is HomingState.STARTING
     assert bench.step() is Action.NONE
     assert bench.step() is Action.NONE  # held again, but the start before is still under way
@@ -135,12 +174,10 @@ def test_letting_go_while_it_starts_stops_at_once_and_again_when_it_has_started(
 
 
 def test_a_start_that_was_cancelled_and_refused_for_it_is_no_failure() -> None:
-    bench = Bench()
-    bench.step()
-    bench.step()
-    while bench.step(presses=0) is not Action.STOP:
+    bench = Bench().starting()
+    while bench.step(pressed=False) is not Action.STOP:
         pass
-    assert bench.step(presses=0, refused="The arm was stopped meanwhile.") is Action.STOP
+    assert bench.step(pressed=False, refused="The arm was stopped meanwhile.") is Action.STOP
     assert bench.homing.state is HomingState.WAITING
 
 
@@ -157,7 +194,7 @@ def test_it_is_done_when_the_arm_stands_at_the_goal() -> None:
 def test_an_arm_that_is_there_already_is_not_moved() -> None:
     bench = Bench()
     bench.joints = GOAL
-    assert bench.step(presses=0) is Action.STOP
+    assert bench.step(pressed=False) is Action.STOP
     assert bench.homing.state is HomingState.DONE
 
 
@@ -166,7 +203,7 @@ def test_any_other_key_ends_it(moving: bool) -> None:
     bench = Bench().moving() if moving else Bench()
     assert bench.step(other_key=True) is Action.STOP
     assert bench.homing.state is HomingState.ENDED
-    assert bench.step(presses=5) is Action.NONE
+    assert bench.step(pressed=True) is Action.NONE
 
 
 @pytest.mark.parametrize(
@@ -210,8 +247,7 @@ def test_an_arm_that_was_stopped_from_elsewhere_is_not_started_again() -> None:
 def test_a_report_from_before_the_start_is_not_taken_for_a_stop() -> None:
     bench = Bench()
     bench.controller_state = 4
-    bench.step()
-    assert bench.step() is Action.START
+    bench.starting()
     old = bench.arm()
     bench.step(began=True)
     assert bench.step(arm=old) is Action.NONE
@@ -253,3 +289,20 @@ def test_an_arm_that_is_under_the_floor_may_rise(config: Config) -> None:
     limits = config.limits.model_copy(update={"floor_mm": 200.0})  # above the ready pose even
     path = plan_path(config.model_copy(update={"limits": limits}), goal)
     assert path.travel_rad == 0.0
+
+
+def test_a_path_passes_what_lies_on_it_and_nothing_else(config: Config) -> None:
+    path = plan_path(config, HOME_JOINTS)
+    way = path.goal - path.start
+    aside = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    for fraction in (0.0, 0.4, 1.0):
+        assert path.passes(path.start + fraction * way)
+        assert not path.passes(path.start + fraction * way + aside)
+    assert not path.passes(path.start - 0.1 * way)
+    assert not path.passes(path.goal + 0.1 * way)
+
+
+def test_the_path_of_an_arm_that_is_there_passes_only_there(config: Config) -> None:
+    path = plan_path(config, np.radians(config.arm.ready_joints_deg))
+    assert path.passes(path.goal)
+    assert not path.passes(path.goal + 0.05)

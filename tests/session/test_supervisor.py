@@ -2,12 +2,19 @@
 
 import threading
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hw.arm import ServoMode
+from hw.boundary import TcpBoundary
 from tams_app.errors import DeviceError
+from tams_app.mailbox import BoundedQueue
+from tams_app.records import ArmState, Pose
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.teleop.safety import Request
+
+BOUNDARY = TcpBoundary((240, -220, 0), (460, 220, 400))
 
 
 class NotedArm:
@@ -15,11 +22,18 @@ class NotedArm:
 
     def __init__(self):
         self.calls = []
+        self.tcp_m = (0.3, 0.0, 0.2)
         self.during = lambda: None
 
     def enable(self, servo):
         self.calls.append("enable")
         self.during()
+
+    def state(self):
+        if self.tcp_m is None:
+            return None
+        pose = Pose(np.array(self.tcp_m), Rotation.identity())
+        return ArmState(0, np.zeros(6), pose, 5, 2, 0, 0, None)
 
     def clear_errors(self):
         self.calls.append("clear")
@@ -40,7 +54,7 @@ def notes():
 
 @pytest.fixture
 def supervisor(arm, notes):
-    return ArmSupervisor(arm, ServoMode.VELOCITY, lambda level, text: notes.append(text))
+    return ArmSupervisor(arm, ServoMode.VELOCITY, BOUNDARY, lambda level, text: notes.append(text))
 
 
 def run_queued(supervisor):
@@ -122,3 +136,60 @@ def test_clearing_errors_is_carried_out(supervisor, arm):
     supervisor.request(Request.CLEAR_ERRORS)
     run_queued(supervisor)
     assert arm.calls == ["clear"]
+    supervisor.request(Request.CLEAR_ERRORS)
+    run_queued(supervisor)
+    assert arm.calls == ["clear", "clear"]
+
+
+def test_clearing_that_hangs_is_asked_for_once_and_keeps_no_enable_out(supervisor, arm):
+    for _ in range(10):
+        supervisor.request(Request.CLEAR_ERRORS)
+    supervisor.request(Request.ENABLE)
+    run_queued(supervisor)
+    assert arm.calls == ["clear", "enable"]
+    assert supervisor.ready
+
+
+def test_a_request_that_found_no_room_can_be_made_again(supervisor, arm, monkeypatch):
+    with monkeypatch.context() as full:
+        full.setattr(BoundedQueue, "put", lambda queue, item: False)
+        supervisor.request(Request.ENABLE)
+    supervisor.request(Request.ENABLE)
+    run_queued(supervisor)
+    assert supervisor.ready
+
+
+def test_clearing_that_failed_can_be_asked_for_again(supervisor, arm, notes):
+    def refuse():
+        arm.calls.append("refused")
+        raise DeviceError("the emergency stop is pressed")
+
+    clear, arm.clear_errors = arm.clear_errors, refuse
+    supervisor.request(Request.CLEAR_ERRORS)
+    run_queued(supervisor)
+    arm.clear_errors = clear
+    supervisor.request(Request.CLEAR_ERRORS)
+    run_queued(supervisor)
+    assert arm.calls == ["refused", "clear"]
+    assert notes[0] == "the emergency stop is pressed"
+
+
+def test_an_arm_outside_the_workspace_is_not_enabled_until_it_is_inside(supervisor, arm, notes):
+    arm.tcp_m = (0.2, 0.0, 0.118)
+    supervisor.request(Request.ENABLE)
+    run_queued(supervisor)
+    assert (arm.calls, supervisor.ready) == ([], False)
+    assert notes == [
+        "the TCP is at (200, 0, 118) mm, outside the workspace: run `run_tams.py home` first"
+    ]
+    arm.tcp_m = (0.3, 0.0, 0.118)
+    supervisor.request(Request.ENABLE)
+    run_queued(supervisor)
+    assert (arm.calls, supervisor.ready) == (["enable"], True)
+
+
+def test_an_arm_without_a_report_is_enabled_and_held_by_the_loop(supervisor, arm):
+    arm.tcp_m = None
+    supervisor.request(Request.ENABLE)
+    run_queued(supervisor)
+    assert arm.calls == ["enable"]

@@ -131,6 +131,16 @@ def test_the_menu_works_while_tracking_is_lost(finger: Finger) -> None:
     assert finger.read(menu=False, status=ControllerStatus.TRACKING_LOST).menu_click
 
 
+@pytest.mark.parametrize(
+    "gone", [ControllerStatus.DISCONNECTED, ControllerStatus.STANDBY, ControllerStatus.RUNTIME_QUIT]
+)
+def test_the_menu_of_a_controller_that_is_gone_is_not_believed(
+    finger: Finger, gone: ControllerStatus
+) -> None:
+    assert not finger.read(menu=True, status=gone).menu_down
+    assert not finger.read(menu=False, status=gone).menu_click
+
+
 def test_a_stamp_far_in_the_future_is_not_fresh() -> None:
     assert is_fresh(10, 10, 0)
     assert is_fresh(10 + 50 * NS_PER_MS, 10, 0)

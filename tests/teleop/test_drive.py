@@ -148,6 +148,14 @@ def test_a_singular_posture_holds_and_names_it() -> None:
     assert not bench.linear().any()
 
 
+def test_a_limit_holds_the_arm_once_nothing_was_left_for_300_ms() -> None:
+    bench = Bench(model=SingularModel())
+    bench.engage()
+    bench.ask(0, 0.1, 0)
+    states = [bench.tick(period_ns=10 * MS).arming for _ in range(40)]
+    assert 30 <= states.count(ENGAGED) <= 33  # the hand's speed is smoothed first
+
+
 def test_a_trajectory_that_cannot_be_computed_is_a_fault_and_a_stop(
     engaged: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -123,6 +123,35 @@ def test_a_hand_that_asks_for_just_enough_is_told_what_stops_it() -> None:
         assert limits().limit(asked, on_floor, JOINTS, 1.0).limited_by is told
 
 
+def test_a_hand_that_turns_just_enough_is_told_what_stops_it() -> None:
+    tilted = Tcp(MIDDLE.position, turned(MIDDLE.rotation, np.array([0, np.radians(36), 0])))
+    for speed, told in ((0.02, Reason.ROTATION_LIMIT), (0.01999, None)):
+        asked = Twist(NOTHING, np.array([0, speed, 0]))
+        assert limits().limit(asked, tilted, JOINTS, 1.0).limited_by is told
+
+
+@pytest.mark.parametrize(("scale", "told"), [(0.021, None), (0.019, Reason.SINGULARITY)])
+def test_a_fiftieth_of_the_motion_counts_as_nothing_left(scale: float, told: Reason | None) -> None:
+    stiff = limits(StiffModel(0.7 / scale * np.pi / 0.2))
+    left = stiff.limit(Twist(np.array([0.2, 0, 0]), NOTHING), MIDDLE, JOINTS, 1.0)
+    assert left.joint_scale == pytest.approx(scale)
+    assert left.limited_by is told
+
+
+@pytest.mark.parametrize(("linear", "angular"), [(0.1, 0.0), (0.0, 0.2)])
+def test_what_only_moves_or_only_turns_is_not_at_rest_and_brakes(
+    linear: float, angular: float
+) -> None:
+    shaper = limits()
+    for _ in range(20):
+        shaper.shape(Twist(np.full(3, linear), np.full(3, angular)), MIDDLE, 1 / 120)
+    assert not shaper.at_rest
+    assert not shaper.used_stop_profile
+    shaper.come_to_rest(1 / 120)
+    assert not shaper.at_rest
+    assert shaper.used_stop_profile
+
+
 def test_coming_to_rest_ends_at_exactly_zero() -> None:
     shaper = limits()
     for _ in range(30):

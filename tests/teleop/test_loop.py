@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tams_app.teleop
+from tams_app.lite6_errors import describe_arm_error
 from tams_app.records import CommandLink, ControllerStatus, Haptic, LinkFault
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tests.teleop.rig import (
@@ -124,6 +125,13 @@ def test_an_arm_without_reports_is_told_to_stop_again_and_again(engaged: Bench) 
     assert all(engaged.tick(arm=None).stop for _ in range(300))
 
 
+def test_an_arm_that_only_paused_has_not_stopped(engaged: Bench) -> None:
+    engaged.tick(estop=True)
+    for state, stops in ((3, True), (4, False)):
+        report = engaged.arm.report(engaged.now_ns + PERIOD_NS)
+        assert engaged.tick(arm=replace(report, state=state)).stop is stops
+
+
 def test_a_report_from_before_the_fault_does_not_confirm_the_stop(engaged: Bench) -> None:
     old = replace(engaged.arm.report(engaged.now_ns), state=4)
     engaged.tick(estop=True)
@@ -133,7 +141,7 @@ def test_a_report_from_before_the_fault_does_not_confirm_the_stop(engaged: Bench
 def test_leaving_a_fault_takes_a_confirmation_with_the_trigger_up(engaged: Bench) -> None:
     engaged.arm.error_code = 31
     output = engaged.tick()
-    assert (output.reason, output.detail) == (Reason.ARM_ERROR, "C31 (collision)")
+    assert (output.reason, output.detail) == (Reason.ARM_ERROR, describe_arm_error(31))
     assert engaged.tick(confirm=True).request is Request.NONE
     engaged.hand.trigger = 0.0
     engaged.tick()
@@ -173,7 +181,7 @@ def test_an_arm_that_stopped_by_an_error_says_which(engaged: Bench) -> None:
     assert engaged.tick().detail == ""
     engaged.arm.error_code = 22
     output = engaged.tick()
-    assert (output.reason, output.detail) == (Reason.ARM_STOPPED, "C22 (self-collision)")
+    assert (output.reason, output.detail) == (Reason.ARM_STOPPED, describe_arm_error(22))
 
 
 def test_a_fault_names_what_else_is_in_the_way_of_confirming_it(engaged: Bench) -> None:
@@ -182,12 +190,51 @@ def test_a_fault_names_what_else_is_in_the_way_of_confirming_it(engaged: Bench) 
     engaged.hand.status = ControllerStatus.DISCONNECTED
     output = engaged.tick()
     assert output.reason is Reason.ARM_ERROR
-    assert output.detail == "C31 (collision), and controller disconnected"
+    assert output.detail == f"{describe_arm_error(31)}, and controller disconnected"
     engaged.hand.status = ControllerStatus.OK
-    assert engaged.tick().detail == "C31 (collision)"
+    assert engaged.tick().detail == describe_arm_error(31)
     engaged.arm.error_code = 0
     engaged.hand.status = ControllerStatus.ROLE_SWAPPED
     assert engaged.tick().detail == "and controller swapped"
+
+
+def test_what_the_link_says_goes_on_with_what_else_is_in_the_way(engaged: Bench) -> None:
+    engaged.tick(link=link(engaged, failure="It is gone."))
+    engaged.hand.status = ControllerStatus.DISCONNECTED
+    output = engaged.tick(link=link(engaged, failure="It is gone."))
+    assert output.detail == "It is gone, and controller disconnected"
+
+
+def test_a_confirmation_that_does_not_count_is_told_what_is_in_the_way(bench: Bench) -> None:
+    bench.run(3)
+    bench.hand.trigger = 1.0
+    held = bench.tick(confirm=True)
+    assert (held.arming, held.refusal) == (DISARMED, "release the trigger first.")
+    bench.hand.trigger = 0.0
+    bench.hand.status = ControllerStatus.STANDBY
+    stale = bench.tick(confirm=True)
+    assert stale.refusal == f"controller standby. {Reason.CONTROLLER_STANDBY.sentence}"
+    bench.hand.status = ControllerStatus.OK
+    bench.run(2)
+    lost = (Reason.GUARD_BLIND,)
+    bench.tick(faults=lost)
+    refused = bench.tick(faults=lost, confirm=True)
+    assert refused.refusal == f"guard blind. {Reason.GUARD_BLIND.sentence}"
+    assert bench.tick(faults=lost).refusal == "", "told once"
+    bench.hand.trigger = 1.0
+    bench.run(2)
+    assert bench.tick(confirm=True).refusal == "release the trigger first."
+
+
+def test_a_confirmation_that_counts_is_told_nothing(bench: Bench) -> None:
+    bench.run(3)
+    assert bench.tick(confirm=True).refusal == ""
+    bench.arm_ready = True
+    bench.tick()
+    ready = bench.tick(confirm=True)
+    assert (ready.arming, ready.refusal) == (READY, ""), "nothing to confirm"
+    bench.tick(estop=True)
+    assert bench.tick(confirm=True).refusal == ""
 
 
 def test_a_fault_that_still_holds_is_not_named_twice(engaged: Bench) -> None:
@@ -205,7 +252,12 @@ def test_what_the_guard_stopped_is_confirmed_away(engaged: Bench) -> None:
 
 @pytest.mark.parametrize(
     "away",
-    [ControllerStatus.DISCONNECTED, ControllerStatus.RUNTIME_QUIT, ControllerStatus.ROLE_SWAPPED],
+    [
+        ControllerStatus.DISCONNECTED,
+        ControllerStatus.RUNTIME_QUIT,
+        ControllerStatus.ROLE_SWAPPED,
+        ControllerStatus.TRACKING_FRAME_CHANGED,
+    ],
 )
 def test_a_controller_switched_on_after_the_start_takes_two_confirmations_to_ready(
     bench: Bench, away: ControllerStatus
@@ -229,7 +281,7 @@ def test_a_controller_switched_on_after_the_start_takes_two_confirmations_to_rea
 
 def test_the_terminals_emergency_stop_works_in_every_state(bench: Bench) -> None:
     bench.tick()
-    output = bench.tick(estop=True, confirm=True, faults=(Reason.HELPER_LOST,))
+    output = bench.tick(estop=True, confirm=True, faults=(Reason.SESSION_FAILED,))
     assert output.reason is Reason.EMERGENCY_STOP
 
 

@@ -101,7 +101,7 @@ def mad_ticks(draw: st.DrawFn) -> list[dict[str, Any]]:
                     "period_ns": st.sampled_from(
                         [PERIOD_NS, PERIOD_NS, 0, 1, 3 * MS, 30 * MS, 99 * MS, 10**9, -MS]
                     ),
-                    "faults": st.sampled_from([()] * 12 + [(Reason.HELPER_LOST,)]),
+                    "faults": st.sampled_from([()] * 12 + [(Reason.SESSION_FAILED,)]),
                     "confirm": st.booleans(),
                 }
             ),

@@ -16,7 +16,6 @@ from tams_app.teleop.safety import (
     ArmingState,
     Reason,
     Request,
-    describe_arm_error,
 )
 from tests.teleop.arming_table import ARROWS, CAN_BE_CLEARED, Consent, Tick, Trigger, oracle
 
@@ -205,12 +204,12 @@ def test_confirming_disarmed_asks_once_to_enable_and_waits_for_the_arm() -> None
 
 
 @pytest.mark.parametrize(("late_ns", "end"), [(0, READY), (1, DISARMED)])
-def test_consent_to_enable_holds_for_a_minute(late_ns: int, end: ArmingState) -> None:
+def test_consent_to_enable_holds_for_ten_seconds(late_ns: int, end: ArmingState) -> None:
     arming = Arming()
     arming.step(events(confirm=True, arm_ready=False, **UP))
     arming.step(events(now_ns=NS_PER_S + ENABLE_CONSENT_NS + late_ns, **UP))
     assert arming.state is end
-    assert ENABLE_CONSENT_NS == 60 * NS_PER_S
+    assert ENABLE_CONSENT_NS == 10 * NS_PER_S
 
 
 def test_consent_to_enable_waits_while_something_is_stale() -> None:
@@ -347,7 +346,5 @@ def test_every_reason_tells_the_operator_what_to_do(reason: Reason) -> None:
     assert ("confirm" in reason.sentence or "session" in reason.sentence) == reason.is_fault
 
 
-def test_labels_are_distinct_and_arm_errors_carry_their_code() -> None:
+def test_labels_are_distinct() -> None:
     assert len({reason.label for reason in Reason}) == len(Reason)
-    assert describe_arm_error(24) == "C24 (joint speed or singularity)"
-    assert describe_arm_error(97) == "C97"

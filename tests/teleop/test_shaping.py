@@ -87,6 +87,7 @@ def test_turning_a_corner_at_full_speed_does_not_exceed_the_speed() -> None:
     for k in range(200):
         corner = np.array([V, 0, 0]) if k % 40 < 20 else np.array([0.18, 0.17, 0])
         fastest = max(fastest, float(np.linalg.norm(shaper.step(corner, PERIOD_S))))
+        assert not shaper.used_stop_profile  # seen ahead, not braked away
     assert V * 0.95 < fastest <= V * (1 + 1e-9)
 
 
@@ -120,6 +121,7 @@ def test_an_acceleration_all_across_the_wanted_change_finds_its_way() -> None:
     shaper.velocity, shaper.acceleration = np.array([0, 0.1, 0]), np.array([0, 0, 1.5])
     for _ in range(120):
         shaper.step(np.array([0, 0.2, 0]), PERIOD_S)
+        assert np.linalg.norm(shaper.acceleration) <= 1.5 * (1 + 1e-8)
     assert (shaper.velocity == [0, 0.2, 0]).all()
 
 

@@ -110,12 +110,16 @@ def test_what_is_just_fresh_enough_does_not_hold(tick: TeleopInput) -> None:
         (with_arm(error_code=24), Reason.ARM_ERROR),
         (with_arm(received_ns=NOW - 1001 * MS), Reason.ARM_SILENT),
         (with_sample(status=ControllerStatus.ROLE_SWAPPED), Reason.ROLE_SWAPPED),
+        (
+            with_sample(status=ControllerStatus.TRACKING_FRAME_CHANGED),
+            Reason.TRACKING_FRAME_CHANGED,
+        ),
         (with_link(failure="The arm closed the connection."), Reason.ARM_LINK_LOST),
         (with_link(failure="It is gone.", fault=LinkFault.LOST), Reason.ARM_LINK_LOST),
         (with_link(failure="It said no.", fault=LinkFault.REFUSED), Reason.ARM_REFUSES),
         (with_link(failure="It stays open.", fault=LinkFault.GRIPPER), Reason.GRIPPER_FAILED),
         (replace(FINE, faults=(Reason.GUARD_STOPPED,)), Reason.GUARD_STOPPED),
-        (replace(FINE, faults=(Reason.CAMERA_LOST,)), Reason.CAMERA_LOST),
+        (replace(FINE, faults=(Reason.SESSION_FAILED,)), Reason.SESSION_FAILED),
     ],
 )
 @pytest.mark.parametrize("state", list(ArmingState))
@@ -197,3 +201,8 @@ def test_a_lost_controller_is_not_told_twice() -> None:
     tick = with_sample(status=ControllerStatus.DISCONNECTED, pose=None, buttons_ns=0, pose_ns=0)
     assert WATCH.faults(tick, ENGAGED) == [Reason.CONTROLLER_DISCONNECTED]
     assert WATCH.holds(tick, ENGAGED) == []
+
+
+def test_an_arm_is_silent_after_a_second_and_not_before() -> None:
+    assert WATCH.faults(with_arm(received_ns=NOW - NS_PER_S), ENGAGED) == []
+    assert WATCH.faults(with_arm(received_ns=NOW - NS_PER_S - 1), ENGAGED) == [Reason.ARM_SILENT]

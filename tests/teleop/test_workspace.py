@@ -155,8 +155,9 @@ def test_on_a_bound_and_beyond_it_no_speed_leads_out(distance: float) -> None:
 
 
 def test_the_bounds_are_where_the_configuration_puts_them() -> None:
+    space = Workspace(LIMITS, MOTION, DEADMAN_S)
     corners = np.array([[0.15, -0.33, 0.005], [0.42, 0.33, 0.4], [0.18, 0, 0.1], [0, 0.425, 0.1]])
-    excess = SPACE.excess(corners)
+    excess = space.excess(corners)
     np.testing.assert_allclose(excess[0, :3], 0.0, atol=1e-12)
     np.testing.assert_allclose(excess[1, 3:6], 0.0, atol=1e-12)
     np.testing.assert_allclose([excess[2, 6], excess[3, 7]], 0.0, atol=1e-12)

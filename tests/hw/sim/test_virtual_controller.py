@@ -68,6 +68,7 @@ def test_without_noise_the_tremor_still_keeps_the_pose_alive():
         (SensorFault.DISCONNECTED, ControllerStatus.DISCONNECTED),
         (SensorFault.RUNTIME_QUIT, ControllerStatus.RUNTIME_QUIT),
         (SensorFault.ROLE_SWAPPED, ControllerStatus.ROLE_SWAPPED),
+        (SensorFault.TRACKING_FRAME_CHANGED, ControllerStatus.TRACKING_FRAME_CHANGED),
     ],
 )
 def test_a_controller_that_is_not_tracked_has_no_pose(working, fault, status):
@@ -87,6 +88,7 @@ def test_a_controller_that_is_not_tracked_has_no_pose(working, fault, status):
         SensorFault.DISCONNECTED,
         SensorFault.RUNTIME_QUIT,
         SensorFault.ROLE_SWAPPED,
+        SensorFault.TRACKING_FRAME_CHANGED,
     ],
 )
 def test_buttons_that_cannot_be_read_are_released_and_grow_old(working, fault):

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from hw.arm import Arm
-from tams_app.clock import NS_PER_S, Clock
+from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.session.homing import (
@@ -25,6 +25,7 @@ from tams_app.session.homing import (
 POLL_S = 0.01  # also the period of the guard's heartbeat
 PROGRESS_NS = NS_PER_S
 _DEADMAN = b"\r\n"
+_TOO_BUSY = "The guard stopped the arm: this computer was too busy; close other programs."
 
 _SAY = {
     HomingState.WAITING: "The arm stands. Hold Enter to go on; space, Esc or any other key ends.",
@@ -40,6 +41,9 @@ class Guard(Protocol):
 
     latched: bool
 
+    @property
+    def acknowledged(self) -> bool: ...
+
     def arm(self) -> None: ...
 
     def beat(self, now_ns: int) -> None: ...
@@ -51,7 +55,9 @@ class HomeRun:
     """One way home: the loop around `Homing`, for the main thread.
 
     `read_keys(timeout_s)` returns what the terminal sent meanwhile. Starting the move may wait for
-    the arm, which the key and the heartbeat cannot: it is done in `executor`.
+    the arm, which the key and the heartbeat cannot: it is done in `executor`. Nor can they wait for
+    a screen: `say` must not block. `all_shown` tells when the operator can have read it, and until
+    then a press starts nothing.
     """
 
     def __init__(
@@ -63,9 +69,14 @@ class HomeRun:
         executor: Executor,
         read_keys: Callable[[float], bytes],
         say: Callable[[str], None],
+        all_shown: Callable[[], bool],
     ) -> None:
         self._clock, self._arm, self._guard = clock, arm, guard
-        self._executor, self._read_keys, self._say = executor, read_keys, say
+        self._executor, self._read_keys = executor, read_keys
+        self._say, self._all_shown = say, all_shown
+        self._config = config
+        self._watch_ns = round(config.arm.guard.heartbeat_timeout_ms * NS_PER_MS)
+        self._beat_ns = 0
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
         self._starting: Future[None] | None = None
         self._said: HomingState | None = None
@@ -80,6 +91,8 @@ class HomeRun:
             while not self._homing.over:
                 self._step(self._read_keys(POLL_S))
         finally:
+            if self._starting is not None:
+                self._starting.cancel()
             self._arm.stop()
         if self._homing.state is HomingState.FAILED:
             raise DeviceError(self._homing.reason)
@@ -87,30 +100,59 @@ class HomeRun:
 
     def _step(self, keys: bytes) -> None:
         now_ns = self._clock.now_ns()
-        self._guard.beat(now_ns)
-        presses = sum(key in _DEADMAN for key in keys)
+        self._beat(now_ns)
         began, refused = self._start_result()
         action = self._homing.step(
             HomingInput(
                 now_ns,
-                presses,
-                presses < len(keys),
+                self._counts(keys),
+                any(key not in _DEADMAN for key in keys),
                 self._arm.state(),
                 self._arm.link(),
                 began,
                 refused,
+                self._guard.acknowledged,
                 self._guard_problem(now_ns),
             )
         )
         if action is Action.STOP:
             self._arm.stop()
+        elif action is Action.ARM:
+            self._arm_guard()
         elif action is Action.START:
-            self._guard.arm()
-            goal = self._path.goal.tolist()
-            self._starting = self._executor.submit(
-                self._arm.begin_move_to_joints, goal, self._speed_rad_s
-            )
+            self._starting = self._executor.submit(self._begin_move)
         self._tell(now_ns)
+
+    def _counts(self, keys: bytes) -> bool:
+        """Whether the deadman key was pressed, for what the operator has seen."""
+        if self._homing.state is HomingState.WAITING and not self._all_shown():
+            return False
+        return any(key in _DEADMAN for key in keys)
+
+    def _arm_guard(self) -> None:
+        """Have the guard watch, if the path from here is still the one that was shown.
+
+        An arm that was moved by hand meanwhile gets a path of its own, shown and held for anew.
+        """
+        path = plan_path(self._config, self._joints())
+        if not self._path.passes(path.start):
+            self._path, self._homing = path, Homing(path.goal)
+            self._said = None
+            self._say(describe_path(path, self._speed_rad_s))
+            return
+        self._guard.arm()
+        self._beat(self._clock.now_ns())
+
+    def _beat(self, now_ns: int) -> None:
+        self._guard.beat(now_ns)
+        self._beat_ns = now_ns
+
+    def _begin_move(self) -> None:
+        """In the executor: a guard that stopped the arm while it got ready stops it only once."""
+        self._arm.begin_move_to_joints(self._path.goal.tolist(), self._speed_rad_s)
+        if self._clock.now_ns() - self._beat_ns > self._watch_ns:
+            self._arm.stop()
+            raise DeviceError(_TOO_BUSY)
 
     def _start_result(self) -> tuple[bool, str]:
         """Whether the move that was started has begun, or why not; once."""
@@ -128,7 +170,7 @@ class HomeRun:
         if not self._guard.alive(now_ns):
             return "The guard process does not answer; start again."
         if self._guard.latched and self._homing.state is not HomingState.WAITING:
-            return "The guard stopped the arm: this computer was too busy; close other programs."
+            return _TOO_BUSY
         return ""
 
     def _tell(self, now_ns: int) -> None:

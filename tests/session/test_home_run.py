@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from hw.sim.plant import IdealPlant
 from tams_app.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
-from tams_app.session.home import HomeRun
+from tams_app.records import ArmState, Vector
+from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
 
 REPEAT_NS = 40 * NS_PER_MS
@@ -46,13 +48,21 @@ class WatchedGuard:
         self.beats: list[int] = []
         self.latched = False
         self.is_alive = True
+        self.answers_after = 1  # beats of an arming
+        self.beats_of_arming = 0
+
+    @property
+    def acknowledged(self) -> bool:
+        return self.beats_of_arming > self.answers_after
 
     def arm(self) -> None:
         self.armed += 1
+        self.beats_of_arming = 0
         self.latched = False
 
     def beat(self, now_ns: int) -> None:
         self.beats.append(now_ns)
+        self.beats_of_arming += self.armed > 0
 
     def alive(self, now_ns: int) -> bool:
         return self.is_alive
@@ -72,6 +82,7 @@ class Bench:
         self.arm = InProcessArm(self.config.arm, self.clock, self.model, boundary)
         self.guard = WatchedGuard()
         self.said: list[str] = []
+        self.shown = True
         self._held, self._other = held, other
         self._next_press_ns = 0
         self._was_held = False
@@ -80,9 +91,28 @@ class Bench:
 
     def run(self) -> HomingState:
         run = HomeRun(
-            self.config, self.clock, self.arm, self.guard, AtOnce(), self._keys, self.said.append
+            self.config,
+            self.clock,
+            self.arm,
+            self.guard,
+            AtOnce(),
+            self._keys,
+            self.said.append,
+            lambda: self.shown,
         )
         return run.run()
+
+    def reports_joints(self, joints: Vector, when: Callable[[float], bool]) -> None:
+        """The arm is at `joints` [rad] at the times that `when` tells."""
+        report = self.arm.state
+
+        def state() -> ArmState | None:
+            true = report()
+            if true is None or not when(self.elapsed_s()):
+                return true
+            return replace(true, joints=joints)
+
+        self.arm.state = state  # type: ignore[method-assign]
 
     def elapsed_s(self) -> float:
         return (self.clock.now_ns() - self.began_ns) / NS_PER_S
@@ -127,8 +157,11 @@ def test_from_the_factorys_home_to_the_ready_pose_at_the_configured_speed() -> N
 
 def test_the_guard_is_armed_before_the_arm_moves_and_beaten_all_the_way() -> None:
     bench = Bench(held=lambda _: True)
+    bench.guard.answers_after = 5
     moved_unarmed = []
-    bench.every_step = lambda: moved_unarmed.append(bench.model.moving and not bench.guard.armed)
+    bench.every_step = lambda: moved_unarmed.append(
+        bench.model.moving and not bench.guard.acknowledged
+    )
     bench.run()
     assert not any(moved_unarmed)
     assert bench.guard.armed == 1
@@ -221,3 +254,117 @@ def test_the_boundary_for_the_way_home_has_room_for_the_factorys_home() -> None:
     position = bench.model.tcp[:3, 3]
     assert not session_boundary(config.arm, limits).contains(position)
     assert reach_boundary(config.arm, limits).contains(position)
+
+
+def escape_at(
+    end_s: float, keys: Callable[[float], bytes] = lambda _: b""
+) -> Callable[[float], bytes]:
+    """An operator who ends it with Esc, and does what `keys` says before."""
+    return lambda at: b"\x1b" if at > end_s else keys(at)
+
+
+def test_key_presses_that_piled_up_are_one_press() -> None:
+    bench = Bench(
+        held=lambda _: False,
+        other=escape_at(3.0, lambda at: b"\r" * 50 if at < 0.1 or 0.5 < at < 0.52 else b""),
+    )
+    assert bench.run() is HomingState.ENDED
+    assert bench.guard.armed == 0
+
+
+def test_nothing_starts_before_the_path_can_be_read() -> None:
+    bench = Bench(held=lambda _: True, other=escape_at(5.0))
+    bench.shown = False
+    assert bench.run() is HomingState.ENDED
+    assert bench.guard.armed == 0
+    np.testing.assert_array_equal(bench.model.joints, HOME_JOINTS)
+
+
+def test_a_screen_that_shows_nothing_any_more_does_not_keep_a_released_key_from_stopping() -> None:
+    bench = Bench(held=lambda at: at < 3.0, other=escape_at(6.0))
+    stood = []
+
+    def watch() -> None:
+        bench.shown = bench.shown and not bench.model.moving
+        if bench.elapsed_s() > 3.5:
+            stood.append(not bench.model.moving)
+
+    bench.every_step = watch
+    assert bench.run() is HomingState.ENDED
+    assert not bench.shown
+    assert all(stood)
+
+
+def test_without_the_guards_word_the_arm_never_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+    monkeypatch.setattr(
+        InProcessArm, "begin_move_to_joints", lambda _arm, _joints, speed: asked.append(speed)
+    )
+    bench = Bench(held=lambda _: True, other=escape_at(5.0))
+    bench.guard.answers_after = 10**9
+    assert bench.run() is HomingState.ENDED
+    assert bench.guard.armed == 1
+    assert asked == []
+
+
+def test_the_guard_is_beaten_at_once_when_it_is_armed() -> None:
+    bench = Bench(held=lambda _: True)
+    beats = []
+    arm_guard = bench.guard.arm
+
+    def arm() -> None:
+        arm_guard()
+        beats.append(len(bench.guard.beats))
+
+    bench.guard.arm = arm  # type: ignore[method-assign]
+    stepped = []
+    bench.every_step = lambda: stepped.append(len(bench.guard.beats)) if len(beats) == 1 else None
+    bench.run()
+    assert stepped[0] == beats[0] + 1
+
+
+def test_an_arm_that_was_moved_by_hand_is_shown_its_new_path_before_it_moves() -> None:
+    bench = Bench(held=lambda at: at > 2.0)
+    aside = HOME_JOINTS + np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    bench.reports_joints(aside, lambda at: at < 1.0)
+    paths_shown_s: list[float] = []
+    moved_s: list[float] = []
+
+    def watch() -> None:
+        if len(paths_shown_s) < sum("joints now" in line for line in bench.said):
+            paths_shown_s.append(bench.elapsed_s())
+        if bench.model.moving:
+            moved_s.append(bench.elapsed_s())
+
+    bench.every_step = watch
+    assert bench.run() is HomingState.DONE
+    assert len(paths_shown_s) == 2
+    assert moved_s[0] - paths_shown_s[1] > 0.3  # the key was held anew
+    assert bench.guard.armed == 1
+
+
+def test_an_arm_that_was_guided_to_where_its_path_dips_under_the_floor_does_not_start() -> None:
+    bench = Bench(held=lambda at: at > 2.0)
+    low = np.radians([0.0, 96.0, 12.0, 180.0, -24.0, 0.0])
+
+    bench.reports_joints(low, lambda at: at > 1.0)
+    with pytest.raises(DeviceError, match="dip"):
+        bench.run()
+    assert bench.guard.armed == 0
+
+
+def test_a_move_that_begins_after_the_heartbeat_fell_silent_is_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begin = InProcessArm.begin_move_to_joints
+    bench = Bench(held=lambda _: True)
+
+    def late(arm: InProcessArm, joints: list[float], speed: float) -> None:
+        begin(arm, joints, speed)
+        assert bench.model.moving
+        bench.clock.sleep_until_ns(bench.clock.now_ns() + NS_PER_S)
+
+    monkeypatch.setattr(InProcessArm, "begin_move_to_joints", late)
+    with pytest.raises(DeviceError, match="too busy"):
+        bench.run()
+    assert bench.model.state == State.STOPPED

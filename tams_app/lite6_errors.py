@@ -1,0 +1,50 @@
+"""The errors of the Lite 6's controller: what each one means and what to do about it.
+
+After UFACTORY's user manual. The driver, the live line and the doctor all tell them from here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerError:
+    """In a few words each, without a full stop."""
+
+    meaning: str
+    remedy: str
+
+
+_RELEASE = "release the emergency stop"
+_RESTART = "switch the control box off and on"
+_UNKNOWN = ControllerError("", "look it up in UFACTORY's user manual")
+
+CONTROLLER_ERRORS = {
+    1: ControllerError("emergency stop button pressed", _RELEASE),
+    2: ControllerError("emergency stop pressed", _RELEASE),
+    3: ControllerError("emergency stop of the three-state switch pressed", _RELEASE),
+    10: ControllerError("joint motor failed", _RESTART),
+    **{10 + n: ControllerError(f"motor of joint {n} failed", _RESTART) for n in range(1, 7)},
+    19: ControllerError("gripper does not answer", "check its plug at the flange"),
+    21: ControllerError("pose out of reach", "keep away from the edge of the workspace"),
+    22: ControllerError("self-collision", "move the arm clear with `home` or by hand guiding"),
+    23: ControllerError("joint limit", "move the joint back with `home` or by hand guiding"),
+    24: ControllerError("joint too fast", "keep away from stretched and folded wrist poses"),
+    25: ControllerError("motion not planned", "move more slowly"),
+    28: ControllerError("tool flange does not answer", _RESTART),
+    30: ControllerError("joint faster than commanded", "call UFACTORY"),
+    31: ControllerError(
+        "collision", "remove what it hit and check arm.tcp_load_kg in the configuration"
+    ),
+    35: ControllerError("safety boundary", "bring the arm back with `home` or by hand guiding"),
+    38: ControllerError("wrong joint angle", "press the emergency stop and call UFACTORY"),
+    60: ControllerError("arm too fast", "lower limits.max_speed_mm_s"),
+}
+
+
+def describe_arm_error(code: int) -> str:
+    """Error `code` as people look it up, its meaning, and what to do: a clause, no sentence."""
+    error = CONTROLLER_ERRORS.get(code, _UNKNOWN)
+    meaning = f" ({error.meaning})" if error.meaning else ""
+    return f"C{code}{meaning}: {error.remedy}"

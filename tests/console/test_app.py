@@ -1,0 +1,117 @@
+"""What `run` tells a person at the hardware before the arm may move, and the keys it reads."""
+
+import os
+import pty
+import threading
+from contextlib import ExitStack
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.console import app
+from tams_app.console.terminal import TerminalKeys
+from tams_app.session.signals import Signals
+from tams_app.session.status import StatusBoard
+
+
+class EndedSession:
+    """A session on the configured devices that is over at the first look."""
+
+    def __init__(self, name):
+        self.config = load_config(CONFIG_DIRECTORY / name, {"headless": True})
+        self.board = StatusBoard(())
+        self.signals = Signals()
+        self.ended = SimpleNamespace(wait=lambda seconds: True)
+        self.notes = []
+
+    def note(self, level, text):
+        self.notes.append((level, text))
+
+    def stop_arm(self):
+        """Nothing moves."""
+
+
+def keys(active):
+    def read(session: object, stack: ExitStack) -> bool:
+        return active
+
+    return read
+
+
+@pytest.fixture
+def told(monkeypatch):
+    def tell(name, active):
+        monkeypatch.setattr(app, "_read_keys", keys(active))
+        session = EndedSession(name)
+        app._watch(session, Console(quiet=True))
+        return session.notes
+
+    return tell
+
+
+def test_at_the_hardware_the_operator_is_told_how_to_arm_the_arm(told):
+    (level, text), _ = told("lite6.yaml", active=True)
+    assert level == "info"
+    assert text.startswith("release the trigger and press Enter (or hold the menu button")
+
+
+def test_without_a_terminal_the_operator_is_warned_that_space_cannot_stop(told):
+    (level, text), _ = told("lite6.yaml", active=False)
+    assert level == "warning"
+    assert "only the menu button" in text
+    assert "Space cannot stop" in text
+
+
+def test_at_the_hardware_a_computer_without_pictures_is_told_of(told):
+    _, (level, text) = told("lite6.yaml", active=True)
+    assert level == "warning"
+    assert "shows no pictures" in text
+
+
+def test_the_rig_needs_no_instructions(told):
+    assert told("tams.yaml", active=False) == []
+
+
+def test_without_a_terminal_no_keys_are_read(monkeypatch):
+    monkeypatch.setattr("os.isatty", lambda fd: False)
+    session = EndedSession("tams.yaml")
+    session.end = session.fail = lambda reason: None
+    with ExitStack() as stack:
+        assert not app._read_keys(session, stack)
+
+
+class NotedSession:
+    """Notes what the keys ask of it."""
+
+    def __init__(self):
+        self.confirmed = 0
+        self.ended = threading.Event()
+        self.failure = ""
+        self.signals = SimpleNamespace(confirm=self._confirm, estop=lambda: None)
+
+    def _confirm(self):
+        self.confirmed += 1
+
+    def end(self, reason):
+        self.ended.set()
+
+    def fail(self, sentence):
+        self.failure = sentence
+
+
+def test_a_held_enter_confirms_once(monkeypatch):
+    operator, program = pty.openpty()
+    monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
+    session = NotedSession()
+    try:
+        with ExitStack() as stack:
+            assert app._read_keys(session, stack)
+            os.write(operator, b"\r" * 20 + b"\n\nq")
+            assert session.ended.wait(20)
+    finally:
+        os.close(operator)
+        os.close(program)
+    assert session.confirmed == 1
+    assert session.failure == ""

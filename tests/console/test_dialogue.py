@@ -1,0 +1,122 @@
+"""What is said and answered at the terminal, on a real pseudo-terminal."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+from rich.console import Console
+
+from tams_app.console.dialogue import Dialogue
+from tams_app.console.terminal import TerminalKeys
+from tams_app.errors import DeviceError
+
+
+class Screen(io.StringIO):
+    """Takes text only while it is `open`, and then calls `on_text`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open = threading.Event()
+        self.open.set()
+        self.on_text: Callable[[str], None] = lambda text: None
+
+    def write(self, text: str) -> int:
+        self.open.wait(60.0)
+        written = super().write(text)
+        self.on_text(text)
+        return written
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.operator, self.terminal = pty.openpty()
+        self.screen = Screen()
+        self.keys = TerminalKeys(self.terminal)
+        self.keys.open()
+        self.dialogue = Dialogue(self.keys, Console(file=self.screen, width=100))
+        self.dialogue.start()
+
+    def presses_when_asked(self, keys: bytes) -> None:
+        def press(text: str) -> None:
+            if "Really" in text:
+                # once the question was read, which is when what was typed before is forgotten
+                threading.Timer(0.5, os.write, (self.operator, keys)).start()
+
+        self.screen.on_text = press
+
+    def close(self) -> None:
+        self.screen.open.set()
+        self.dialogue.close()
+        self.keys.close()
+        os.close(self.operator)
+        os.close(self.terminal)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(
+    ("keys", "confirmed"),
+    [
+        (b"\r", True),
+        (b"\n", True),
+        (b"\r\r", True),
+        (b"\rq", False),
+        (b" ", False),
+        (b"q\r", False),
+    ],
+)
+def test_enter_and_nothing_else_confirms(bench: Bench, keys: bytes, confirmed: bool) -> None:
+    bench.presses_when_asked(keys)
+    assert bench.dialogue.confirms("Really?") is confirmed
+
+
+def test_what_was_pressed_before_the_question_does_not_answer_it(bench: Bench) -> None:
+    os.write(bench.operator, b"\r\r\r")
+    bench.presses_when_asked(b"n")
+    assert not bench.dialogue.confirms("Really?")
+
+
+def test_saying_does_not_wait_and_tells_when_it_is_shown(bench: Bench) -> None:
+    bench.screen.open.clear()
+    for _ in range(1000):
+        bench.dialogue.say("again")
+    assert not bench.dialogue.all_shown()
+
+
+def test_what_was_said_last_is_shown_before_the_end(bench: Bench) -> None:
+    bench.dialogue.say("one")
+    bench.dialogue.say("two")
+    bench.dialogue.close()
+    assert bench.screen.getvalue() == "one\ntwo\n"
+    assert bench.dialogue.all_shown()
+
+
+def test_while_the_question_cannot_be_read_another_key_ends_it(bench: Bench) -> None:
+    bench.screen.open.clear()
+    os.write(bench.operator, b"\r\x1b")
+    assert not bench.dialogue.confirms("Really?")
+
+
+def test_a_screen_that_fails_ends_the_reading(bench: Bench) -> None:
+    def fail(text: str) -> None:
+        raise OSError(text)
+
+    bench.screen.on_text = fail
+    bench.dialogue.say("lost")
+
+    def read_on() -> None:
+        for _ in range(600):
+            bench.dialogue.read_keys(0.1)
+
+    with pytest.raises(DeviceError, match="terminal"):
+        read_on()

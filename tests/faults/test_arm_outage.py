@@ -1,0 +1,273 @@
+"""The network to the arm fails and comes back: what was sent before must not move it after."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from ctypes import CDLL
+from functools import partial
+
+import numpy as np
+import pytest
+
+from hw.arm import ServoMode
+from hw.lite6 import Lite6
+from hw.sim.controller_codes import State
+from hw.sim.controller_server import ControllerServer
+from hw.sim.plant import IdealPlant
+from tams_app.clock import MonotonicClock
+from tams_app.config import ArmConfig
+from tams_app.records import LinkFault, Twist
+
+from .wire import TappedModel
+
+WITHIN_S = 20.0  # generous: the machine may be busy
+SENDING_PERIOD_S = 1 / 120
+ACROSS = Twist(np.array([0.0, 0.1, 0.0]), np.zeros(3))
+NOWHERE = "02:00:00:00:00:99"  # nobody's address on the cable
+HERE_IP, THERE_IP = "10.213.8.1", "10.213.8.2"
+
+
+def until(holds: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + WITHIN_S
+    while not holds():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.002)
+
+
+def served_model(cleaning: ExitStack, host: str) -> tuple[TappedModel, ControllerServer]:
+    joints = np.radians(ArmConfig().ready_joints_deg)
+    model = TappedModel(IdealPlant(), start_joints=joints)
+    server = ControllerServer(model, host=host)
+    server.start()
+    cleaning.callback(server.close)
+    return model, server
+
+
+def moving_arm(cleaning: ExitStack, config: ArmConfig) -> Lite6:
+    """An arm under way: every command so far was acknowledged."""
+    arm = Lite6(config, MonotonicClock())
+    cleaning.callback(arm.close)
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    sent = arm.link().sent
+    while arm.link().sent < sent + 20:
+        arm.send_twist(ACROSS)
+        time.sleep(SENDING_PERIOD_S)
+    return arm
+
+
+def send_until_lost(arm: Lite6) -> None:
+    """Go on as the control loop does, up to the fault and its stop."""
+    deadline_s = time.monotonic() + WITHIN_S
+    while not arm.link().failure:
+        assert time.monotonic() < deadline_s
+        arm.send_twist(ACROSS)
+        time.sleep(SENDING_PERIOD_S)
+    arm.stop()
+
+
+# --- over a cable, in network namespaces ----------------------------------------------------------
+
+
+def ip(*words: str) -> str:
+    result = subprocess.run(["ip", *words], capture_output=True, text=True, timeout=10, check=False)
+    if result.returncode != 0:
+        raise OSError(f"ip {' '.join(words)}: {result.stderr.strip()}")
+    return result.stdout
+
+
+class Cable:
+    """Two network namespaces with a cable between them, to be cut without anybody noticing."""
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        self._here, self._there = f"tams-c{os.getpid()}", f"tams-d{os.getpid()}"
+        here, there = self._here, self._there
+        for space in (here, there):
+            ip("netns", "add", space)
+            cleaning.callback(ip, "netns", "del", space)
+        ip(*f"-n {here} link add va type veth peer name vb netns {there}".split())
+        for space, end, address in ((here, "va", HERE_IP), (there, "vb", THERE_IP)):
+            ip("-n", space, "addr", "add", f"{address}/24", "dev", end)
+            ip("-n", space, "link", "set", end, "up")
+            ip("-n", space, "link", "set", "lo", "up")
+        link = ip("-n", there, "link", "show", "vb").split()
+        self._address = link[link.index("link/ether") + 1]
+        self.here = self._pool(cleaning, here)
+        self.there = self._pool(cleaning, there)
+        self.mend()
+
+    def cut(self) -> None:
+        """What is sent to the arm is lost; what it sends arrives."""
+        self._send_to(NOWHERE)
+
+    def mend(self) -> None:
+        self._send_to(self._address)
+
+    def _send_to(self, address: str) -> None:
+        words = f"neigh replace {THERE_IP} lladdr {address} nud permanent dev va"
+        ip("-n", self._here, *words.split())
+
+    def _pool(self, cleaning: ExitStack, space: str) -> ThreadPoolExecutor:
+        """A thread in `space`: its sockets belong there, and those of threads it starts."""
+        enter = partial(enter_namespace, f"/run/netns/{space}")
+        return cleaning.enter_context(ThreadPoolExecutor(1, initializer=enter))
+
+
+def enter_namespace(path: str) -> None:
+    number = os.open(path, os.O_RDONLY)
+    try:
+        if CDLL(None, use_errno=True).setns(number, 0) != 0:
+            raise OSError(f"{path} cannot be entered")
+    finally:
+        os.close(number)
+
+
+@pytest.fixture
+def cleaning() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture
+def cable(cleaning: ExitStack) -> Cable:
+    if sys.platform != "linux" or os.geteuid() != 0 or not shutil.which("ip"):
+        pytest.skip("needs Linux, root and ip")
+    try:
+        made = Cable(cleaning)
+        made.here.submit(socket.gethostbyname, "localhost").result(WITHIN_S)
+    except (OSError, RuntimeError) as error:  # RuntimeError: a thread could not enter
+        pytest.skip(f"network namespaces are not permitted here: {error}")
+    return made
+
+
+@pytest.mark.parametrize("outage_s", [0.15, 0.5, 1.0])
+def test_no_motion_from_before_a_network_outage_reaches_the_arm_after_the_fault(
+    cleaning: ExitStack, cable: Cable, outage_s: float
+) -> None:
+    model, server = cable.there.submit(served_model, cleaning, THERE_IP).result(WITHIN_S)
+    ports = server.ports
+    config = ArmConfig(host=THERE_IP, control_port=ports.control, report_port=ports.report)
+    arm = cable.here.submit(moving_arm, cleaning, config).result(WITHIN_S)
+    cut_s = time.monotonic()
+    cable.cut()
+    before = sum(request.is_motion for request in model.wire)
+    send_until_lost(arm)
+    assert arm.link().fault is LinkFault.LOST
+    time.sleep(max(0.0, cut_s + outage_s - time.monotonic()))
+    cable.mend()
+    until(lambda: model.state == State.STOPPED)
+    time.sleep(0.5)  # the kernel repeats what is not acknowledged at growing intervals
+    assert sum(request.is_motion for request in model.wire) - before <= 1  # as the cable was cut
+    cable.here.submit(arm.clear_errors).result(WITHIN_S)
+    assert not arm.link().failure
+    arm.enable(ServoMode.VELOCITY)
+
+
+# --- what every machine can show ------------------------------------------------------------------
+
+
+class Relay:
+    """Passes the control connections on; once it holds, what comes from the driver stays here."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._holding = threading.Event()
+        self._ended = threading.Event()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(0.05)
+        self.port: int = self._listener.getsockname()[1]
+        self.resets = 0
+        self._threads: list[threading.Thread] = []
+        self._start(self._accept)
+
+    def hold(self) -> None:
+        self._holding.set()
+
+    def pass_on(self) -> None:
+        self._holding.clear()
+
+    def close(self) -> None:
+        self._ended.set()
+        for thread in self._threads:
+            thread.join()
+        self._listener.close()
+
+    def _start(self, body: Callable[[], None]) -> None:
+        thread = threading.Thread(target=body)
+        self._threads.append(thread)
+        thread.start()
+
+    def _accept(self) -> None:
+        while not self._ended.is_set():
+            try:
+                driver, _ = self._listener.accept()
+            except TimeoutError:
+                continue
+            arm = socket.create_connection(("127.0.0.1", self._port), 5.0)
+            for one in (driver, arm):
+                one.settimeout(0.05)
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._start(partial(self._pass, driver, arm, True))
+            self._start(partial(self._pass, arm, driver, False))
+
+    def _pass(self, source: socket.socket, sink: socket.socket, from_driver: bool) -> None:
+        with source:
+            while not self._ended.is_set():
+                try:
+                    data = source.recv(4096)
+                    if not data:
+                        return
+                    if not (from_driver and self._holding.is_set()):
+                        sink.sendall(data)
+                except TimeoutError:
+                    continue
+                except ConnectionResetError:
+                    self.resets += from_driver
+                    return
+                except OSError:  # the other direction has ended
+                    return
+
+
+def test_a_lost_command_connection_is_reset_so_that_nothing_it_holds_can_follow(
+    cleaning: ExitStack,
+) -> None:
+    model, server = served_model(cleaning, "127.0.0.1")
+    relay = Relay(server.ports.control)
+    cleaning.callback(relay.close)
+    config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
+    arm = moving_arm(cleaning, config)
+    relay.hold()
+    send_until_lost(arm)
+    assert arm.link().fault is LinkFault.LOST
+    until(lambda: relay.resets == 1)
+    relay.pass_on()
+    until(lambda: model.state == State.STOPPED)
+
+
+def test_a_command_unanswered_when_the_arm_is_stopped_is_taken_back_too(
+    cleaning: ExitStack,
+) -> None:
+    model, server = served_model(cleaning, "127.0.0.1")
+    relay = Relay(server.ports.control)
+    cleaning.callback(relay.close)
+    config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
+    arm = moving_arm(cleaning, config)
+    relay.hold()
+    sent = arm.link().sent
+    until(lambda: arm.send_twist(ACROSS) or arm.link().sent > sent)  # type: ignore[func-returns-value]
+    arm.stop()
+    until(lambda: relay.resets == 1)
+    assert arm.link().fault is LinkFault.LOST
+    relay.pass_on()
+    until(lambda: model.state == State.STOPPED)
+    arm.clear_errors()
+    assert not arm.link().failure

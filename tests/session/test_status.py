@@ -1,0 +1,49 @@
+"""What the console shows, from what the threads told the board."""
+
+from dataclasses import replace
+
+import pytest
+
+from tams_app.capacity import ConstantCapacity
+from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.session.status import StatusBoard
+from tams_app.teleop.safety import ArmingState
+from tests.session.test_parts import arm_at, output
+
+UP = ControllerSample(ControllerStatus.OK, None, 0, 0, 0.0, 0.0, False, False, False)
+
+
+class NoPictures:
+    def age_ns(self, view, now_ns):
+        return None
+
+
+def snapshot(board):
+    return board.snapshot(10**9, 1.0, NoPictures(), ConstantCapacity(6000.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "shown"),
+    [
+        ({}, ()),
+        ({"grip": 0.9}, ("grip",)),
+        ({"grip": 0.1}, ()),
+        ({"a": True}, ("A",)),
+        ({"b": True}, ("B",)),
+        ({"menu": True}, ("menu",)),
+        ({"grip": 1.0, "a": True, "b": True, "menu": True}, ("grip", "A", "B", "menu")),
+    ],
+)
+def test_each_pressed_button_is_shown(change, shown):
+    board = StatusBoard(("gt",))
+    assert snapshot(board).pressed == ()
+    board.buttons(replace(UP, **change))
+    assert snapshot(board).pressed == shown
+
+
+@pytest.mark.parametrize("closed", [None, True, False])
+def test_the_gripper_is_shown_as_the_arm_has_acknowledged_it(closed):
+    board = StatusBoard(("gt",))
+    assert snapshot(board).gripper_closed is None
+    board.tick(output(ArmingState.READY), replace(arm_at(0.3, 0), gripper_closed=closed))
+    assert snapshot(board).gripper_closed is closed

@@ -1,0 +1,136 @@
+"""SSIM and damage in summary.json: each definition on records whose answer is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from tams_app.clock import NS_PER_MS, MonotonicClock
+from tams_app.recording import Recorder, SessionLog, read_log
+from tams_app.records import FrameQuality, PacketFate, PacketRecord, Phase, PhaseChange
+from tams_app.summary import summarise
+from tests.synthetic_session import START_NS, VIEWS, Synthetic, capture_ns, header
+
+# the primary view: gt (the first of equals) everywhere but in ALIGN, where it is eih
+
+
+def quality(
+    view: str,
+    index: int,
+    received: float | None,
+    delivered: float | None = None,
+    live: float | None = None,
+) -> FrameQuality:
+    return FrameQuality(
+        view=view,
+        index=index,
+        capture_ns=capture_ns(index),
+        shown_ns=None if received is None else capture_ns(index) + 60 * NS_PER_MS,
+        age_ns=80 * NS_PER_MS,
+        frozen=False,
+        damaged=None,
+        received=received,
+        delivered=delivered,
+        live=live,
+    )
+
+
+def log_of(*qualities: FrameQuality, phases: dict[int, Phase] | None = None) -> SessionLog:
+    """`phases` begin with the capture of the frame that is their key."""
+    log = SessionLog(header(), START_NS)
+    log.quality = list(qualities)
+    for index, phase in (phases or {0: Phase.REACH}).items():
+        log.phases.append(PhaseChange(capture_ns(index), phase, ""))
+    return log
+
+
+def test_a_views_score_is_the_mean_over_its_scored_frames() -> None:
+    log = log_of(
+        quality("eih", 0, 0.9, 0.9, None),
+        quality("eih", 1, None, 0.5, 0.4),
+        quality("eih", 2, None),  # there was no time for it
+        quality("eih", 3, 0.7, 0.7, 0.6),
+        quality("gs", 0, 0.1, 0.1, 0.1),
+    )
+    view = summarise(log)["views"]["eih"]
+    assert view["received_ssim"] == 0.8
+    assert view["delivered_ssim"] == 0.7
+    assert view["live_ssim"] == 0.5
+    assert view["ssim_n"] == {"received_ssim": 2, "delivered_ssim": 3, "live_ssim": 2}
+
+
+def test_the_primary_view_is_that_of_the_phase_at_capture() -> None:
+    log = log_of(
+        quality("gt", 0, 0.8), quality("eih", 0, 0.1), quality("gs", 0, 0.1),
+        quality("gt", 1, 0.1), quality("eih", 1, 0.6), quality("gs", 1, 0.1),
+        phases={0: Phase.REACH, 1: Phase.ALIGN},
+    )  # fmt: skip
+    primary = summarise(log)["primary_view"]
+    assert list(primary["by_phase"]) == ["REACH", "ALIGN"]
+    assert primary["by_phase"]["REACH"]["received_ssim"] == 0.8
+    assert primary["by_phase"]["ALIGN"]["received_ssim"] == 0.6
+    assert primary["by_phase"]["ALIGN"]["n"]["received_ssim"] == 1
+    assert primary["n"] == {"received_ssim": 2, "delivered_ssim": 0, "live_ssim": 0}
+    assert primary["missing_phases"] == ["GRASP", "TRANSPORT", "PRE_RELEASE", "RELEASE"]
+
+
+def test_overall_is_the_unweighted_mean_of_the_phases_with_the_time_weighted_beside_it() -> None:
+    reach = [quality("gt", index, 0.9, 0.9) for index in range(9)]
+    skipped = [quality("gt", index, None) for index in range(9, 18)]  # time counts, scores do not
+    align = [quality("eih", index, 0.6, 0.3) for index in range(18, 20)]
+    log = log_of(*reach, *skipped, *align, phases={0: Phase.REACH, 18: Phase.ALIGN})
+    primary = summarise(log)["primary_view"]
+    assert primary["received_ssim"] == pytest.approx(0.75)
+    assert primary["delivered_ssim"] == pytest.approx(0.6)
+    assert primary["time_weighted"]["received_ssim"] == pytest.approx(0.87)
+    assert primary["live_ssim"] is None
+    assert primary["time_weighted"]["live_ssim"] is None
+
+
+def test_a_phase_that_comes_back_is_one_phase_and_before_the_first_there_is_none() -> None:
+    log = log_of(
+        quality("gt", 0, 0.1), quality("gt", 1, 0.9), quality("eih", 2, 0.5), quality("gt", 3, 0.7),
+        phases={1: Phase.REACH, 2: Phase.ALIGN, 3: Phase.REACH},
+    )  # fmt: skip
+    by_phase = summarise(log)["primary_view"]["by_phase"]
+    assert by_phase["REACH"]["received_ssim"] == pytest.approx(0.8)
+    assert by_phase["REACH"]["n"]["received_ssim"] == 2
+
+
+def renumbered(packets: list[PacketRecord]) -> list[PacketRecord]:
+    """With RTP sequences as a payloader counts them: one by one, in each view."""
+    counts = {view: count() for view in VIEWS}
+    return [replace(one, sequence=next(counts[one.view])) for one in packets]
+
+
+def test_damage_counts_shown_frames_up_to_the_next_keyframe() -> None:
+    log = Synthetic(1.0).log()  # 30 frames, only the first is a keyframe
+    log.packets = renumbered(log.packets)
+    assert [summarise(log)["views"][view]["frames_damaged"] for view in VIEWS] == [0, 0, 0]
+    hit = next(one for one in log.packets if one.view == "gt" and one.rtp_timestamp == 20 * 3000)
+    place = log.packets.index(hit)
+    log.packets[place] = replace(hit, delivered_ns=0, fate=PacketFate.LOST)
+    log.shown = [one for one in log.shown if one.index != 20]
+    assert summarise(log)["views"]["gt"]["frames_damaged"] == 9
+    assert summarise(log)["views"]["eih"]["frames_damaged"] == 0
+
+
+def test_without_packets_nobody_knows_of_damage() -> None:
+    log = Synthetic(1.0).log()
+    log.packets = []
+    assert summarise(log)["views"]["gt"]["frames_damaged"] is None
+
+
+def test_quality_survives_the_log(tmp_path: Path) -> None:
+    def never(thread: str, failure: BaseException) -> None:
+        raise AssertionError from failure
+
+    records = [quality("gt", 0, None, None, 0.25), quality("eih", 1, 0.5, 0.5)]
+    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never)
+    recorder.start()
+    recorder.record_all(records)
+    recorder.close()
+    assert read_log(tmp_path / "session.mcap").quality == records
