@@ -1,0 +1,188 @@
+"""A study's folder: plan.json, config.yaml and a folder per attempt. Nothing is ever overwritten
+but the plan, and that in one step, so that a crash at any point leaves a study that goes on."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from tams_app.config import Config, dump_config, load_config
+from tams_app.config.reader import describe_validation_error
+from tams_app.errors import ConfigError, LogError
+from tams_app.study.machine import MACHINE_NAME
+from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan
+from tams_app.study.runner import SUMMARY_NAME
+
+PLAN_NAME = "plan.json"
+CONFIG_NAME = "config.yaml"
+TRIALS_NAME = "trials"
+TABLES_NAME = "tables"
+REPORT_NAME = "report"
+_LOCK_NAME = ".lock"
+
+
+class StudyFolder:
+    """Reads and writes one study; LogError where the disk refuses, ConfigError on a wrong plan."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a plan."""
+        return (self.path / PLAN_NAME).is_file()
+
+    def create(self, plan: Plan, config: Config) -> None:
+        """Write a new study; ConfigError if there is one already."""
+        with _told(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+        with self.locked():
+            if self.exists:
+                raise ConfigError(f"{self.path}: holds a study already: choose another folder")
+            write_atomically(self.path / CONFIG_NAME, dump_config(config))
+            self.save(plan)
+
+    def config(self) -> Config:
+        """The configuration as it was when the study was planned."""
+        return load_config(self.path / CONFIG_NAME)
+
+    def load(self) -> Plan:
+        """The plan as it stands; ConfigError if there is none or it is not one of ours."""
+        path = self.path / PLAN_NAME
+        try:
+            return Plan.model_validate_json(path.read_bytes())
+        except FileNotFoundError as error:
+            raise ConfigError(
+                f"{self.path}: holds no {PLAN_NAME}: make one with `study plan`"
+            ) from error
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+        except ValidationError as error:
+            raise ConfigError(f"{path}: {describe_validation_error(error)}") from error
+
+    def save(self, plan: Plan) -> None:
+        """Put `plan` in the place of the old one in one step."""
+        write_atomically(self.path / PLAN_NAME, plan.model_dump_json(indent=1) + "\n")
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep everybody else from this study; ConfigError if somebody has it."""
+        with _told(self.path):
+            handle = os.open(self.path / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(handle)
+            raise ConfigError(
+                f"{self.path}: another command works on this study: let it finish, or stop it"
+            ) from error
+        try:
+            yield
+        finally:
+            os.close(handle)
+
+    def new_attempt(self, plan: Plan, trial_id: str) -> tuple[Plan, Attempt]:
+        """Make a folder that never was and note the attempt in the plan."""
+        trial = plan.trial(trial_id)
+        number = len(trial.attempts) + 1
+        while True:
+            relative = Path(TRIALS_NAME, trial.participant, f"{trial_id}-a{number}")
+            with _told(self.path):
+                (self.path / relative.parent).mkdir(parents=True, exist_ok=True)
+                try:
+                    (self.path / relative).mkdir()
+                    break
+                except FileExistsError:  # a crash came before it was noted
+                    number += 1
+        attempt = Attempt(folder=relative.as_posix())
+        plan = plan.with_attempt(trial_id, attempt)
+        self.save(plan)
+        return plan, attempt
+
+    def recover(self, plan: Plan) -> Plan:
+        """Settle what a crash or an interruption left open: attempts, and who is forgotten.
+
+        On hardware the verdict on an attempt that ran to its end is due.
+        """
+        ended = AttemptState.DONE if plan.simulated else AttemptState.RAN
+        recovered = plan
+        for trial in plan.trials:
+            attempt = trial.last
+            if attempt is None or attempt.state is not AttemptState.STARTED:
+                continue
+            if self.has_ended(attempt):
+                change: dict[str, Any] = {"state": AttemptState.DONE if trial.practice else ended}
+            else:
+                change = {"state": AttemptState.INTERRUPTED, "reason": "the study was stopped"}
+            recovered = recovered.with_attempt(trial.id, attempt.model_copy(update=change))
+        if recovered is not plan:
+            self.save(recovered)
+        for person in recovered.participants:
+            if person.state is ParticipantState.BEING_FORGOTTEN:
+                recovered = self._finish_forgetting(recovered, person.id)
+        return recovered
+
+    def summary(self, attempt: Attempt) -> dict[str, Any] | None:
+        """The attempt's summary.json, None where there is none or it is not whole."""
+        try:
+            content = json.loads((self.path / attempt.folder / SUMMARY_NAME).read_bytes())
+        except (OSError, ValueError):
+            return None
+        return content if isinstance(content, dict) and "outcome" in content else None
+
+    def has_ended(self, attempt: Attempt) -> bool:
+        """Whether the attempt ran to its end and left a whole summary."""
+        marked = (self.path / attempt.folder / MACHINE_NAME).is_file()
+        return marked and self.summary(attempt) is not None
+
+    def forget(self, plan: Plan, pseudonym: str) -> Plan:
+        """Delete a participant's trials and everything computed from all trials.
+
+        His place in the design stays in the plan as forgotten; the others' trials are untouched.
+        """
+        person = plan.participant(pseudonym)
+        marked = person.model_copy(update={"state": ParticipantState.BEING_FORGOTTEN})
+        self.save(plan.with_participant(marked))
+        return self._finish_forgetting(plan, pseudonym)
+
+    def _finish_forgetting(self, plan: Plan, pseudonym: str) -> Plan:
+        with _told(self.path):
+            for doomed in (Path(TRIALS_NAME, pseudonym), Path(TABLES_NAME), Path(REPORT_NAME)):
+                if (self.path / doomed).exists():
+                    shutil.rmtree(self.path / doomed)
+        gone = plan.participant(pseudonym).model_copy(update={"state": ParticipantState.FORGOTTEN})
+        plan = plan.with_participant(gone).without_trials_of(pseudonym)
+        self.save(plan)
+        return plan
+
+
+def write_atomically(path: Path, content: str) -> None:
+    """Write a whole file or none: readers and crashes see the old content or the new one."""
+    temporary = path.with_name(f".{path.name}.new")
+    with _told(path.parent):
+        with temporary.open("w", encoding="utf-8") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+        directory = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(directory)
+        finally:
+            os.close(directory)
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise LogError(f"{path}: cannot be written ({error.strerror})") from error

@@ -1,0 +1,182 @@
+"""The plan of a study as it is kept in plan.json: who does what in which order, and what became
+of it. Values never change: each transition gives a new plan."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tams_app.config.section import NonNegative, Section
+from tams_app.errors import ConfigError
+
+PARTICIPANT_PATTERN = r"^P[0-9]{2,4}$"
+
+
+class AttemptState(StrEnum):
+    """How one attempt at a trial stands."""
+
+    STARTED = "started"
+    RAN = "ran"  # to its end; an experimenter's verdict is due
+    DONE = "done"
+    VOID = "void"  # judged not to count, with a reason
+    FAILED = "failed"  # an error, with a reason
+    INTERRUPTED = "interrupted"  # the study was stopped while it ran
+
+
+class TrialState(StrEnum):
+    """How a trial of the plan stands."""
+
+    PLANNED = "planned"
+    DONE = "done"
+    VOID = "void"  # to be taken again
+    RETAKEN = "retaken"  # done, after a void attempt
+
+
+class ParticipantState(StrEnum):
+    """Whether a participant's data are here."""
+
+    TAKES_PART = "takes part"
+    BEING_FORGOTTEN = "being forgotten"  # a crash may come between the files and the plan
+    FORGOTTEN = "forgotten"
+
+
+class Verdict(Section):
+    """What an experimenter says became of a trial (DESIGN, Trial)."""
+
+    completed: bool
+    success: bool
+    drops: Annotated[int, Field(ge=0)]
+    completion_time_s: NonNegative | None = None
+
+
+class Attempt(Section):
+    """One attempt; `folder` is relative to the study's. Attempts are never deleted or reused."""
+
+    folder: str
+    state: AttemptState = AttemptState.STARTED
+    reason: str = ""
+    verdict: Verdict | None = None
+
+
+class PlannedTrial(Section):
+    """One trial; `order` counts from 1 within its participant, repetitions from 1.
+
+    Practice trials have repetition 0 and are never analysed.
+    """
+
+    id: str
+    participant: Annotated[str, Field(pattern=PARTICIPANT_PATTERN)]
+    order: Annotated[int, Field(ge=1)]
+    strategy: str
+    network: str
+    repetition: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0)]
+    participant_seed: Annotated[int, Field(ge=0)]
+    attempts: tuple[Attempt, ...] = ()
+
+    @property
+    def practice(self) -> bool:
+        return self.repetition == 0
+
+    @property
+    def last(self) -> Attempt | None:
+        """The newest attempt."""
+        return self.attempts[-1] if self.attempts else None
+
+    @property
+    def state(self) -> TrialState:
+        states = [attempt.state for attempt in self.attempts]
+        if states and states[-1] is AttemptState.DONE:
+            return TrialState.RETAKEN if AttemptState.VOID in states else TrialState.DONE
+        return TrialState.VOID if AttemptState.VOID in states else TrialState.PLANNED
+
+    @property
+    def is_done(self) -> bool:
+        return self.state in (TrialState.DONE, TrialState.RETAKEN)
+
+
+class Participant(Section):
+    """A participant under a pseudonym; `sequence` is the row of the Latin square he began with."""
+
+    id: Annotated[str, Field(pattern=PARTICIPANT_PATTERN)]
+    sequence: Annotated[int, Field(ge=0)]
+    state: ParticipantState = ParticipantState.TAKES_PART
+
+
+class Plan(Section):
+    """A whole study. `simulated`: the rig with its simulated operator, not people."""
+
+    schema_version: Literal[1] = 1
+    name: str
+    seed: Annotated[int, Field(ge=0)]
+    simulated: bool
+    strategies: tuple[str, ...]
+    networks: tuple[str, ...]
+    reference: str
+    proposed: str
+    repetitions: Annotated[int, Field(ge=1)]
+    participants: tuple[Participant, ...]
+    trials: tuple[PlannedTrial, ...]
+
+    @model_validator(mode="after")
+    def _ids_are_unique(self) -> Self:
+        ids = [trial.id for trial in self.trials]
+        if len(set(ids)) < len(ids):
+            raise ValueError("trials: two have the same id")
+        return self
+
+    def trial(self, trial_id: str) -> PlannedTrial:
+        """The trial of that id; ConfigError if there is none."""
+        for trial in self.trials:
+            if trial.id == trial_id:
+                return trial
+        raise ConfigError(f"{trial_id}: the plan has no such trial: see `study show`")
+
+    def participant(self, pseudonym: str) -> Participant:
+        """The participant under that pseudonym; ConfigError lists who takes part."""
+        for participant in self.participants:
+            if participant.id == pseudonym:
+                return participant
+        names = ", ".join(one.id for one in self.participants)
+        raise ConfigError(f"{pseudonym}: is no participant of this study ({names})")
+
+    @property
+    def left(self) -> tuple[PlannedTrial, ...]:
+        """What is still to be run, in order."""
+        return tuple(trial for trial in self.trials if not trial.is_done)
+
+    def with_attempt(self, trial_id: str, attempt: Attempt) -> Plan:
+        """The plan with one more attempt at a trial, or with that attempt's new state."""
+        trial = self.trial(trial_id)
+        kept = tuple(one for one in trial.attempts if one.folder != attempt.folder)
+        changed = trial.model_copy(update={"attempts": (*kept, attempt)})
+        trials = tuple(changed if one.id == trial_id else one for one in self.trials)
+        return self.model_copy(update={"trials": trials})
+
+    def with_participant(self, participant: Participant) -> Plan:
+        """The plan with that participant's new state."""
+        everyone = tuple(
+            participant if one.id == participant.id else one for one in self.participants
+        )
+        return self.model_copy(update={"participants": everyone})
+
+    def without_trials_of(self, pseudonym: str) -> Plan:
+        """The plan without a participant's trials; his place in the design stays."""
+        kept = tuple(trial for trial in self.trials if trial.participant != pseudonym)
+        return self.model_copy(update={"trials": kept})
+
+
+def void(plan: Plan, trial_id: str, reason: str) -> Plan:
+    """Declare the last attempt at a trial void, so that it is taken again; its data stay.
+
+    ConfigError without a reason, or where there is nothing to declare void.
+    """
+    attempt = plan.trial(trial_id).last
+    if not reason.strip():
+        raise ConfigError(f"{trial_id}: say why it is void: the reason is kept")
+    if attempt is None or attempt.state not in (AttemptState.DONE, AttemptState.RAN):
+        raise ConfigError(f"{trial_id}: has no finished attempt that could be void")
+    changed = attempt.model_copy(update={"state": AttemptState.VOID, "reason": reason.strip()})
+    return plan.with_attempt(trial_id, changed)

@@ -1,0 +1,73 @@
+"""Numbers and names as a report writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tams_app.records import Phase
+from tams_app.study.statistics.intervals import Estimate
+
+NONE = "–"
+_NAMES = {"tams": "TAMS", "equal": "Equal", "static": "Static"}
+
+
+def name(key: str) -> str:
+    """A strategy's or network's name in print."""
+    return _NAMES.get(key, key.upper())
+
+
+def term_name(term: str) -> str:
+    """A model term's name in print."""
+    return " × ".join(name(part) if part != "intercept" else part for part in term.split(" × "))
+
+
+def phase_name(phase: str) -> str:
+    return phase.replace("_", "-").capitalize()
+
+
+def number(value: float | None, digits: int, signed: bool = False) -> str:
+    """With a true minus sign; a dash where there is none."""
+    if value is None:
+        return NONE
+    text = f"{value:+.{digits}f}" if signed else f"{value:.{digits}f}"
+    if float(text) == 0:
+        text = text.replace("-", "").replace("+", "")
+    return text.replace("-", "−")
+
+
+def interval(estimate: Estimate | None, digits: int, signed: bool = False) -> str:
+    """Value and interval: `0.944 [0.940, 0.948]`."""
+    if estimate is None:
+        return NONE
+    value = number(estimate.value, digits, signed)
+    if estimate.low is None or estimate.high is None:
+        return f"{value} [no interval, n = {estimate.n}]"
+    return (
+        f"{value} [{number(estimate.low, digits, signed)}, {number(estimate.high, digits, signed)}]"
+    )
+
+
+def percent(estimate: Estimate | None) -> str:
+    """A share with its interval in percent."""
+    if estimate is None or estimate.low is None or estimate.high is None:
+        return NONE
+    return f"{100 * estimate.value:.0f} % [{100 * estimate.low:.0f}, {100 * estimate.high:.0f}]"
+
+
+def counted(count: int, noun: str) -> str:
+    """`1 trial`, `2 trials`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def p_value(p: float) -> str:
+    return "p < .001" if p < 0.001 else f"p = {p:.3f}".replace("0.", ".", 1)
+
+
+def listed(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+PHASES = tuple(phase.value for phase in Phase)

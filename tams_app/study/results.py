@@ -1,0 +1,145 @@
+"""What came of each trial, read from the study's folder once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tams_app.config import Config
+from tams_app.study.folder import StudyFolder
+from tams_app.study.machine import MACHINE_NAME
+from tams_app.study.plan import Plan, PlannedTrial
+from tams_app.study.statistics.intervals import means_by_unit
+
+SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
+
+
+@dataclass(frozen=True, slots=True)
+class TrialResult:
+    """One finished trial. The experimenter's verdict stands before the simulator's.
+
+    `relied_on`: by phase, the share of time that the operator relied on each view, where known.
+    """
+
+    trial: PlannedTrial
+    folder: Path
+    summary: Mapping[str, Any]
+    machine: Mapping[str, str]
+    completed: bool | None
+    success: bool | None
+    completion_time_s: float | None
+    drops: int | None
+
+    @property
+    def strategy(self) -> str:
+        return self.trial.strategy
+
+    @property
+    def network(self) -> str:
+        return self.trial.network
+
+    @property
+    def participant(self) -> str:
+        return self.trial.participant
+
+    def censored_time_s(self, limit_s: float) -> float | None:
+        """The completion time, the limit where the block was not placed; None if not judged."""
+        if self.completed and self.completion_time_s is not None:
+            return min(self.completion_time_s, limit_s)
+        return limit_s if self.completed is False else None
+
+    @property
+    def completed_time_s(self) -> float | None:
+        return self.completion_time_s if self.completed else None
+
+    def primary_ssim(self, kind: str, phase: str | None = None) -> float | None:
+        """Of the primary view: the mean of the phases' means, or of one phase."""
+        primary = self.summary.get("primary_view") or {}
+        source = primary if phase is None else primary.get("by_phase", {}).get(phase) or {}
+        value = source.get(kind)
+        return None if value is None else float(value)
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Those with a score of the primary view."""
+        return tuple((self.summary.get("primary_view") or {}).get("by_phase", {}))
+
+    @property
+    def relied_on(self) -> Mapping[str, Mapping[str, float]]:
+        operator = self.summary.get("operator") or {}
+        return dict((operator.get("relied_on") or {}).get("by_phase") or {})
+
+
+@dataclass(frozen=True, slots=True)
+class StudyData:
+    """A plan, its configuration, and every result; practice is kept apart."""
+
+    plan: Plan
+    config: Config
+    results: tuple[TrialResult, ...]
+    practice: tuple[TrialResult, ...]
+    unreadable: tuple[str, ...]  # ids of trials that are done, but whose summary is gone
+
+    @property
+    def limit_s(self) -> float:
+        return self.config.trial.limit_s
+
+    def of(self, strategy: str, network: str) -> list[TrialResult]:
+        """The results of one condition in the plan's order."""
+        return [one for one in self.results if (one.strategy, one.network) == (strategy, network)]
+
+
+def read_results(study: StudyFolder) -> StudyData:
+    """Everything a report is made of; ConfigError if the folder holds no study."""
+    plan = study.load()
+    found = {trial.id: _read(study, trial) for trial in plan.trials if trial.is_done}
+    there = [result for result in found.values() if result is not None]
+    return StudyData(
+        plan,
+        study.config(),
+        tuple(result for result in there if not result.trial.practice),
+        tuple(result for result in there if result.trial.practice),
+        tuple(trial_id for trial_id, result in found.items() if result is None),
+    )
+
+
+def participant_means(
+    results: Sequence[TrialResult], values: Sequence[float | None]
+) -> list[float]:
+    """One mean per participant of the values that are there."""
+    groups: dict[str, list[float]] = {}
+    for result, value in zip(results, values, strict=True):
+        if value is not None:
+            groups.setdefault(result.participant, []).append(value)
+    return means_by_unit(groups)
+
+
+def _read(study: StudyFolder, trial: PlannedTrial) -> TrialResult | None:
+    attempt = trial.last
+    summary = study.summary(attempt) if attempt else None
+    if attempt is None or summary is None:
+        return None
+    said = summary["outcome"]
+    judged = attempt.verdict.model_dump() if attempt.verdict else said
+    folder = study.path / attempt.folder
+    return TrialResult(
+        trial,
+        folder,
+        summary,
+        _machine(folder),
+        judged["completed"],
+        judged["success"],
+        judged["completion_time_s"],
+        judged["drops"],
+    )
+
+
+def _machine(folder: Path) -> dict[str, str]:
+    try:
+        content = json.loads((folder / MACHINE_NAME).read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return {str(key): str(value) for key, value in content.items()}

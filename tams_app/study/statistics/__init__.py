@@ -1,0 +1,1 @@
+"""Statistics of a study: pure functions over numbers; intervals are 95 %."""

@@ -1,0 +1,122 @@
+"""One trial in a process of its own: a crash of one is no matter of the others, and each begins
+from the same state. The parent's side and, as `python -m`, the child's."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+
+from tams_app.errors import TamsError
+from tams_app.study.machine import mark_ended
+from tams_app.study.runner import SUMMARY_NAME, TrialRunner, TrialSpec
+
+LOG_NAME = "trial.log"
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_END_TIMEOUT_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A trial, and the folder that is made for it."""
+
+    spec: TrialSpec
+    folder: Path
+
+
+class TrialProcess:
+    """A running trial. `core`: the processor core it keeps to, None for any."""
+
+    def __init__(self, runner: TrialRunner, job: Job, core: int | None = None) -> None:
+        self.job = job
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        try:
+            with (job.folder / LOG_NAME).open("ab") as log:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "tams_app.study.trial_process"],
+                    stdin=subprocess.PIPE,
+                    stdout=log,
+                    stderr=log,
+                    env=environment,
+                    start_new_session=True,  # Ctrl-C is the parent's to handle
+                )
+        except OSError as error:
+            raise TamsError(f"a trial could not be started: {error.strerror}") from error
+        self._hand_over(pickle.dumps((runner, job, core, os.getpid())))
+
+    def poll(self) -> str | None:
+        """None while it runs; then why it failed, empty if it did not."""
+        code = self._process.poll()
+        return None if code is None else self._failure(code)
+
+    def wait(self) -> str:
+        """Wait for its end; why it failed, empty if it did not."""
+        return self._failure(self._process.wait())
+
+    def stop(self) -> None:
+        """End it, by force if need be; may be called twice."""
+        self._process.terminate()
+        try:
+            self._process.wait(_END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _hand_over(self, task: bytes) -> None:
+        stdin = self._process.stdin
+        assert stdin is not None
+        try:
+            with stdin:
+                stdin.write(task)
+        except BrokenPipeError:
+            self._process.wait()  # it ended at once; its log says why
+
+    def _failure(self, code: int) -> str:
+        if code == 0:
+            return ""
+        if code < 0:
+            return f"its process was ended by {signal.Signals(-code).name}"
+        try:
+            lines = (self.job.folder / LOG_NAME).read_text("utf-8", "replace").split("\n")
+        except OSError:
+            lines = []
+        said = [line.strip() for line in lines if line.strip()]
+        return said[-1] if said else f"its process ended with exit code {code}"
+
+
+def _main() -> int:
+    runner, job, core, parent = pickle.load(sys.stdin.buffer)
+    _end_with(parent)
+    if core is not None and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {core})
+    try:
+        runner.run(job.spec, job.folder)
+    except TamsError as error:
+        print(error, file=sys.stderr)  # noqa: T201  the log of this process
+        return 1
+    except Exception:  # noqa: BLE001  the parent is told by the log and the exit code
+        traceback.print_exc()
+        return 1
+    if not (job.folder / SUMMARY_NAME).is_file():
+        print(f"it left no {SUMMARY_NAME}", file=sys.stderr)  # noqa: T201
+        return 1
+    mark_ended(job.folder)
+    return 0
+
+
+def _end_with(parent: int) -> None:
+    """Do not outlive a killed study."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it died before
+            os._exit(1)
+
+
+if __name__ == "__main__":
+    sys.exit(_main())

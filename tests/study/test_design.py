@@ -1,0 +1,105 @@
+"""The order of conditions, and seeds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.study.design import (
+    conditions,
+    derive_seed,
+    is_counterbalanced,
+    schedule,
+    sequences_needed,
+    williams_square,
+)
+
+sizes = st.integers(2, 15)
+
+
+@given(sizes)
+def test_each_sequence_has_each_condition_once(size: int) -> None:
+    for sequence in williams_square(size):
+        assert sorted(sequence) == list(range(size))
+
+
+@given(sizes)
+def test_each_condition_is_in_each_position_equally_often(size: int) -> None:
+    square = williams_square(size)
+    for position in range(size):
+        counts = Counter(sequence[position] for sequence in square)
+        assert set(counts.values()) == {len(square) // size}
+
+
+@given(sizes)
+def test_each_condition_directly_precedes_each_other_equally_often(size: int) -> None:
+    square = williams_square(size)
+    counts = Counter(pair for sequence in square for pair in pairwise(sequence))
+    assert len(counts) == size * (size - 1)
+    assert set(counts.values()) == {len(square) // size}
+
+
+def test_nine_conditions_need_eighteen_sequences_and_four_need_four() -> None:
+    assert (sequences_needed(9), sequences_needed(4), sequences_needed(1)) == (18, 4, 1)
+    # Williams' square of four, as textbooks print it
+    assert williams_square(4) == ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))
+
+
+def test_only_whole_squares_are_counterbalanced() -> None:
+    counted = [number for number in range(1, 60) if is_counterbalanced(9, number)]
+    assert counted == [18, 36, 54]
+
+
+def test_a_design_without_conditions_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        williams_square(0)
+
+
+@given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(0, 40))
+def test_each_participant_meets_each_condition_once_per_repetition(
+    strategies: int, networks: int, repetitions: int, participant: int
+) -> None:
+    cells = conditions([f"a{n}" for n in range(strategies)], [f"n{n}" for n in range(networks)])
+    slots = schedule(cells, participant, repetitions)
+    assert Counter((slot.condition, slot.repetition) for slot in slots) == {
+        (cell, repetition): 1 for cell in cells for repetition in range(1, repetitions + 1)
+    }
+    assert [slot.repetition for slot in slots] == sorted(slot.repetition for slot in slots)
+
+
+@given(st.integers(1, 4))
+def test_over_a_whole_square_of_participants_each_repetition_is_balanced(repetitions: int) -> None:
+    cells = conditions(("equal", "static", "tams"), ("s1", "s2", "s3"))
+    everyone = [schedule(cells, number, repetitions) for number in range(18)]
+    for repetition in range(1, repetitions + 1):
+        rows = [[s.condition for s in one if s.repetition == repetition] for one in everyone]
+        neighbours = Counter(pair for row in rows for pair in pairwise(row))
+        assert set(neighbours.values()) == {2}
+        assert set(Counter(row[0] for row in rows).values()) == {2}
+
+
+def test_a_participant_meets_another_order_in_each_repetition() -> None:
+    cells = conditions(("equal", "static", "tams"), ("s1", "s2", "s3"))
+    for participant in range(18):
+        slots = schedule(cells, participant, 3)
+        orders = {tuple(s.condition for s in slots if s.repetition == one) for one in (1, 2, 3)}
+        assert len(orders) == 3
+
+
+@given(st.integers(0, 2**31), st.text(max_size=5), st.integers(0, 99))
+def test_seeds_fit_the_configuration_and_depend_on_every_part(
+    seed: int, text: str, number: int
+) -> None:
+    derived = derive_seed(seed, text, number)
+    assert 0 <= derived < 2**31
+    assert derived == derive_seed(seed, text, number)
+    assert derived != derive_seed(seed + 1, text, number)
+    assert derived != derive_seed(seed, text, number + 1)
+
+
+def test_seeds_are_the_same_on_every_machine() -> None:
+    assert derive_seed(0, "P01", "s2", 1) == 581446635

@@ -1,0 +1,166 @@
+"""Guiding an experimenter: what he is asked, what is kept, and going on after anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from tams_app.errors import ConfigError
+from tams_app.study.folder import StudyFolder
+from tams_app.study.guided import GuidedRun
+from tams_app.study.plan import AttemptState, TrialState
+from tams_app.study.results import read_results
+from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.verdict import Conversation
+from tests.study.synthetic_study import PlantedRunner, make_study
+
+HARDWARE = {
+    "rig__enabled": False,
+    "cameras": {view: {"source": "pattern"} for view in ("eih", "gt", "gs")},
+    "study__strategies": ["equal", "tams"],
+    "study__networks": ["s1"],
+}
+RUNNER = PlantedRunner(judged=False)
+
+
+class Experimenter:
+    """Answers from a list; when it is used up, he has left (end of input)."""
+
+    def __init__(self, *answers: str) -> None:
+        self.answers = list(answers)
+        self.said: list[str] = []
+        self.asked: list[str] = []
+
+    def ask(self, question: str) -> str:
+        self.asked.append(question)
+        if not self.answers:
+            raise EOFError
+        return self.answers.pop(0)
+
+
+def sit(
+    study: StudyFolder,
+    person: Experimenter,
+    runner: TrialRunner = RUNNER,
+    participant: str | None = None,
+    measured: Callable[[Path], float | None] = lambda _: 31.5,
+) -> int:
+    talk = Conversation(person.ask, person.said.append)
+    return GuidedRun(study, runner, talk, measured).run(participant)
+
+
+def hardware_study(path: Path, participants: int = 1, **more: object) -> StudyFolder:
+    return make_study(path, participants, **{**HARDWARE, **more})
+
+
+SUCCESS: Sequence[str] = ("g", "j", "y", "0", "y", "y")  # go, judge, placed, drops, time, correct
+
+
+def test_a_sitting_goes_through_all_trials_and_keeps_the_verdicts(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    person = Experimenter(*SUCCESS, "g", "j", "n", "3")
+    assert sit(study, person) == 2
+    first, second = read_results(study).results
+    assert (first.completed, first.success, first.drops) == (True, True, 0)
+    assert first.completion_time_s == 31.5
+    assert (second.completed, second.success, second.drops) == (False, False, 3)
+    assert second.completion_time_s is None
+    assert "has done all his trials" in person.said[-1]
+
+
+def test_he_is_asked_to_set_the_scene_and_never_told_the_strategy(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    person = Experimenter(*SUCCESS, *SUCCESS)
+    sit(study, person)
+    spoken = " ".join([*person.said, *person.asked]).lower()
+    assert "block on start mark" in spoken
+    assert "tams " not in spoken.replace("run_tams.py", "")
+    assert "equal" not in spoken
+    marks = {text.split("start mark ")[1][0] for text in person.said if "start mark" in text}
+    assert len(marks) == 1  # paired trials begin with the same scene
+
+
+def test_a_void_trial_is_taken_again_and_its_reason_and_data_stay(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    person = Experimenter("g", "v", "", "the light went out", *SUCCESS, *SUCCESS)
+    assert sit(study, person) == 2
+    trial = study.load().trials[0]
+    assert trial.state is TrialState.RETAKEN
+    assert [one.state for one in trial.attempts] == [AttemptState.VOID, AttemptState.DONE]
+    assert trial.attempts[0].reason == "the light went out"
+    assert (tmp_path / trial.attempts[0].folder / "summary.json").is_file()
+    assert any("taken again" in text for text in person.said)
+    assert "Please say something" in " ".join(person.said)
+
+
+def test_leaving_before_the_verdict_asks_only_for_the_verdict_next_time(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    assert sit(study, Experimenter("g")) == 0
+    attempt = study.load().trials[0].last
+    assert attempt is not None
+    assert attempt.state is AttemptState.RAN
+    person = Experimenter("j", "y", "0", "y", "y", "s")
+    assert sit(study, person) == 1
+    assert "has no verdict" in person.said[0]
+    assert len(study.load().trials[0].attempts) == 1
+
+
+def test_a_killed_study_asks_for_the_verdict_of_what_ran_to_its_end(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    sit(study, Experimenter("g"))
+    plan = study.load()
+    attempt = plan.trials[0].last
+    assert attempt is not None
+    started = attempt.model_copy(update={"state": AttemptState.STARTED})
+    study.save(plan.with_attempt(plan.trials[0].id, started))  # as if killed before it was noted
+    assert sit(study, Experimenter("j", "y", "0", "y", "y", "s")) == 1
+
+
+def test_a_trial_that_cannot_be_run_is_retried_on_his_word(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    failing = PlantedRunner(judged=False, fails=("P01-01",))
+    person = Experimenter("g", "a", "g", "s")
+    assert sit(study, person, failing) == 0
+    assert "P01-01 could not be run: P01-01: the rig fell over" in person.said
+    states = [attempt.state for attempt in study.load().trials[0].attempts]
+    assert states == [AttemptState.FAILED] * 2
+    assert sit(study, Experimenter(*SUCCESS, "s")) == 1
+
+
+class Interrupted:
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        raise KeyboardInterrupt
+
+
+def test_ctrl_c_during_a_trial_keeps_the_study(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path)
+    person = Experimenter("g")
+    assert sit(study, person, Interrupted()) == 0
+    assert "goes on from here" in person.said[-1]
+    attempt = study.load().trials[0].last
+    assert attempt is not None
+    assert attempt.state is AttemptState.INTERRUPTED
+
+
+def test_practice_needs_no_verdict_and_is_not_analysed(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path, study__practice_trials=1)
+    assert sit(study, Experimenter("g", *SUCCESS, "s")) == 2
+    data = read_results(study)
+    assert (len(data.practice), len(data.results)) == (1, 1)
+
+
+def test_each_participant_has_his_own_sitting(tmp_path: Path) -> None:
+    study = hardware_study(tmp_path, 2)
+    assert sit(study, Experimenter(*SUCCESS, "s"), participant="P02") == 1
+    assert study.load().left[0].participant == "P01"
+    with pytest.raises(ConfigError, match="is no participant"):
+        sit(study, Experimenter(), participant="P05")
+    study.forget(study.load(), "P02")
+    with pytest.raises(ConfigError, match="was forgotten"):
+        sit(study, Experimenter(), participant="P02")
+    assert sit(study, Experimenter(*SUCCESS, *SUCCESS)) == 2
+    person = Experimenter()
+    assert sit(study, person) == 0
+    assert person.said == ["All trials of this study are done."]

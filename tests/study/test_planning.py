@@ -1,0 +1,118 @@
+"""From configuration to plan."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import pytest
+
+from tams_app.errors import ConfigError
+from tams_app.study.plan import Attempt, AttemptState, ParticipantState, TrialState, void
+from tams_app.study.planning import balance_sentence, make_plan
+from tests.study.synthetic_study import small_config
+
+
+def test_eighteen_participants_and_one_repetition_make_162_counterbalanced_trials() -> None:
+    plan = make_plan(small_config(), 18)
+    assert len(plan.trials) == 162
+    assert balance_sentence(plan).startswith("Counterbalanced: 18 participants")
+    assert len({trial.id for trial in plan.trials}) == 162
+
+
+@pytest.mark.parametrize("participants", [1, 16, 17, 19])
+def test_other_numbers_are_called_not_counterbalanced(participants: int) -> None:
+    assert balance_sentence(make_plan(small_config(), participants)).startswith(
+        "Not counterbalanced"
+    )
+
+
+def test_a_forgotten_participant_breaks_the_balance() -> None:
+    plan = make_plan(small_config(), 18)
+    gone = plan.participants[3].model_copy(update={"state": ParticipantState.FORGOTTEN})
+    assert balance_sentence(plan.with_participant(gone)).startswith("Not counterbalanced")
+
+
+def test_strategies_share_their_seed_and_nothing_else_does() -> None:
+    plan = make_plan(small_config(study__repetitions=2), 3)
+    seeds = defaultdict(set)
+    strategies = defaultdict(list)
+    for trial in plan.trials:
+        key = (trial.participant, trial.network, trial.repetition)
+        seeds[key].add(trial.seed)
+        strategies[key].append(trial.strategy)
+    assert all(len(found) == 1 for found in seeds.values())
+    assert all(sorted(found) == ["equal", "static", "tams"] for found in strategies.values())
+    assert len({seed for found in seeds.values() for seed in found}) == len(seeds) == 18
+    people = {(trial.participant, trial.participant_seed) for trial in plan.trials}
+    assert len(people) == 3
+
+
+def test_practice_comes_first_and_is_apart() -> None:
+    plan = make_plan(small_config(study__practice_trials=2), 1)
+    assert [trial.practice for trial in plan.trials] == [True, True] + [False] * 9
+    assert {trial.network for trial in plan.trials[:2]} == {"s1"}
+    counted = {trial.seed for trial in plan.trials[2:]}
+    assert not counted & {trial.seed for trial in plan.trials[:2]}
+
+
+def test_conditions_are_data() -> None:
+    config = small_config(study__networks=["s3", "none"], study__strategies=["tams", "equal"])
+    plan = make_plan(config, 1)
+    assert {(trial.strategy, trial.network) for trial in plan.trials} == {
+        ("tams", "s3"),
+        ("equal", "s3"),
+        ("tams", "none"),
+        ("equal", "none"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        ({"study__networks": ["s9"]}, "study.networks: 's9' is none of s1, s2, s3, none"),
+        ({"study__strategies": ["equal", "tams", "best"]}, "'best' is none of"),
+    ],
+)
+def test_unknown_names_are_refused_with_the_valid_ones(
+    overrides: dict[str, object], sentence: str
+) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        make_plan(small_config(**overrides), 1)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        ({"study__reference": "best"}, "reference must be one of"),
+        ({"study__networks": ["s1", "s1"]}, "named once only"),
+        ({"study__repetitions": 0}, "study.repetitions"),
+    ],
+)
+def test_a_study_that_cannot_be_is_refused(overrides: dict[str, object], sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        small_config(**overrides)
+
+
+@pytest.mark.parametrize("participants", [0, -1, 10_000])
+def test_a_wrong_number_of_participants_is_refused(participants: int) -> None:
+    with pytest.raises(ConfigError, match="participants"):
+        make_plan(small_config(), participants)
+
+
+def test_a_trial_goes_from_planned_over_void_to_retaken() -> None:
+    plan = make_plan(small_config(), 1)
+    trial_id = plan.trials[0].id
+    with pytest.raises(ConfigError, match="no finished attempt"):
+        void(plan, trial_id, "why")
+    plan = plan.with_attempt(trial_id, Attempt(folder="a1", state=AttemptState.DONE))
+    assert plan.trial(trial_id).state is TrialState.DONE
+    with pytest.raises(ConfigError, match="say why"):
+        void(plan, trial_id, "  ")
+    plan = void(plan, trial_id, "the phone rang")
+    assert plan.trial(trial_id).state is TrialState.VOID
+    assert plan.left[0].id == trial_id
+    plan = plan.with_attempt(trial_id, Attempt(folder="a2", state=AttemptState.DONE))
+    assert plan.trial(trial_id).state is TrialState.RETAKEN
+    assert plan.trial(trial_id).attempts[0].reason == "the phone rang"
+    with pytest.raises(ConfigError, match="no such trial"):
+        plan.trial("P99-01")

@@ -1,0 +1,171 @@
+"""Trials in processes of their own: failures are no matter of the rest, and all can be resumed."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+import pytest
+from rich.console import Console
+
+from tams_app.errors import ConfigError
+from tams_app.study.commands import ensure_planned, run_simulated
+from tams_app.study.folder import StudyFolder
+from tams_app.study.local_pool import LocalPool
+from tams_app.study.plan import AttemptState, TrialState
+from tams_app.study.runner import TrialSpec
+from tams_app.study.trial_process import Job, TrialProcess
+from tams_app.study.unattended import RichProgress, run_unattended
+from tests.study.synthetic_study import PlantedRunner, make_study, small_config
+
+SMALL = {"study__strategies": ["equal", "tams"], "study__networks": ["s1", "s2"]}
+
+
+class Display:
+    def __init__(self) -> None:
+        self.said: list[str] = []
+        self.ended = 0
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def advance(self) -> None:
+        self.ended += 1
+
+
+@dataclass(frozen=True)
+class Misbehaving:
+    """Fails in the way that its trial's order asks for."""
+
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        match spec.trial_id[-2:]:
+            case "01":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            case "02":
+                raise RuntimeError("a bug")
+            case "03":
+                pass  # no summary
+            case _:
+                PlantedRunner().run(spec, folder)
+
+
+@dataclass(frozen=True)
+class Endless:
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        (folder / "running").touch()
+        while True:
+            signal.pause()
+
+
+def spec() -> TrialSpec:
+    return TrialSpec("P01-04", "P01", "tams", "s2", 1, False, 5, 6)
+
+
+def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_name(
+    tmp_path: Path,
+) -> None:
+    study = make_study(tmp_path, 1, **SMALL)
+    display = Display()
+    failing = PlantedRunner(fails=("P01-02",))
+    tally = run_unattended(study, LocalPool(failing, workers=2), display)
+    assert (tally.done, display.ended) == (3, 4)
+    assert tally.failures == {"P01-02": "P01-02: the rig fell over"}
+    assert "P01-02 failed: P01-02: the rig fell over" in display.said[0]
+    before = {path: path.read_bytes() for path in tmp_path.rglob("summary.json")}
+
+    again = Display()
+    tally = run_unattended(study, LocalPool(PlantedRunner(), workers=2), again)
+    assert (tally.done, tally.failures, again.ended) == (1, {}, 1)
+    plan = study.load()
+    states = [attempt.state for attempt in plan.trial("P01-02").attempts]
+    assert states == [AttemptState.FAILED, AttemptState.DONE]
+    assert all(trial.state is TrialState.DONE for trial in plan.trials)
+    assert {path: path.read_bytes() for path in before} == before
+    assert (tmp_path / plan.trial("P01-02").attempts[0].folder / "trial.log").is_file()
+
+
+def test_a_crashed_process_a_bug_and_a_missing_summary_are_reported_and_not_fatal(
+    tmp_path: Path,
+) -> None:
+    study = make_study(tmp_path, 1, **SMALL)
+    tally = run_unattended(study, LocalPool(Misbehaving(), workers=2), Display())
+    assert tally.done == 1
+    assert tally.failures == {
+        "P01-01": "its process was ended by SIGSEGV",
+        "P01-02": "RuntimeError: a bug",
+        "P01-03": "it left no summary.json",
+    }
+    log = tmp_path / study.load().trial("P01-02").attempts[0].folder / "trial.log"
+    assert "Traceback" in log.read_text()
+
+
+class InterruptedPool(LocalPool):
+    """Ctrl-C comes once both trials run."""
+
+    def wait(self) -> list[tuple[Job, str]]:
+        while not all((process.job.folder / "running").exists() for process in self._running):
+            time.sleep(0.02)
+        self.pids = [process._process.pid for process in self._running]
+        raise KeyboardInterrupt
+
+
+def test_an_interruption_ends_what_runs_and_the_study_goes_on_later(tmp_path: Path) -> None:
+    study = make_study(tmp_path, 1, **SMALL)
+    pool = InterruptedPool(Endless(), workers=2)
+    with pytest.raises(KeyboardInterrupt):
+        run_unattended(study, pool, Display())
+    assert not any(psutil.pid_exists(pid) for pid in pool.pids)
+    started = [trial for trial in study.load().trials if trial.attempts]
+    assert [trial.attempts[0].state for trial in started] == [AttemptState.INTERRUPTED] * 2
+    assert len(study.load().left) == 4
+
+
+def test_a_trial_keeps_to_its_core_and_says_what_machine_it_ran_on(tmp_path: Path) -> None:
+    core = min(os.sched_getaffinity(0))
+    process = TrialProcess(PinnedRunner(), Job(spec(), tmp_path), core)
+    assert process.wait() == ""
+    assert (tmp_path / "cores").read_text() == str([core])
+    assert '"processor"' in (tmp_path / "machine.json").read_text()
+
+
+@dataclass(frozen=True)
+class PinnedRunner:
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        (folder / "cores").write_text(str(sorted(os.sched_getaffinity(0))))
+        PlantedRunner().run(spec, folder)
+
+
+def test_the_command_plans_runs_resumes_and_refuses_another_design(tmp_path: Path) -> None:
+    config = small_config(**{**SMALL, "study__networks": ["s1"]})
+    output = io.StringIO()
+    console = Console(file=output, width=200)
+    study = ensure_planned(config, tmp_path / "s", 1)
+    assert run_simulated(study, PlantedRunner(fails=("P01-01",)), console, workers=2) == 1
+    assert "1 trials done, 1 failed" in output.getvalue()
+    study = ensure_planned(config, tmp_path / "s", None)
+    assert run_simulated(study, PlantedRunner(), console, workers=1) == 0
+    assert run_simulated(study, PlantedRunner(), console) == 0
+    assert "All trials of this study are done." in output.getvalue()
+    with pytest.raises(ConfigError, match="planned for 1 participants, not 2"):
+        ensure_planned(config, tmp_path / "s", 2)
+    with pytest.raises(ConfigError, match="other strategies, networks"):
+        ensure_planned(small_config(seed=5), tmp_path / "s", 1)
+    with pytest.raises(ConfigError, match="--participants"):
+        ensure_planned(config, tmp_path / "t", None)
+    assert not StudyFolder(tmp_path / "t").exists
+
+
+def test_the_bar_shows_trials_and_time_left() -> None:
+    output = io.StringIO()
+    console = Console(file=output, width=120, force_terminal=True)
+    with RichProgress(console, 3) as display:
+        display.advance()
+        display.say("P01-01 failed: [bold]no markup[/]")
+    assert "1/3" in output.getvalue()
+    assert "left" in output.getvalue()
+    assert "[bold]no markup[/]" in output.getvalue()
