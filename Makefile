@@ -22,7 +22,7 @@ endif
 
 # An hour or two; writes tests/mutation/RESULT.txt and fails if a survivor is not explained.
 mutate: $(READY)
-	$(PY) -m mutmut run
+	PATH="$(CURDIR)/.venv/bin:$$PATH" nice -n 10 $(PY) -m mutmut run --max-children 1
 	$(PY) -m tests.mutation
 
 bench: $(READY)

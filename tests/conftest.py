@@ -4,6 +4,13 @@ import socket
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
+settings.load_profile("unhurried")
+
+# `--hypothesis-profile=steady`: a mutant must die by a test, not by this run's luck.
+settings.register_profile("steady", derandomize=True, database=None, deadline=None)
 
 
 @pytest.fixture(autouse=True)

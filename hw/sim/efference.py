@@ -7,7 +7,9 @@ In people it is the efference copy, in control theory the memory of a Smith pred
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from tams_app.clock import NS_PER_MS
 from tams_app.records import Pose, Vector
 
 FOLLOW_LAG_NS = 100 * NS_PER_MS  # how far he believes the arm to be behind his hand
+
+_REMEMBERED_NS = 3_000 * NS_PER_MS
 
 _BEGUN_M = 0.003
 _BEGUN_RAD = 0.02
@@ -25,7 +29,10 @@ _FOLLOWED = 0.25  # of it at least
 
 
 class EfferenceCopy:
-    """The motion asked of the tool so far: translation [m], then rotation vector [rad]."""
+    """The motion asked of the tool so far: translation [m], then rotation vector [rad].
+
+    One thread adds, others may read.
+    """
 
     def __init__(self) -> None:
         self.total: Vector = np.zeros(6)
@@ -34,19 +41,27 @@ class EfferenceCopy:
     def add(self, now_ns: int, linear: Vector, angular: Vector) -> None:
         """Note a displacement asked for until `now_ns`, which never goes back."""
         self.total = self.total + np.concatenate((linear, angular))
-        self._history.append((now_ns, self.total))
+        self.idle(now_ns)
 
     def idle(self, now_ns: int) -> None:
         """Note that nothing was asked for until `now_ns`."""
         self._history.append((now_ns, self.total))
+        while self._history[0][0] < now_ns - _REMEMBERED_NS:
+            self._history.popleft()
 
     def shown_at(self, view_ns: int) -> Vector:
-        """How much of `total` a view from `view_ns` can show; views do not go back in time."""
-        effective_ns = view_ns - FOLLOW_LAG_NS
-        history = self._history
-        while len(history) > 1 and history[1][0] <= effective_ns:
-            history.popleft()
-        return history[0][1]
+        """How much of `total` a view from `view_ns` can show."""
+        return self.asked_at(view_ns - FOLLOW_LAG_NS)
+
+    def asked_at(self, t_ns: int) -> Vector:
+        """`total` as it was at `t_ns`, of the last seconds: earlier, the oldest remembered."""
+        return self.asked_at_each([t_ns])[0]
+
+    def asked_at_each(self, times_ns: Sequence[int]) -> list[Vector]:
+        """The same for several times."""
+        history = list(self._history)
+        places = [bisect_right(history, t_ns, key=_time) - 1 for t_ns in times_ns]
+        return [history[max(0, place)][1] for place in places]
 
 
 class FollowCheck:
@@ -80,6 +95,10 @@ class FollowCheck:
             return False
         seen_turn = float((tool.rotation * mark_tool.rotation.inv()).magnitude())
         return turned < _DUE_RAD or seen_turn >= _FOLLOWED * turned
+
+
+def _time(entry: tuple[int, Vector]) -> int:
+    return entry[0]
 
 
 def _size(vector: Vector) -> float:

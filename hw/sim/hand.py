@@ -35,6 +35,7 @@ _TREMOR_TONES = 3
 _TREMOR_M = 4e-5
 _TREMOR_RAD = 1e-4
 _MAX_STEP_S = 0.01
+_NOISE_CORRELATION_S = 0.15
 
 
 class Button(Enum):
@@ -101,10 +102,38 @@ class Joint3:
             self.velocity = self.velocity - max(0.0, float(self.velocity @ outward)) * outward
 
 
+class MotorNoise:
+    """What muscles add to a movement: noise in proportion to it (Harris and Wolpert 1998)."""
+
+    def __init__(self, random: np.random.Generator, size: float) -> None:
+        self._random = random
+        self._size = size
+        self._wander: NDArray[np.float64] = np.zeros(6)
+
+    def disturb(self, linear: Vector, angular: Vector, dt_s: float) -> tuple[Vector, Vector]:
+        """The velocities as they come out."""
+        if self._size <= 0.0:
+            return linear, angular
+        keep = math.exp(-dt_s / _NOISE_CORRELATION_S)
+        fresh = self._random.standard_normal(6)
+        self._wander = keep * self._wander + math.sqrt(1.0 - keep**2) * fresh
+        noise = self._size * self._wander
+        speed, rate = math.sqrt(linear @ linear), math.sqrt(angular @ angular)
+        return linear + speed * noise[:3], angular + rate * noise[3:]
+
+
 class Hand:
     """Arm, wrist and fingers; `step` moves them, the attributes say where they are."""
 
-    def __init__(self, random: np.random.Generator, reach_m: float) -> None:
+    def __init__(
+        self,
+        random: np.random.Generator,
+        reach_m: float,
+        tremor: float = 1.0,
+        motor_noise: float = 0.0,
+    ) -> None:
+        """`tremor`: times that of a hand at rest; `motor_noise`: of the wished speed, sigma."""
+        self._noise = MotorNoise(random, motor_noise)
         self.arm = Joint3(reach_m, _MAX_SPEED_M_S, _MAX_ACCELERATION_M_S2)
         # A rotation vector.
         self.wrist = Joint3(WRIST_REACH_RAD, _MAX_SPEED_RAD_S, _MAX_ACCELERATION_RAD_S2)
@@ -116,15 +145,16 @@ class Hand:
         shape = (_TREMOR_TONES, 6)
         self._tremor_rad_s = 2.0 * math.pi * random.uniform(*_TREMOR_HZ, shape)
         self._tremor_phase = random.uniform(0.0, 2.0 * math.pi, shape)
-        self._tremor_size = np.repeat((_TREMOR_M, _TREMOR_RAD), 3)
+        self._tremor_size = tremor * np.repeat((_TREMOR_M, _TREMOR_RAD), 3)
 
     def step(self, wish: HandWish, dt_s: float) -> None:
         """Move on by `dt_s` [s]; long steps are divided, the result hardly depends on it."""
         self._time_s += dt_s
         parts = max(1, math.ceil(dt_s / _MAX_STEP_S))
+        linear, angular = self._noise.disturb(wish.linear, wish.angular, dt_s)
         for _ in range(parts):
-            self.arm.step(wish.linear, dt_s / parts)
-            self.wrist.step(wish.angular, dt_s / parts)
+            self.arm.step(linear, dt_s / parts)
+            self.wrist.step(angular, dt_s / parts)
         self.trigger = _press(self.trigger, wish.trigger, dt_s)
         self.grip = _press(self.grip, wish.grip, dt_s)
         self.button = wish.button

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from scipy.spatial.transform import Rotation
 
 from hw.lite6_kinematics import JOINT_LOWER, JOINT_UPPER
+from hw.sim.viewpoints import WRIST_VIEWPOINT
 
 # Contact bits: fixed things touch nothing by themselves, block and arm name whom they touch.
 FIXED_BIT, BLOCK_BIT, ARM_BIT = 1, 2, 4
@@ -23,10 +24,6 @@ FINGER_TRAVEL_M = 0.008  # each; 16 mm between the pads when open
 TCP_OFFSET_M = 0.082  # from the flange along its z
 GRIP_FORCE_N = 8.0
 JOINTS = tuple(f"joint{number}" for number in range(1, 7))
-
-_CAMERA_FOVY_DEG = 62.0
-_CAMERA_TILT_DEG = 38.0
-_CAMERA_PLACE_M = (-0.068, 0.0, 0.024)  # towards the base when the gripper points down
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,12 +167,12 @@ def _finger(name: str, side: int) -> str:
 
 def _wrist_camera() -> str:
     """The eye-in-hand camera with its bracket; it sees the fingers and what is between them."""
-    x, y, z = _CAMERA_PLACE_M
-    tilt = math.radians(_CAMERA_TILT_DEG)
+    x, y, z = WRIST_VIEWPOINT.place
+    tilt = math.radians(WRIST_VIEWPOINT.tilt_deg)
     axes = f"0 1 0 {math.cos(tilt):.6f} 0 {-math.sin(tilt):.6f}"
     body_x, body_z = x - 0.013 * math.sin(tilt), z - 0.013 * math.cos(tilt)
     return f"""
-<camera name="eih" pos="{x} {y} {z}" xyaxes="{axes}" fovy="{_CAMERA_FOVY_DEG}"/>
+<camera name="eih" pos="{x} {y} {z}" xyaxes="{axes}" fovy="{WRIST_VIEWPOINT.fovy_deg}"/>
 <geom type="box" size=".012 .042 .010" pos="{body_x:.5f} 0 {body_z:.5f}"
  euler="0 {tilt:.5f} 0" material="joint" {_VISUAL}/>
 <geom type="box" size=".018 .014 .0025" pos="-.038 0 .0025" material="joint" {_VISUAL}/>"""

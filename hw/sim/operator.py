@@ -1,4 +1,4 @@
-"""The scripted operator: eyes, a task in mind, and a hand on the controller.
+"""The simulated operator: eyes, a task in mind, and a hand on the controller.
 
 He sees only `Percept`s and feels only haptic pulses. He does what people are taught: confirm,
 squeeze to move, let go when the picture is gone or nothing follows, and never clear a fault that
@@ -14,6 +14,7 @@ import numpy as np
 
 from hw.sim.efference import EfferenceCopy, FollowCheck
 from hw.sim.hand import Button, Hand, HandWish, Joint3
+from hw.sim.participant import ParticipantProfile
 from hw.sim.perception import Percept, Perception
 from hw.sim.servoing import HandMap, Sight
 from hw.sim.task import Intent, PickAndPlace, Stage
@@ -68,21 +69,30 @@ class Operator:
         perception: Perception,
         seed: int,
         confirms: bool = True,
+        profile: ParticipantProfile | None = None,
+        asked: EfferenceCopy | None = None,
     ) -> None:
-        """`confirms`: arming is his job; False when the session arms (`--arm`)."""
+        """`confirms`: arming is his job; False when the session arms (`--arm`).
+
+        `profile`: who he is, None for the configured script. `asked`: what his hand asked of the
+        tool, when his eyes go by it too.
+        """
+        who = profile or ParticipantProfile.scripted(operator)
         random = np.random.default_rng([seed, 0x09E7A])
-        self.hand = Hand(random, operator.arm_reach_m)
+        self.hand = Hand(random, operator.arm_reach_m, who.tremor, who.motor_noise)
         self.doing = Doing.WATCH
-        self._map = HandMap(hand, random)
+        self._map = HandMap(hand, random, who.misjudged_rad, who.misjudged_scale)
         self._task = PickAndPlace(
-            operator.reach_speed_m_s * hand.translation_scale,
-            operator.fine_speed_m_s * min(1.0, hand.translation_scale),
-            operator.reaction_s,
+            who.reach_speed_m_s * hand.translation_scale,
+            who.fine_speed_m_s * min(1.0, hand.translation_scale),
+            who.reaction_s,
             random,
+            who.gain_per_s,
+            who.patience_s,
         )
-        self._reaction_ns = round(operator.reaction_s * NS_PER_S)
+        self._reaction_ns = round(who.reaction_s * NS_PER_S)
         self._perception = perception
-        self._asked = EfferenceCopy()
+        self._asked = asked or EfferenceCopy()
         self._follows = FollowCheck()
         self._stuck = False
         self._tool_seen: Vector | None = None

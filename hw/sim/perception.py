@@ -6,6 +6,7 @@ scene here, from received pictures for an operator who really looks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,8 +24,20 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
+class GapSigmas:
+    """How surely the tool is seen against block and container: standard deviations.
+
+    Better known than either place where one picture shows both.
+    """
+
+    block: float  # [m]
+    container: float  # [m]
+    heading: float  # [rad], of the block against the tool
+
+
+@dataclass(frozen=True, slots=True)
 class Percept:
-    """The scene as it looked at `t_ns`: the capture time of the view, not the time of looking.
+    """The scene as it looked at `t_ns`: when the view was captured, as far as he who looks knows.
 
     Block and tool are their centres; of the container only x and y are used.
     `fingers_opening` [m] is None when the fingers cannot be made out.
@@ -35,6 +48,19 @@ class Percept:
     block: Estimate
     container: Estimate
     fingers_opening: float | None
+    seen_gaps: GapSigmas | None = None
+
+    @property
+    def gaps(self) -> GapSigmas:
+        """As seen, else from the places' own uncertainties."""
+        if self.seen_gaps is not None:
+            return self.seen_gaps
+        tool, block, container = self.tcp, self.block, self.container
+        return GapSigmas(
+            math.hypot(block.position_sigma, tool.position_sigma),
+            math.hypot(container.position_sigma, tool.position_sigma),
+            block.rotation_sigma + tool.rotation_sigma,
+        )
 
 
 class Perception(Protocol):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -29,6 +28,7 @@ from hw.sim.lite6_model import (
     arm_defaults,
     finger_coupling,
 )
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, FixedViewpoint
 from tams_app.records import Image
 
 VIEWS = ("eih", "gt", "gs")
@@ -253,20 +253,13 @@ def _block(place: Placement) -> str:
 
 def _cameras() -> str:
     """The two cameras that do not move: above the table, and at its side."""
-    return _camera("gt", (0.74, 0.0, 0.86), (0.325, 0.0, 0.0), 28.5) + _camera(
-        "gs", (0.86, -0.60, 0.44), (0.29, -0.01, 0.08), 28.0
+    return "".join(_camera(view, seen) for view, seen in FIXED_VIEWPOINTS.items())
+
+
+def _camera(view: str, viewpoint: FixedViewpoint) -> str:
+    right, down, _ = viewpoint.axes().T
+    axes = " ".join(f"{part:.6f}" for part in (*right, *-down))
+    x, y, z = viewpoint.place
+    return (
+        f'<camera name="{view}" pos="{x} {y} {z}" xyaxes="{axes}" fovy="{viewpoint.fovy_deg}"/>\n'
     )
-
-
-def _camera(
-    view: str, place: tuple[float, float, float], target: tuple[float, float, float], fovy: float
-) -> str:
-    """A camera at `place` that looks at `target` [m] and keeps the world upright; fovy [deg]."""
-    forward = np.subtract(target, place)
-    forward /= np.linalg.norm(forward)
-    steep = abs(forward[2]) > math.sin(math.radians(60))  # from above: up in the picture is +x
-    right = np.cross(forward, (1.0, 0.0, 0.0) if steep else (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    axes = " ".join(f"{part:.6f}" for part in (*right, *np.cross(right, forward)))
-    x, y, z = place
-    return f'<camera name="{view}" pos="{x} {y} {z}" xyaxes="{axes}" fovy="{fovy}"/>\n'

@@ -18,18 +18,25 @@ from tams_app.config import HandConfig
 from tams_app.records import Pose, Vector
 
 GAIN_PER_S = 2.8  # below 4/27 of the hand's own rate: no overshoot (hw.sim.hand lags)
-_MISJUDGED_RAD = math.radians(2.0)  # per axis: he knows the directions about so well
-_MISJUDGED_SCALE = 0.05
+MISJUDGED_RAD = math.radians(2.0)
+MISJUDGED_SCALE = 0.05
 _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
 
 
 class HandMap:
     """How the operator believes his hand's motion becomes the tool's; wrong by a little."""
 
-    def __init__(self, config: HandConfig, random: np.random.Generator) -> None:
-        misjudged = Rotation.from_rotvec(random.normal(0.0, _MISJUDGED_RAD, 3)).as_matrix()
+    def __init__(
+        self,
+        config: HandConfig,
+        random: np.random.Generator,
+        misjudged_rad: float = MISJUDGED_RAD,
+        misjudged_scale: float = MISJUDGED_SCALE,
+    ) -> None:
+        """How well he knows directions (per axis) and scale: one standard deviation each."""
+        misjudged = Rotation.from_rotvec(random.normal(0.0, misjudged_rad, 3)).as_matrix()
         rotation = misjudged @ np.array(config.rotation)
-        scale = 1.0 + random.normal(0.0, _MISJUDGED_SCALE)
+        scale = 1.0 + random.normal(0.0, misjudged_scale)
         self.linear_scale = config.translation_scale
         self.angular_scale = config.rotation_scale
         self._linear = scale * config.translation_scale * rotation
@@ -73,11 +80,15 @@ class Sight:
         return self.percept.block.pose.position
 
 
-def approach(error: Vector, speed: float) -> Vector:
-    """The velocity [m/s] that closes `error` [m]: at most `speed`, gently at the end."""
+def approach(error: Vector, speed: float, gain_per_s: float = GAIN_PER_S) -> Vector:
+    """The velocity [m/s] that closes `error` [m]: at most `speed`, gently at the end.
+
+    Closing a fixed part of the way left per second is Fitts's law: halving it costs the same time
+    however far it is, so the gain is ln 2 times the throughput [bit/s].
+    """
     distance = math.sqrt(error @ error)
-    wished = GAIN_PER_S * distance
-    return GAIN_PER_S * error * (speed / wished if wished > speed else 1.0)
+    wished = gain_per_s * distance
+    return gain_per_s * error * (speed / wished if wished > speed else 1.0)
 
 
 def care(sigma: float, tolerance: float) -> float:

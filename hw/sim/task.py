@@ -14,7 +14,7 @@ import numpy as np
 
 from hw.sim.hand import Button
 from hw.sim.layout import BLOCK_EDGE_M, CONTAINER_INNER_M
-from hw.sim.servoing import Sight, approach, care, grasp_turn, nearby
+from hw.sim.servoing import GAIN_PER_S, Sight, approach, care, grasp_turn, nearby
 from tams_app.clock import NS_PER_S
 from tams_app.records import Vector
 
@@ -26,6 +26,15 @@ LIFTED_M = 0.035  # by then the block must have come along
 HELD_WITHIN_M = 0.03
 TURN_SPEED_RAD_S = 0.4
 FINE_BELOW_M = 0.05  # above its end a descent is twice as fast
+
+# How sure he wants to be: half of what there is room for, so that two standard deviations fit.
+_REACH_SURE_M = 0.020  # over a thing, before he looks at it from near
+_DESCENT_SURE_M = 0.004
+_GRASP_SURE_M = 0.001  # the open fingers leave 2 mm on either side
+_PLACE_SURE_M = 0.015  # the container leaves 39 mm
+_TURN_SURE_RAD = math.radians(4.0)
+_IMPATIENT_PART = 0.25  # of his speed
+_NO_IDEA = 6.0  # times what is needed: then there is nothing to go by, and he waits
 
 _REACH_TOLERANCE_M = 0.004
 _GRASP_TOLERANCE_M = 0.0015
@@ -78,13 +87,25 @@ class PickAndPlace:
     """The task's stages; `step` is called while the hand can act on what it returns."""
 
     def __init__(
-        self, reach_speed: float, fine_speed: float, reaction_s: float, random: np.random.Generator
+        self,
+        reach_speed: float,
+        fine_speed: float,
+        reaction_s: float,
+        random: np.random.Generator,
+        gain_per_s: float = GAIN_PER_S,
+        patience_s: float = math.inf,
     ) -> None:
-        """Tool speeds [m/s]; the reaction time [s] passes, more or less, before each stage."""
+        """Tool speeds [m/s]; the reaction time [s] passes, more or less, before each stage.
+
+        `patience_s`: how long he waits for a better view before he goes on with what he has.
+        """
         self.stage = Stage.REACH
         self._reach_speed = reach_speed
         self._fine_speed = fine_speed
         self._reaction_s = reaction_s
+        self._gain_per_s = gain_per_s
+        self._patience_ns = patience_s * NS_PER_S
+        self._waits_since_ns: int | None = None
         self._random = random
         self._begins_ns = 0
         self._arrived_ns: int | None = None
@@ -123,16 +144,15 @@ class PickAndPlace:
             return self._enter(
                 Stage.TURN if _norm(turn) > _TURN_TOLERANCE_RAD else Stage.DESCEND, now_ns
             )
-        speed = self._reach_speed * care(self._block_sigma(sight), 0.02)
-        return Intent(linear=approach(error, speed), turning=False)
+        speed = self._reach_speed * self._dare(now_ns, sight.percept.gaps.block, _REACH_SURE_M)
+        return Intent(linear=self._approach(error, speed), turning=False)
 
     def _turn(self, now_ns: int, sight: Sight) -> Intent:
         turn = self._turn_left(sight)
         if self._settled(now_ns, turn, _TURN_TOLERANCE_RAD):
             return self._enter(Stage.DESCEND, now_ns)
-        sigma = sight.percept.block.rotation_sigma + sight.percept.tcp.rotation_sigma
-        speed = TURN_SPEED_RAD_S * care(sigma, math.radians(4.0))
-        return Intent(angular=approach(turn, speed), turning=True)
+        speed = TURN_SPEED_RAD_S * self._dare(now_ns, sight.percept.gaps.heading, _TURN_SURE_RAD)
+        return Intent(angular=self._approach(turn, speed), turning=True)
 
     def _descend(self, now_ns: int, sight: Sight) -> Intent:
         goal = sight.block.copy()
@@ -145,7 +165,8 @@ class PickAndPlace:
             self._grasp_block_z = sight.block[2]
             self._grasp_tcp_z = sight.percept.tcp.pose.position[2]
             return self._enter(Stage.CLOSE, now_ns)
-        sure = care(self._block_sigma(sight), 0.003 if height < FINE_BELOW_M else 0.008)
+        needed = _GRASP_SURE_M if height < FINE_BELOW_M else _DESCENT_SURE_M
+        sure = self._dare(now_ns, sight.percept.gaps.block, needed)
         return self._lower_to(error, sure, funnel_m=0.003 + 0.15 * max(0.0, height))
 
     def _close(self, now_ns: int, sight: Sight) -> Intent:
@@ -158,7 +179,7 @@ class PickAndPlace:
         if height < 0.01:
             return self._enter(Stage.CARRY, now_ns)
         error = np.array([0.0, 0.0, height])
-        return Intent(linear=approach(error, 2.0 * self._fine_speed), turning=False)
+        return Intent(linear=self._approach(error, 2.0 * self._fine_speed), turning=False)
 
     def _carry(self, now_ns: int, sight: Sight) -> Intent:
         if self._dropped(now_ns, sight):
@@ -166,8 +187,8 @@ class PickAndPlace:
         error = self._travel_error(sight, sight.percept.container.pose.position)
         if self._settled(now_ns, error, _PLACE_TOLERANCE_M):
             return self._enter(Stage.LOWER, now_ns)
-        speed = self._reach_speed * care(self._container_sigma(sight), 0.02)
-        return Intent(linear=approach(error, speed), turning=False)
+        speed = self._reach_speed * self._dare(now_ns, sight.percept.gaps.container, _REACH_SURE_M)
+        return Intent(linear=self._approach(error, speed), turning=False)
 
     def _lower(self, now_ns: int, sight: Sight) -> Intent:
         if self._dropped(now_ns, sight):
@@ -177,7 +198,8 @@ class PickAndPlace:
         error = goal - sight.tcp
         if self._settled(now_ns, error, _PLACE_TOLERANCE_M):
             return self._enter(Stage.OPEN, now_ns)
-        return self._lower_to(error, care(self._container_sigma(sight), 0.015), funnel_m=0.02)
+        sure = self._dare(now_ns, sight.percept.gaps.container, _PLACE_SURE_M)
+        return self._lower_to(error, sure, funnel_m=0.02)
 
     def _open(self, now_ns: int, sight: Sight) -> Intent:
         return self._press(Button.B, Stage.RETREAT, now_ns, sight)
@@ -186,7 +208,7 @@ class PickAndPlace:
         height = TRAVEL_HEIGHT_M[0] - sight.tcp[2]
         if height > 0.02:
             error = np.array([0.0, 0.0, height])
-            return Intent(linear=approach(error, 2.0 * self._fine_speed), turning=False)
+            return Intent(linear=self._approach(error, 2.0 * self._fine_speed), turning=False)
         return self._enter(Stage.DONE if _is_placed(sight) else Stage.REACH, now_ns)
 
     def _rest(self, now_ns: int, sight: Sight) -> Intent:
@@ -199,6 +221,7 @@ class PickAndPlace:
         self._arrived_ns = None
         self._fingers = None
         self._lost_ns = None
+        self._waits_since_ns = None
         reaction_s = self._reaction_s * self._random.uniform(0.8, 1.3)
         self._begins_ns = now_ns + round(reaction_s * NS_PER_S)
         return _HOLD
@@ -228,7 +251,8 @@ class PickAndPlace:
         far = abs(error[2]) > FINE_BELOW_M
         speed = self._fine_speed * (2.0 if far else 1.0) * sure
         down = np.array([0.0, 0.0, error[2]])
-        velocity = approach(sideways, self._fine_speed * sure) + approach(down, speed * centred)
+        velocity = self._approach(sideways, self._fine_speed * sure)
+        velocity = velocity + self._approach(down, speed * centred)
         return Intent(linear=velocity, turning=False)
 
     def _press(self, button: Button, then: Stage, now_ns: int, sight: Sight) -> Intent:
@@ -270,13 +294,19 @@ class PickAndPlace:
         turn = grasp_turn(percept.tcp.pose.rotation, percept.block.pose.rotation)
         return turn - sight.turned
 
-    @staticmethod
-    def _block_sigma(sight: Sight) -> float:
-        return math.hypot(sight.percept.block.position_sigma, sight.percept.tcp.position_sigma)
+    def _approach(self, error: Vector, speed: float) -> Vector:
+        return approach(error, speed, self._gain_per_s)
 
-    @staticmethod
-    def _container_sigma(sight: Sight) -> float:
-        return math.hypot(sight.percept.container.position_sigma, sight.percept.tcp.position_sigma)
+    def _dare(self, now_ns: int, sigma: float, needed: float) -> float:
+        """The part of his speed he dares; out of patience, some of it however he sees."""
+        dared = care(sigma, needed)
+        if dared >= _IMPATIENT_PART or sigma > _NO_IDEA * needed:
+            self._waits_since_ns = None
+            return dared
+        if self._waits_since_ns is None:
+            self._waits_since_ns = now_ns
+        waited = now_ns - self._waits_since_ns >= self._patience_ns
+        return _IMPATIENT_PART if waited else dared
 
 
 def _norm(vector: Vector) -> float:

@@ -27,7 +27,7 @@ from tests.teleop.rig import PERIOD_NS, Bench, IntegratingArm, make_config
 
 CONFIGS = {servo: make_config(arm__servo=servo) for servo in ("velocity", "pose")}
 MODES = {"velocity": 5, "pose": 1}
-many = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 # What a tracking runtime has been seen to send instead of a new, good sample.
 TRICKS = [

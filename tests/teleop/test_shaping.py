@@ -106,6 +106,21 @@ def test_braking_runs_to_exactly_zero_before_any_target_is_followed() -> None:
     assert shaper.at_rest
 
 
+def test_braking_goes_on_as_it_began_however_often_it_is_asked_for() -> None:
+    shaper = VelocityShaper(V, MOTION, STOP)
+    shaper.brake()
+    assert not shaper.braking  # at rest there is nothing to brake
+    for _ in range(10):
+        shaper.step(np.array([0.2, 0.1, 0]), PERIOD_S)
+    for _ in range(3):
+        shaper.step(np.array([0.1, 0.2, 0]), PERIOD_S)
+    plan = shaper.braking_plan(shaper.velocity, shaper.acceleration)
+    for k in range(1, 14):
+        shaper.brake()
+        velocity = shaper.step(np.array([0, 0.2, 0]) if k < 5 else np.zeros(3), PERIOD_S)
+        np.testing.assert_allclose(velocity, plan.at(k * PERIOD_S).velocity, atol=1e-12)
+
+
 def test_a_state_that_is_refused_makes_it_brake() -> None:
     shaper = VelocityShaper(V, MOTION, STOP)
     for _ in range(30):

@@ -49,3 +49,13 @@ def test_a_tool_that_follows_is_trusted_and_one_that_does_not_is_noticed(turning
 
 def test_a_hand_at_rest_is_no_evidence():
     assert _verdicts(0.0, speed=0.0) == []
+
+
+def test_what_was_asked_can_be_looked_up_for_any_time_of_the_last_seconds():
+    asked = EfferenceCopy()
+    for step in range(1, 1001):
+        asked.add(step * STEP_NS, np.array([0.001, 0, 0]), ZERO)
+    totals = asked.asked_at_each([900 * STEP_NS, 999 * STEP_NS + 1, 2000 * STEP_NS])
+    assert [total[0] for total in totals] == pytest.approx([0.9, 0.999, 1.0])
+    assert asked.asked_at(900 * STEP_NS)[0] == pytest.approx(0.9)
+    assert asked.asked_at(0)[0] == pytest.approx(0.7, abs=0.002)

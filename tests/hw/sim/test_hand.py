@@ -91,3 +91,26 @@ def test_a_hand_at_working_speed_slows_down_before_its_end():
         hand.step(_wish((0.3, 0.3, 0)), DT_S)
         assert np.linalg.norm(hand.arm.offset) < 0.98 * REACH_M
     assert np.linalg.norm(hand.arm.velocity) < 1e-3
+
+
+def _path(motor_noise: float, tremor: float = 1.0, speed: float = 0.2) -> np.ndarray:
+    hand = Hand(np.random.default_rng(4), 2.0, tremor, motor_noise)
+    wish = HandWish(np.array([speed, 0.0, 0.0]), np.zeros(3))
+    poses = []
+    for _ in range(240):
+        hand.step(wish, 1 / 120)
+        poses.append(hand.pose()[:3])
+    return np.array(poses)
+
+
+def test_motor_noise_grows_with_speed_and_leaves_a_hand_at_rest_alone():
+    steady, noisy = _path(0.0), _path(0.1)
+    slow_off = np.abs(_path(0.1, speed=0.02) - _path(0.0, speed=0.02)).max()
+    assert np.abs(noisy - steady).max() > 5.0 * slow_off > 0.0
+    assert (_path(0.1, speed=0.0) == _path(0.0, speed=0.0)).all()
+
+
+def test_tremor_is_as_large_as_the_person_s():
+    calm, shaky = (_path(0.0, tremor, speed=0.0).std(axis=0) for tremor in (1.0, 2.0))
+    assert shaky == pytest.approx(2.0 * calm)
+    assert 3e-5 < calm.mean() < 8e-5

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.sim.perception import TruePerception
+from hw.sim.perception import Estimate, GapSigmas, TruePerception
 from tams_app.records import Pose, SceneTruth
 
 
@@ -24,3 +27,17 @@ def test_true_perception_is_certain_and_dated_by_the_scene():
     assert percept.tcp.pose is truth.tcp
     assert percept.tcp.position_sigma == percept.block.rotation_sigma == 0.0
     assert percept.fingers_opening == 0.016
+
+
+def test_gaps_are_as_uncertain_as_both_places_unless_they_were_seen_together():
+    percept = TruePerception(_truth).look(1)
+    vague = replace(
+        percept,
+        tcp=Estimate(percept.tcp.pose, 0.003, 0.1),
+        block=Estimate(percept.block.pose, 0.004, 0.2),
+    )
+    assert vague.gaps.block == pytest.approx(0.005)
+    assert vague.gaps.container == pytest.approx(0.003)
+    assert vague.gaps.heading == pytest.approx(0.3)
+    seen = GapSigmas(0.001, 0.002, 0.01)
+    assert replace(vague, seen_gaps=seen).gaps is seen

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.sim.hand import Button
-from hw.sim.perception import Estimate, Percept
+from hw.sim.perception import Estimate, GapSigmas, Percept
 from hw.sim.servoing import Sight
 from hw.sim.task import Intent, PickAndPlace, Stage
 from tams_app.clock import NS_PER_MS
@@ -111,3 +111,38 @@ def test_a_block_that_already_lies_in_the_container_ends_the_task():
         task.stage = Stage.RETREAT
         _step(task, _percept(tcp=(0.33, 0.15, 0.12), block=(x, 0.15, 0.012)))
         assert task.stage is stage
+
+
+def _uncertain(sigma: float) -> Percept:
+    percept = _percept()
+    return replace(percept, seen_gaps=GapSigmas(sigma, sigma, sigma))
+
+
+def test_out_of_patience_he_goes_on_slowly_with_what_he_has():
+    patient = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0))
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=1.5)
+    for task, moves in ((patient, False), (hasty, True)):
+        intents = _run(task, _uncertain(0.05), 0, 2.0)
+        assert not any(intent.linear.any() for intent in intents[:140])
+        assert bool(intents[-1].linear.any()) is moves
+    assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
+
+
+def test_without_any_idea_he_waits_however_impatient():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=0.2)
+    assert not any(intent.linear.any() for intent in _run(hasty, _uncertain(0.5), 0, 2.0))
+
+
+def test_a_view_that_clears_gives_the_patience_back():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=1.0)
+    assert _run(hasty, _uncertain(0.05), 0, 1.5)[-1].linear.any()
+    _run(hasty, _uncertain(0.001), 1_500_000_000, 0.1)
+    assert not _run(hasty, _uncertain(0.05), 1_600_000_000, 0.5)[-1].linear.any()
+
+
+def test_a_higher_throughput_closes_the_last_part_faster():
+    speeds = []
+    for gain in (2.0, 3.0):
+        task = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), gain_per_s=gain)
+        speeds.append(np.linalg.norm(_step(task, _percept(tcp=(0.34, -0.1, 0.18))).linear))
+    assert speeds[1] == pytest.approx(1.5 * speeds[0])

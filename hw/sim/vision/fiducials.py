@@ -1,0 +1,107 @@
+"""ArUco markers: which, and where their corners are, with what the fit leaves over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hw.sim.lite6_model import TCP_OFFSET_M
+from hw.sim.vision.blobs import Window
+from hw.sim.vision.pinhole import Matrix
+from tams_app.records import Image
+
+GRIPPER_MARKER, CONTAINER_MARKER = 3, 2
+_CORNER_PX = 0.15  # of a sharp corner at its best
+_EDGE_JUDGEMENT = 0.10  # of an edge's width, as in hw.sim.vision.blobs
+_SHIFT_COSTS = 0.1  # a face that lies far off must fit that much better
+_ORDERS = np.array(
+    [np.roll(order, turn) for order in ((0, 1, 2, 3), (3, 2, 1, 0)) for turn in range(4)]
+)
+_HALF_MARKER_M = 0.0165 * 96 / 128  # without its quiet zone
+_PLATE_X_M, _PLATE_Y_M, _PLATE_Z_M = 0.019, 0.035, 0.027 - TCP_OFFSET_M
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """Corners [px], shape (4, 2), clockwise as printed."""
+
+    identity: int
+    corners: Matrix
+
+
+class MarkerFinder:
+    """Finds markers of the dictionary 4x4_50."""
+
+    def __init__(self) -> None:
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        parameters.cornerRefinementWinSize = 3
+        parameters.adaptiveThreshWinSizeMin = 7
+        parameters.adaptiveThreshWinSizeMax = 15
+        parameters.adaptiveThreshWinSizeStep = 8
+        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+        self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self.edge_px = 0.0  # how wide the edges were in the last window
+
+    def find(self, window: Window) -> list[Marker]:
+        """The markers in a window of a BGR picture."""
+        grey = np.asarray(cv2.cvtColor(window.patch, cv2.COLOR_BGR2GRAY), np.uint8)
+        corners, identities, _ = self._detector.detectMarkers(grey)
+        if not corners:
+            return []
+        self.edge_px = _edge_width(grey)
+        return [
+            Marker(int(identity), window.corner + quad.reshape(4, 2).astype(float))
+            for identity, quad in zip(identities.ravel(), corners, strict=True)
+        ]
+
+
+def _edge_width(grey: Image) -> float:
+    """Width of the steepest edges [px]: their contrast over their steepness."""
+    across = cv2.Sobel(grey, cv2.CV_16S, 1, 0)
+    low, high = np.percentile(grey, (5, 95))
+    steep = np.abs(across).ravel()
+    count = max(1, steep.size // 150)
+    return float((high - low) / max(1.0, float(np.partition(steep, -count)[-count]) / 8))
+
+
+def gripper_faces() -> list[Matrix]:
+    """Corners of the three gripper markers in the tool's frame [m], four (4, 3), in turn."""
+    half = _HALF_MARKER_M
+    square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    faces = [np.column_stack((np.full(4, _PLATE_X_M), square[:, 0], _PLATE_Z_M + square[:, 1]))]
+    for y in (_PLATE_Y_M, -_PLATE_Y_M):
+        faces.append(np.column_stack((square[:, 0], np.full(4, y), _PLATE_Z_M + square[:, 1])))
+    return faces
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A marker's corners paired with points of a face, and the uncertainty of each corner."""
+
+    pixels: Matrix
+    points: Matrix
+    sigma_px: float
+    misfit_px: float  # how far the whole lies from where it was expected
+
+
+def match_face(
+    marker: Marker, faces: list[Matrix], expected: list[Matrix], edge_px: float
+) -> Match:
+    """Which face this is, and which of its corners is which, by what fits best.
+
+    `expected`: the faces' corners [px] as the operator believes the tool to stand. What is left of
+    the corners once the whole has been shifted into place is their measured error.
+    """
+    found = marker.corners[_ORDERS]
+    gaps = found[None] - np.stack(expected)[:, None]
+    shifts = gaps.sum(axis=2) / 4
+    left = np.sqrt(((gaps - shifts[:, :, None]) ** 2).sum(axis=(2, 3)) / 8)
+    shifted = np.hypot(shifts[..., 0], shifts[..., 1])
+    face, order = np.unravel_index(np.argmin(left + _SHIFT_COSTS * shifted), left.shape)
+    misfit, away = float(left[face, order]), float(shifted[face, order])
+    sigma_px = math.hypot(_CORNER_PX, misfit, _EDGE_JUDGEMENT * edge_px)
+    return Match(found[order], faces[face], sigma_px, away)

@@ -1,0 +1,46 @@
+import math
+
+import numpy as np
+import pytest
+
+from hw.sim.layout import draw_layout
+from hw.sim.seeing import fixed_cameras
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
+
+
+@pytest.mark.parametrize("view", FIXED_VIEWPOINTS)
+def test_block_and_container_of_every_scene_are_in_the_picture(view):
+    camera = fixed_cameras()[view]
+    for seed in range(200):
+        layout = draw_layout(seed)
+        places = [(layout.block.x, layout.block.y, 0.0)]
+        places += [
+            (layout.container.x + dx, layout.container.y + dy, 0.03)
+            for dx in (-0.05, 0.05)
+            for dy in (-0.05, 0.05)
+        ]
+        pixels = camera.project(np.array(places))
+        assert (pixels > 4).all()
+        assert (pixels < (WIDTH_PX - 5, HEIGHT_PX - 5)).all()
+
+
+@pytest.mark.parametrize("view", FIXED_VIEWPOINTS)
+def test_the_block_is_large_enough_to_be_worth_looking_at(view):
+    camera = fixed_cameras()[view]
+    edge = camera.project(np.array([(0.35, -0.006, 0.01), (0.35, 0.006, 0.01)]))
+    assert np.linalg.norm(edge[1] - edge[0]) > 9.0
+
+
+@pytest.mark.parametrize("viewpoint", [*FIXED_VIEWPOINTS.values(), WRIST_VIEWPOINT])
+def test_axes_are_a_proper_rotation_with_the_picture_upright(viewpoint):
+    axes = viewpoint.axes()
+    assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-12)
+    assert math.isclose(np.linalg.det(axes), 1.0)
+
+
+def test_above_means_up_in_the_side_view_and_outwards_in_the_view_from_above():
+    low, high = np.array([0.33, 0.0, 0.0]), np.array([0.33, 0.0, 0.1])
+    side = fixed_cameras()["gs"].project(np.array([low, high]))
+    assert side[1, 1] < side[0, 1] - 50
+    above = fixed_cameras()["gt"].project(np.array([(0.30, 0.0, 0.0), (0.40, 0.0, 0.0)]))
+    assert above[1, 1] < above[0, 1] - 50
