@@ -102,6 +102,9 @@ class HomeRun:
         now_ns = self._clock.now_ns()
         self._beat(now_ns)
         began, refused = self._start_result()
+        problem = self._guard_problem(now_ns)
+        if problem:  # what the guard did is the reason; that the arm then refused follows from it
+            refused = ""
         action = self._homing.step(
             HomingInput(
                 now_ns,
@@ -112,7 +115,7 @@ class HomeRun:
                 began,
                 refused,
                 self._guard.acknowledged,
-                self._guard_problem(now_ns),
+                problem,
             )
         )
         if action is Action.STOP:

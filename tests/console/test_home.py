@@ -297,7 +297,7 @@ def test_when_the_keys_are_not_read_any_more_the_guard_stops_the_arm(
     monkeypatch.setattr(TerminalKeys, "read_bytes", stall)
     lab.heartbeat_timeout_ms = 150.0
     lab.hold_enter()
-    with pytest.raises(DeviceError):  # the guard's stop, or what it made fail before the move
+    with pytest.raises(DeviceError, match="guard"):
         lab.run()
     before, after, state = stalled_at
     assert state == State.STOPPED

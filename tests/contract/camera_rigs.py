@@ -36,11 +36,11 @@ class CameraRig(ABC):
 
     def absent_camera(self) -> Camera:
         """A camera that is not there, of the kinds that can be absent."""
-        raise NotImplementedError
+        raise AssertionError(f"a {type(self).__name__} is never absent")
 
     def silence(self) -> None:
         """Have the started camera give no more pictures, of the kinds that can fall silent."""
-        raise NotImplementedError
+        raise AssertionError(f"a {type(self).__name__} never falls silent")
 
     def now_ns(self) -> int:
         return time.monotonic_ns()
