@@ -1,0 +1,1 @@
+"""Measuring a setup: the wizards behind `run_tams.py calibrate`, and the fits they rest on."""

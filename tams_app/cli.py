@@ -11,11 +11,14 @@ from typing import Annotated, Any
 import typer
 from typer.exceptions import TyperException
 
+from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+app.add_typer(calibrate, name="calibrate")
 
 MAX_KBPS = 1e9  # keeps infinity out
 

@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from tams_app.config.calibrated import files_in_force, read_changes, set_folder
 from tams_app.config.whole import Config
 from tams_app.errors import ConfigError
 
@@ -41,11 +42,15 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     """Read a YAML file, lay dotted-key `overrides` over it and check everything.
 
     `include:` at the top of a file lists files whose keys it takes over and may replace; they are
-    looked for beside it, then in CONFIG_DIRECTORY, so that a copy works anywhere.
+    looked for beside it, then in CONFIG_DIRECTORY, so that a copy works anywhere. What was
+    calibrated for the set that `calibration:` names is laid over the file; a configuration that
+    says by what it was calibrated (a session's own) is taken as it stands.
     Raises ConfigError with file, key and reason.
     """
     path = path or DEFAULT_CONFIG
     content = _read_with_includes(path, ())
+    if not content.get("calibrated_by"):
+        _lay_calibration_over(content, path)
     overrides = overrides or {}
     for dotted, value in overrides.items():
         _override(content, dotted, value, path)
@@ -74,6 +79,16 @@ def _key(error: ValidationError) -> str:
     return ".".join(str(part) for part in where if part != "[key]")  # pydantic's, for a wrong key
 
 
+def _lay_calibration_over(content: dict[str, Any], path: Path) -> None:
+    name = content.get("calibration")
+    if not isinstance(name, str):
+        return  # none, or not a name, which the model tells
+    files = files_in_force(set_folder(path, name), read_yaml)
+    for kind, file in sorted(files.items()):
+        _lay_over(content, read_changes(file, kind, read_yaml))
+    content["calibrated_by"] = [file.name for _, file in sorted(files.items())]
+
+
 def _override(content: dict[str, Any], dotted: str, value: Any, path: Path) -> None:
     *parents, leaf = dotted.split(".")
     section = content
@@ -89,7 +104,7 @@ def _read_with_includes(path: Path, including: tuple[Path, ...]) -> dict[str, An
     resolved = path.resolve()
     if resolved in including:
         raise ConfigError(f"{path}: include: the file includes itself")
-    content = _read_yaml(path)
+    content = read_yaml(path)
     includes = content.pop("include", [])
     if not isinstance(includes, list) or not all(isinstance(name, str) for name in includes):
         raise ConfigError(f"{path}: include: must be a list of file names")
@@ -106,7 +121,8 @@ def _included(path: Path, name: str) -> Path:
     return ours if not beside.exists() and ours.exists() else beside
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The keys and values of a YAML file; ConfigError if it holds anything else."""
     try:
         content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
     except OSError as error:

@@ -77,6 +77,17 @@ class PolicyConfig(Section):
     budget: BudgetConfig = BudgetConfig()
 
 
+class QualityConfig(Section):
+    """Whether a session compares the pictures shown with those captured while it runs (SSIM).
+
+    A process at the lowest priority, which takes at most one core and scores as many pictures as
+    it has time for; the application's threads pay .1 ms for each picture captured or shown. Where
+    that is too much, switch it off: the SSIM keys of summary.json are null then.
+    """
+
+    enabled: bool = True
+
+
 class VideoConfig(Section):
     """The same settings for all views and strategies."""
 
@@ -92,6 +103,7 @@ class VideoConfig(Section):
     bind_host: str = "127.0.0.1"
     first_port: Port = 0  # 0: any free ports; else three per view from here on
     pli_min_interval_ms: Positive = 300.0
+    quality: QualityConfig = QualityConfig()
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:

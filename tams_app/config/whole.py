@@ -38,6 +38,8 @@ class RigConfig(Section):
     render_nice: Annotated[int, Field(ge=0, le=19)] = 10
     camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5  # grey levels of 255
     operator: OperatorConfig = OperatorConfig()
+    # A session's log: its recorded hand moves the controller, open loop, in the operator's place.
+    hand_trajectory: str | None = None
 
 
 class TrialConfig(Section):
@@ -75,6 +77,7 @@ class RecordingConfig(Section):
 
     directory: str = "logs"
     record_reference: bool = False
+    bitstream: bool = True  # the encoded frames themselves: nearly all of a log's size
     min_free_mb: NonNegative = 500.0
 
 
@@ -88,6 +91,9 @@ class Config(Section):
     network: str = "s2"
     seconds: Positive | None = None
     headless: bool = False
+    # the set of measured files beside this one, calibration/<name>/, that is laid over it
+    calibration: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] | None = None
+    calibrated_by: tuple[str, ...] = ()  # filled in when the configuration is read
     arm: ArmConfig = ArmConfig()
     clutch: ClutchConfig = ClutchConfig()
     hand: HandConfig = HandConfig()

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tams_app.config import Config
+from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import read_log
 from tams_app.study.completion_time import completion_time_s
@@ -20,7 +21,6 @@ from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.unattended import RichProgress, run_unattended
-from tams_app.study.verdict import Conversation
 
 LOG_NAME = "session.mcap"
 _REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")

@@ -11,12 +11,13 @@ from enum import Enum
 from pathlib import Path
 
 from tams_app.config import Config
+from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError, TamsError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.machine import mark_ended
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan, PlannedTrial, void
 from tams_app.study.runner import TrialRunner, TrialSpec
-from tams_app.study.verdict import Conversation, ask_verdict
+from tams_app.study.verdict import ask_verdict
 
 MeasureTime = Callable[[Path], float | None]
 

@@ -13,7 +13,7 @@ from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.results import read_results
 from tams_app.study.runner import TrialRunner, TrialSpec
-from tams_app.study.verdict import Conversation
+from tams_app.conversation import Conversation
 from tests.study.synthetic_study import PlantedRunner, make_study
 
 HARDWARE = {

@@ -1,0 +1,150 @@
+"""Keeping what was measured: a dated file for each calibration, none ever changed or lost."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from calibration.desk import Desk
+from tams_app import __version__
+from tams_app.config import Config, load_config
+from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_key, set_folder
+from tams_app.config.reader import DEFAULT_CONFIG, read_yaml
+from tams_app.errors import ConfigError, TamsError
+
+_HEADER = (
+    "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
+)
+_INDEX_HEADER = "# Which calibration counts, by kind. Name an older file here to go back to it.\n"
+
+
+def utc_now() -> datetime:
+    """The wall time of this moment."""
+    return datetime.now(UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What a wizard found out, and how good it is."""
+
+    kind: str  # of `KEYS_BY_KIND`
+    changes: Mapping[str, Any]  # a part of the configuration, nested as there
+    source: str  # what it was made from, in words
+    quality: Mapping[str, float | int | str | list[Any] | dict[str, Any] | None]  # units in keys
+
+
+class CalibrationSet:
+    """The calibrations of one configuration file, in a folder beside it."""
+
+    def __init__(
+        self, folder: Path, config_path: Path, now: Callable[[], datetime] = utc_now
+    ) -> None:
+        self.folder = folder
+        self._config_path = config_path
+        self._now = now
+
+    @staticmethod
+    def of(
+        config_path: Path | None, config: Config, now: Callable[[], datetime] = utc_now
+    ) -> CalibrationSet:
+        """The set that `config`, read from `config_path`, names; ConfigError if it names none."""
+        path = config_path or DEFAULT_CONFIG
+        if config.calibration is None:
+            raise ConfigError(
+                f"{path}: names no calibration: add `calibration: my-lab` (any name) at its top"
+            )
+        return CalibrationSet(set_folder(path, config.calibration), path, now)
+
+    def in_force(self, kind: str) -> Path | None:
+        """The file of a kind that counts now; None if nothing of that kind was calibrated."""
+        return files_in_force(self.folder, read_yaml).get(kind)
+
+    def propose(self, desk: Desk, calibration: Calibration, yes: bool) -> Path | None:
+        """Show what would be written, ask, and write it; the file, None if nothing was written.
+
+        `yes`: write without asking. Where nobody can be asked nothing is written.
+        """
+        before = self.in_force(calibration.kind)
+        desk.say(
+            f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}"
+        )
+        desk.say(
+            f"It would replace {before.name}, which is kept." if before else "It is the first."
+        )
+        if not yes and not desk.attended:
+            desk.say("Nothing is written, for nobody is here to be asked; --yes writes it.")
+            return None
+        if not yes and not desk.conversation.yes("Write it?"):
+            desk.say("Nothing is written.")
+            return None
+        path = self.write(calibration)
+        desk.say(f"Written: {path}\nEvery command with --config {self._config_path} uses it now.")
+        return path
+
+    def write(self, calibration: Calibration) -> Path:
+        """Write it and let it count from now on; what counted before stays beside it.
+
+        ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
+        """
+        kind = calibration.kind
+        if key := overstepping_key(calibration.changes, kind):
+            raise ConfigError(f"{key}: is not for a {kind} calibration to set")
+        before = files_in_force(self.folder, read_yaml)
+        made = self._now()
+        content = {
+            "calibration": {
+                "kind": kind,
+                "made": made.isoformat(timespec="seconds"),
+                "tams": __version__,
+                "source": calibration.source,
+                "quality": dict(calibration.quality),
+                "replaces": before[kind].name if kind in before else None,
+            },
+            "config": dict(calibration.changes),
+        }
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            path = self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
+            names = {name: file.name for name, file in before.items()} | {kind: path.name}
+            self._replace_index(names)
+        except OSError as error:
+            raise TamsError(f"{self.folder}: cannot be written: {error.strerror}") from error
+        self._check(path, before)
+        return path
+
+    def _new_file(self, kind: str, made: datetime, text: str) -> Path:
+        """A file that did not exist before, even if two are made within a second."""
+        stem = f"{kind}-{made.strftime('%Y%m%dT%H%M%SZ')}"
+        for number in range(1, 1000):
+            path = self.folder / (f"{stem}.yaml" if number == 1 else f"{stem}-{number}.yaml")
+            try:
+                with path.open("x", encoding="utf-8") as file:
+                    file.write(text)
+            except FileExistsError:
+                continue
+            return path
+        raise TamsError(f"{self.folder}: holds a thousand calibrations of this second")
+
+    def _replace_index(self, names: Mapping[str, str]) -> None:
+        temporary = self.folder / f".{IN_FORCE}.new"
+        temporary.write_text(_INDEX_HEADER + _dump(dict(sorted(names.items()))), encoding="utf-8")
+        os.replace(temporary, self.folder / IN_FORCE)
+
+    def _check(self, path: Path, before: Mapping[str, Path]) -> None:
+        """What was written must read back; else it goes, and what counted before counts again."""
+        try:
+            load_config(self._config_path)
+        except ConfigError as error:
+            self._replace_index({kind: file.name for kind, file in before.items()})
+            path.unlink()
+            raise ConfigError(f"{path.name}: does not fit the configuration: {error}") from error
+
+
+def _dump(content: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(content), sort_keys=False, default_flow_style=None, width=100)
