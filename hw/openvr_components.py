@@ -72,6 +72,15 @@ class Component:
 
 RoleMap: TypeAlias = Mapping[str, Component]  # role → component
 
+
+@dataclass(frozen=True, slots=True)
+class ComponentReading:
+    """All that can be read of a controller, whatever part it plays: path → 0..1."""
+
+    controller_type: str
+    values: Mapping[str, float]
+
+
 _PAD_SIDES = tuple(Component(f"trackpad/{s.name.lower()}", "dpad", s) for s in PadSide)
 _FOCUS3_BOTH = (
     Component("trigger/pull", "trigger", Axis(1)),

@@ -62,7 +62,7 @@ class LegacyButtons:
             return None
         self._unread = ()
         places = self._sources.get(controller_type) or self._sources[ASSUMED_TYPE]
-        values = {role: _value(state, place) for role, place in places.items()}
+        values = {role: component_value(state, place) for role, place in places.items()}
         return Buttons(
             values["trigger"],
             values["grip"],
@@ -74,7 +74,8 @@ class LegacyButtons:
         self._system.triggerHapticPulse(device, _HAPTIC_AXIS, length_us)
 
 
-def _value(state: Any, place: LegacySource) -> float:
+def component_value(state: Any, place: LegacySource) -> float:
+    """How far a component is pressed in the legacy state, 0..1."""
     match place:
         case Axis(number):
             return float(state.rAxis[number].x)

@@ -9,14 +9,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hw.controller import Controller
-from hw.sim.hand import Button
-from hw.sim.operator import Operator
+from hw.openvr_components import ComponentReading
+from hw.sim.hand import Button, Hand
+from hw.sim.wiring import Wiring
 from tams_app.clock import NS_PER_MS
 from tams_app.config import OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
@@ -58,11 +60,28 @@ _NOTHING = ControllerSample(
 )
 
 
+class Holder(Protocol):
+    """Who has the controller in his hand."""
+
+    @property
+    def hand(self) -> Hand: ...
+
+    def step(self, now_ns: int) -> None:
+        """Move the hand on to `now_ns`, which never goes back."""
+
+    def feel(self, haptic: Haptic) -> None:
+        """A pulse in the hand."""
+
+
 class VirtualController(Controller):
     """A controller held by `operator`, with tracking noise and faults to be injected."""
 
-    def __init__(self, operator: Operator, config: OperatorConfig, seed: int) -> None:
+    def __init__(
+        self, operator: Holder, config: OperatorConfig, seed: int, wiring: Wiring | None = None
+    ) -> None:
+        """`wiring`: None for a controller whose every part plays its own role."""
         self.operator = operator
+        self._wiring = wiring
         self._random = np.random.default_rng([seed, 0x5E450])
         self._noise_sigma = np.repeat(
             (config.position_noise_mm / 1000.0, np.radians(config.rotation_noise_deg)), 3
@@ -83,6 +102,10 @@ class VirtualController(Controller):
         self.operator.step(now_ns)
         self._last = self._read(now_ns)
         return self._last
+
+    def components(self) -> ComponentReading | None:
+        """All that could be read of the newest sample's controller; None for one without wiring."""
+        return self._wiring.reading(self._pressed()) if self._wiring is not None else None
 
     def pulse(self, haptic: Haptic) -> None:
         if self._started and self._fault not in _OUT_OF_HAND:
@@ -106,18 +129,26 @@ class VirtualController(Controller):
             return replace(
                 held, status=status, pose=pose, pose_ns=pose_ns, buttons_ns=self._last.buttons_ns
             )
-        hand = self.operator.hand
+        pressed = self._pressed()
+        if self._wiring is not None:
+            pressed = self._wiring.roles(self._wiring.reading(pressed))
         return ControllerSample(
             status,
             pose,
             pose_ns,
             now_ns,
-            trigger=hand.trigger,
-            grip=hand.grip,
-            a=hand.button is Button.A,
-            b=hand.button is Button.B,
-            menu=hand.button is Button.MENU,
+            trigger=pressed["trigger"],
+            grip=pressed["grip"],
+            a=pressed["a"] > 0.5,
+            b=pressed["b"] > 0.5,
+            menu=pressed["menu"] > 0.5,
         )
+
+    def _pressed(self) -> dict[str, float]:
+        """How far each part is pressed, 0..1."""
+        hand = self.operator.hand
+        buttons = {button.value: float(hand.button is button) for button in Button}
+        return {"trigger": hand.trigger, "grip": hand.grip, **buttons}
 
     def _read_pose(self, now_ns: int, fault: SensorFault | None) -> tuple[Pose | None, int]:
         if fault in _WITHOUT_POSE:

@@ -51,6 +51,18 @@ def longest_stop_s(speed: float, gained: float, acceleration: float, jerk: float
     return gained / jerk + stop_time_s(speed, acceleration, jerk)
 
 
+def check_rotation(key: str, rows: tuple[Triple, Triple, Triple]) -> None:
+    """ValueError unless `rows` are a proper rotation."""
+    matrix = np.array(rows)
+    if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
+        raise ValueError(f"{key} must be orthonormal")
+    if np.linalg.det(matrix) < 0:
+        raise ValueError(
+            f"{key} is mirrored (determinant -1): one of its rows has the wrong sign; "
+            "docs/OPERATOR.md has the usual four"
+        )
+
+
 class GuardConfig(Section):
     """The helper process that stops the arm when the control loop falls silent."""
 
@@ -66,7 +78,8 @@ class ArmConfig(Section):
     servo: Literal["velocity", "pose"] = "velocity"
     # The controller's own deadman, `duration`. The times of docs/SAFETY.md are those of 0.1.
     velocity_deadman_s: Annotated[float, Field(gt=0, le=1)] = 0.1
-    reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.05
+    # Two in a row are a fault: within 100 ms of the first that is not answered, tick and all.
+    reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.04
     tcp_offset_mm_deg: Six = (0, 0, 82, 0, 0, 0)
     tcp_load_kg: Annotated[float, Field(ge=0, le=1)] = 0.35  # the Lite 6 carries 0.6
     tcp_load_centre_mm: Triple = (0, 0, 40)
@@ -140,14 +153,7 @@ class HandConfig(Section):
 
     @model_validator(mode="after")
     def _proper_rotation(self) -> Self:
-        matrix = np.array(self.rotation)
-        if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
-            raise ValueError("rotation must be orthonormal")
-        if np.linalg.det(matrix) < 0:
-            raise ValueError(
-                "rotation is mirrored (determinant -1): one of its rows has the wrong sign; "
-                "docs/OPERATOR.md has the usual four"
-            )
+        check_rotation("rotation", self.rotation)
         if self.reject_above_m_s <= self.clamp_above_m_s:
             raise ValueError("reject_above_m_s must exceed clamp_above_m_s")
         if self.reject_above_rad_s <= self.clamp_above_rad_s:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tams_app.config.devices import CameraConfig, ControllerConfig
+from tams_app.config.devices import CameraConfig, ControllerConfig, ControllerType, MappingConfig
 from tams_app.config.motion import (
     ArmConfig,
     ClutchConfig,
@@ -14,8 +14,9 @@ from tams_app.config.motion import (
     FreshnessConfig,
     HandConfig,
     LimitsConfig,
+    check_rotation,
 )
-from tams_app.config.section import NonNegative, Positive, Section
+from tams_app.config.section import NonNegative, Positive, Section, Triple
 from tams_app.config.streaming import Network, PolicyConfig, VideoConfig
 from tams_app.records import Phase
 
@@ -38,8 +39,26 @@ class RigConfig(Section):
     render_nice: Annotated[int, Field(ge=0, le=19)] = 10
     camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5  # grey levels of 255
     operator: OperatorConfig = OperatorConfig()
+    # How the tracking frame truly stands to the arm, None: as hand.rotation says. Where they differ
+    # the operator's hand and the arm go different ways, until `calibrate frame` has been run.
+    hand_rotation: tuple[Triple, Triple, Triple] | None = None
+    controller_type: ControllerType = "vive_focus3_controller"
+    # Which component each part of the controller truly moves; what is not given, the usual one.
+    wiring: MappingConfig = MappingConfig()
     # A session's log: its recorded hand moves the controller, open loop, in the operator's place.
     hand_trajectory: str | None = None
+
+    @model_validator(mode="after")
+    def _moves_no_real_arm(self) -> Self:
+        if self.hand_trajectory is not None and not self.enabled:
+            raise ValueError("hand_trajectory is for the simulated rig: no arm moves unattended")
+        return self
+
+    @model_validator(mode="after")
+    def _turned_and_not_mirrored(self) -> Self:
+        if self.hand_rotation is not None:
+            check_rotation("hand_rotation", self.hand_rotation)
+        return self
 
 
 class TrialConfig(Section):

@@ -1,0 +1,1 @@
+"""How the controller's tracking frame stands to the arm, and which button plays which part."""

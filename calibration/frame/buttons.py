@@ -1,0 +1,95 @@
+"""Which component each part of the controller moves, from pressing one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from calibration.frame.reasons import Reason, RefusedError
+from hw.openvr_components import ROLES, ComponentReading, role_map
+from tams_app.clock import NS_PER_S
+from tams_app.errors import ConfigError
+
+PRESSED = 0.6  # of the way, as the clutch has it
+FREE = 0.3
+PATIENCE_NS = 10 * NS_PER_S
+
+
+@dataclass(frozen=True, slots=True)
+class ButtonFinding:
+    """What the parts of one type of controller turned out to move, and what was believed."""
+
+    controller_type: str
+    paths: Mapping[str, str]  # role → component
+    believed: Mapping[str, str]
+
+    @property
+    def wrong(self) -> tuple[str, ...]:
+        """The roles that the mapping in force has on other components."""
+        return tuple(role for role in ROLES if self.paths[role] != self.believed[role])
+
+
+class PressWatch:
+    """Waits for exactly one component to be pressed and let go again."""
+
+    def __init__(self, role: str, taken: Mapping[str, str]) -> None:
+        """`taken`: component → the role it has been pressed for."""
+        self._role, self._taken = role, taken
+        self._since_ns: int | None = None
+        self._free = False  # everything was let go once
+        self._pressed: set[str] = set()
+
+    def take(self, reading: ComponentReading | None, now_ns: int) -> str | None:
+        """The component, once it was let go; Refused if none came, two did, or it is taken."""
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        values = reading.values if reading is not None else {}
+        down = {path for path, value in values.items() if value >= PRESSED}
+        is_free = reading is not None and all(value <= FREE for value in values.values())
+        if not self._free:
+            self._free = is_free
+        else:
+            self._pressed |= down
+            if self._pressed and is_free:
+                return self._only()
+        if now_ns - self._since_ns > PATIENCE_NS:
+            raise self._nothing_came(values)
+        return None
+
+    def _only(self) -> str:
+        pressed = sorted(self._pressed)
+        if len(pressed) > 1:
+            raise RefusedError(
+                Reason.TWO_BUTTONS,
+                f"{' and '.join(pressed)} were pressed together: press the {self._role} alone.",
+            )
+        path = pressed[0]
+        if path in self._taken:
+            raise RefusedError(
+                Reason.WRONG_BUTTON,
+                f"{path} is the {self._taken[path]} already: press another one for {self._role}.",
+            )
+        return path
+
+    def _nothing_came(self, values: Mapping[str, float]) -> RefusedError:
+        stuck = sorted(path for path, value in values.items() if value > FREE)
+        if not values:
+            why = "the controller is switched off, or SteamVR's dashboard is open"
+        elif stuck and not self._free:
+            why = f"{', '.join(stuck)} never came free"
+        elif stuck:
+            why = f"{', '.join(stuck)} was not let go"
+        else:
+            why = "nothing arrived: wake the controller, and press firmly"
+        return RefusedError(Reason.NO_BUTTON, f"Waiting for the {self._role}: {why}.")
+
+
+def settle(
+    controller_type: str, hand: str, paths: Mapping[str, str], believed: Mapping[str, str]
+) -> ButtonFinding:
+    """The finding; Refused if a component cannot play the part it was pressed for."""
+    try:
+        role_map(controller_type, hand, paths)
+    except ConfigError as error:
+        raise RefusedError(Reason.WRONG_BUTTON, str(error)) from error
+    return ButtonFinding(controller_type, dict(paths), dict(believed))

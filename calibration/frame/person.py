@@ -1,0 +1,128 @@
+"""The simulated person of `calibrate frame --sim`: does what is prompted, as well as people do.
+
+He knows where the robot's axes point, but not quite: each stroke sets out in a slightly wrong
+direction and is slightly bent. His hand trembles and his muscles add noise (`hw.sim.hand`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calibration.frame.prompts import Move, Press, Prompt, Reach
+from calibration.frame.rotation import Matrix
+from hw.sim.hand import Button, Hand, HandWish
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.records import Haptic, Vector
+
+# With something straight to move along, such as a table's edge: assumed, nobody measured it.
+DIRECTION_ERROR_DEG = 1.0  # per axis, each stroke anew
+BOW = 0.02  # of the length, each stroke anew
+TOUCH_ERROR_M = 0.002  # per axis, each touch anew
+MOTOR_NOISE = 0.02  # along an edge; in free air people have 0.05 to 0.15 (hw.sim.participant)
+
+_TRAVEL = 1.5  # of the arm's reach: a stroke
+_LEAN_M = 0.6  # from rest, with the whole body: for touches
+_SPEED_M_S = 0.22
+_RETURN_SPEED_M_S = 0.5
+_GAIN_PER_S = 3.5
+_ARRIVED_M = 0.004
+_PAUSE_NS = 300 * NS_PER_MS
+_HOLD_NS = 500 * NS_PER_MS
+_LONGEST_NS = 5 * NS_PER_S  # for one movement, should it never arrive
+
+Routine = Iterator[HandWish]
+
+
+class PromptedPerson:
+    """Holds a controller; deterministic from seed, prompts and times."""
+
+    def __init__(self, hand_rotation: Matrix, reach_m: float, seed: int) -> None:
+        """`hand_rotation`: from the tracking frame to the arm's base frame, as it truly is."""
+        self._random = np.random.default_rng([seed, 0xCA1])
+        self.hand = Hand(self._random, _LEAN_M, motor_noise=MOTOR_NOISE)
+        self._to_hand = hand_rotation.T
+        self._travel = _TRAVEL * reach_m
+        self._now_ns = 0
+        self._last_ns: int | None = None
+        self._routine: Routine = iter(())
+        self._first_point: Vector | None = None
+
+    def ask(self, prompt: Prompt) -> None:
+        """Do this next."""
+        if isinstance(prompt, Move):
+            self._routine = self._stroke(self._to_hand @ prompt.direction)
+        elif isinstance(prompt, Reach):
+            self._routine = self._touch(prompt.robot)
+        else:
+            self._routine = self._press(prompt)
+
+    def step(self, now_ns: int) -> None:
+        if self._last_ns is None:
+            self._last_ns = now_ns
+        elapsed_s = (now_ns - self._last_ns) / NS_PER_S
+        self._last_ns = self._now_ns = now_ns
+        self.hand.step(next(self._routine, HandWish.still()), elapsed_s)
+
+    def feel(self, haptic: Haptic) -> None:
+        """Nothing here gives pulses."""
+
+    # --- what he does ---------------------------------------------------------------------------
+
+    def _stroke(self, direction: Vector) -> Routine:
+        """From one side to the other with the trigger held, a little wrong and a little bent."""
+        wrong = self._random.normal(0.0, math.radians(DIRECTION_ERROR_DEG), 3)
+        along = Rotation.from_rotvec(wrong).apply(direction)
+        aside = np.cross(along, self._random.standard_normal(3))
+        aside *= self._random.normal(0.0, BOW) * self._travel / np.linalg.norm(aside)
+        yield from self._go_to(-0.5 * self._travel * along)
+        yield from self._wait(_PAUSE_NS)
+        yield from self._wait(_PAUSE_NS, HandWish.still(trigger=True))
+        start = self.hand.arm.offset.copy()
+        way, deadline_ns = 0.0, self._now_ns + _LONGEST_NS
+        while way < self._travel - _ARRIVED_M and self._now_ns < deadline_ns:
+            way = float((self.hand.arm.offset - start) @ along)
+            share = min(1.0, max(0.0, way / self._travel))
+            speed = min(_SPEED_M_S, _GAIN_PER_S * (self._travel - way))
+            slope = 4 * (1 - 2 * share) / self._travel  # of a parabola of height 1
+            yield HandWish(speed * (along + slope * aside), np.zeros(3), trigger=True)
+        yield from self._wait(_PAUSE_NS, HandWish.still(trigger=True))
+        yield from self._wait(_PAUSE_NS)
+
+    def _touch(self, robot: Vector) -> Routine:
+        """The first point is where the hand rests; the others are as far from it as they are."""
+        if self._first_point is None:
+            self._first_point = robot
+        error = self._random.normal(0.0, TOUCH_ERROR_M, 3)
+        yield from self._go_to(self._to_hand @ (robot - self._first_point) + error)
+        yield from self._wait(_PAUSE_NS)
+        yield from self._wait(_HOLD_NS, HandWish.still(trigger=True))
+        yield from self._wait(_PAUSE_NS)
+
+    def _press(self, prompt: Press) -> Routine:
+        wishes: dict[str, Callable[[], HandWish]] = {
+            "trigger": lambda: HandWish.still(trigger=True),
+            "grip": lambda: HandWish.still(grip=True),
+        }
+        pressed = wishes.get(prompt.role, lambda: HandWish.still(button=Button(prompt.role)))
+        yield from self._wait(_PAUSE_NS)
+        yield from self._wait(_HOLD_NS, pressed())
+        yield from self._wait(_PAUSE_NS)
+
+    def _go_to(self, offset: Vector) -> Routine:
+        deadline_ns = self._now_ns + _LONGEST_NS
+        while self._now_ns < deadline_ns:
+            gap = offset - self.hand.arm.offset
+            distance = float(np.linalg.norm(gap))
+            if distance < _ARRIVED_M:
+                return
+            speed = min(_RETURN_SPEED_M_S, _GAIN_PER_S * distance)
+            yield HandWish(gap * (speed / distance), np.zeros(3))
+
+    def _wait(self, duration_ns: int, wish: HandWish | None = None) -> Routine:
+        until_ns = self._now_ns + duration_ns
+        while self._now_ns < until_ns:
+            yield wish or HandWish.still()

@@ -1,0 +1,75 @@
+"""A rig in virtual time, driven by the scripted operator with perfect eyes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.arm import ServoMode
+from hw.boundary import session_boundary
+from hw.sim.controller_model import ControllerModel
+from hw.sim.inprocess_arm import InProcessArm
+from hw.sim.layout import draw_layout
+from hw.sim.operator import Operator
+from hw.sim.operator_hand import operator_hand
+from hw.sim.perception import TruePerception
+from hw.sim.virtual_controller import VirtualController
+from hw.sim.wiring import rig_wiring
+from hw.sim.world import World
+from tams_app.clock import NS_PER_S, VirtualClock
+from tams_app.config import Config
+from tams_app.records import Outcome
+from tams_app.session import build
+from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.signals import Signals
+from tams_app.session.supervisor import ArmSupervisor
+from tams_app.study.trial import TrialJudge
+
+
+def _ignore(*_: object) -> None:
+    """Nobody records this rig."""
+
+
+def drive(config: Config, longest_s: float) -> Outcome:
+    """One trial with the product's own control loop, from confirming to the verdict."""
+    clock = VirtualClock()
+    joints = np.radians(np.array(config.arm.ready_joints_deg))
+    world = World(draw_layout(config.seed), joints)
+    boundary = session_boundary(config.arm, config.limits)
+    arm = InProcessArm(config.arm, clock, ControllerModel(world, joints), boundary)
+    supervisor = ArmSupervisor(arm, ServoMode(config.arm.servo), boundary, _ignore)
+    eyes = TruePerception(lambda: world.truth(clock.now_ns()))
+    operator = Operator(operator_hand(config), config.rig.operator, eyes, config.seed)
+    controller = VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
+    judge = TrialJudge(config.trial, build.task_geometry())
+    loop = ControlLoop(
+        clock,
+        config.control.rate_hz,
+        controller,
+        arm,
+        build.teleop(config, 0),
+        build.phase_tracker(config),
+        build.smoothed_speed(config),
+        Signals(),
+        ControlHooks(
+            beat=_ignore,
+            video_age_ns=lambda *_: 0,
+            request=lambda request: supervisor.carry_out(request, 0),
+            arm_ready=lambda: supervisor.ready,
+            phase_began=_ignore,
+            record=_ignore,
+            output=_ignore,
+        ),
+    )
+    arm.connect()
+    controller.start()
+    end_ns = clock.now_ns() + round(longest_s * NS_PER_S)
+    ended = False
+    while not ended and clock.now_ns() < end_ns:
+        clock.advance_ns(round(NS_PER_S / config.control.rate_hz))
+        output = loop.tick(clock.now_ns())
+        if output.deadman and output.arming.value == "engaged":
+            judge.engaged(clock.now_ns())
+        state = arm.state()
+        closed = state.gripper_closed if state is not None else None
+        ended = judge.step(clock.now_ns(), world.truth(clock.now_ns()), closed)
+    return judge.outcome()

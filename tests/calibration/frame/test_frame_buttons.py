@@ -1,0 +1,93 @@
+"""Which component was pressed, and what is said when none, two or the wrong one came."""
+
+import pytest
+
+from calibration.frame.buttons import PATIENCE_NS, PressWatch, settle
+from calibration.frame.reasons import Reason, RefusedError
+from hw.openvr_components import ComponentReading
+
+FOCUS = "vive_focus3_controller"
+USUAL = {
+    "trigger": "trigger/pull",
+    "grip": "grip/pull",
+    "a": "a/click",
+    "b": "b/click",
+    "menu": "joystick/click",
+}
+
+
+def reading(**pressed):
+    values = dict.fromkeys(USUAL.values(), 0.0)
+    values |= {USUAL[role]: value for role, value in pressed.items()}
+    return ComponentReading(FOCUS, values)
+
+
+def play(watch, *readings):
+    found = None
+    for number, one in enumerate(readings):
+        assert found is None
+        found = watch.take(one, number)
+    return found
+
+
+def refused(watch, *readings):
+    with pytest.raises(RefusedError) as caught:
+        play(watch, *readings)
+    return caught.value
+
+
+def test_a_component_counts_when_it_is_let_go():
+    watch = PressWatch("a", {})
+    assert play(watch, reading(), reading(b=1.0), reading(b=1.0)) is None
+    assert watch.take(reading(), 9) == "b/click"
+
+
+def test_what_is_held_at_the_beginning_does_not_count():
+    watch = PressWatch("a", {})
+    assert play(watch, reading(trigger=1.0), reading(trigger=0.0)) is None
+    assert play(watch, reading(a=1.0), reading()) == "a/click"
+
+
+def test_two_at_once_are_refused_by_name():
+    error = refused(PressWatch("a", {}), reading(), reading(a=1.0, b=1.0), reading())
+    assert error.reason is Reason.TWO_BUTTONS
+    assert "a/click and b/click were pressed together: press the a alone" in str(error)
+
+
+def test_one_that_plays_another_part_already_is_refused():
+    error = refused(PressWatch("b", {"a/click": "a"}), reading(), reading(a=1.0), reading())
+    assert error.reason is Reason.WRONG_BUTTON
+    assert "a/click is the a already" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("steady", "words"),
+    [
+        (reading(), "nothing arrived: wake the controller"),
+        (reading(grip=0.9), "grip/pull never came free"),
+        (None, "the controller is switched off, or SteamVR's dashboard is open"),
+    ],
+)
+def test_a_missing_press_is_told_with_why(steady, words):
+    watch = PressWatch("menu", {})
+    watch.take(steady, 0)
+    assert watch.take(steady, PATIENCE_NS) is None
+    with pytest.raises(RefusedError, match=words) as caught:
+        watch.take(steady, PATIENCE_NS + 1)
+    assert caught.value.reason is Reason.NO_BUTTON
+    assert "menu" in str(caught.value)
+
+
+def test_swapped_buttons_are_found_and_the_others_left():
+    found = USUAL | {"a": "b/click", "b": "a/click"}
+    finding = settle(FOCUS, "right", found, USUAL)
+    assert finding.wrong == ("a", "b")
+    assert finding.paths == found
+
+
+def test_a_button_cannot_be_the_deadman():
+    found = USUAL | {"trigger": "a/click", "a": "joystick/click", "menu": "b/click"}
+    found["b"] = "trigger/pull"
+    with pytest.raises(RefusedError, match=r"the deadman must be analog|is analog") as caught:
+        settle(FOCUS, "right", found, USUAL)
+    assert caught.value.reason is Reason.WRONG_BUTTON

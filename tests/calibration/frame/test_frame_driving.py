@@ -1,0 +1,44 @@
+"""What the calibration is for: a rig whose frame nobody knows cannot be driven, and then can."""
+
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from calibration.desk import PlayedDesk
+from calibration.frame.result import rows
+from calibration.frame.wizard import Options, run_frame
+from tams_app.config import load_config
+from tests.calibration.frame.driving import drive
+
+LONG_ENOUGH_S = 35.0  # the same operator places the block after 20 s on a rig that is right
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("seed", [0])
+def test_a_rig_turned_at_random_is_drivable_again_once_calibrated(tmp_path, seed):
+    turned = [list(row) for row in rows(Rotation.random(random_state=seed).as_matrix())]
+    path = tmp_path / "lab.yaml"
+    path.write_text(
+        yaml.safe_dump(
+            {
+                "version": 1,
+                "include": ["networks.yaml", "weights.yaml"],
+                "calibration": "lab",
+                "rig": {
+                    "hand_rotation": turned,
+                    "wiring": {"a": "b/click", "b": "a/click"},
+                },
+            }
+        )
+    )
+    before = drive(load_config(path), LONG_ENOUGH_S)
+    assert not before.success
+
+    options = Options(sim=True, yes=True, seed=seed)
+    assert run_frame(PlayedDesk(), path, options) == 0
+
+    config = load_config(path)
+    assert config.calibrated_by[0].startswith("frame-")
+    after = drive(config, LONG_ENOUGH_S)
+    assert after.reason == "placed"
+    assert after.success

@@ -1,0 +1,214 @@
+"""The frame from strokes: how right it is, and what is said of strokes that are wrong."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from calibration.frame.fit import fit_strokes
+from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.rotation import turn_deg
+from tests.calibration.frame.synthetic import stroke, strokes
+
+BEHIND = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # upright
+SEEDS = range(200)
+
+
+@st.composite
+def rotations(draw):
+    parts = [draw(st.floats(-1.0, 1.0)) for _ in range(4)]
+    if np.linalg.norm(parts) < 0.1:
+        parts = [1.0, 0.0, 0.0, 0.0]
+    return Rotation.from_quat(parts).as_matrix()
+
+
+def errors_and_bounds(**how):
+    found = []
+    for seed in SEEDS:
+        truth = Rotation.random(random_state=seed).as_matrix()
+        fit = fit_strokes(strokes(truth, np.random.default_rng(seed), **how))
+        found.append((turn_deg(fit.rotation, truth), fit.error_bound_deg))
+    return np.array(found).T
+
+
+def refusal(made, present=None):
+    with pytest.raises(RefusedError) as caught:
+        fit_strokes(made, present)
+    return caught.value
+
+
+def test_strokes_of_200_mm_and_50_samples_with_5_mm_noise_give_under_1_degree():
+    """A sample is 5 mm from its true place (RMS distance): 2.9 mm along each axis."""
+    errors, _ = errors_and_bounds(noise_m=0.005 / np.sqrt(3))
+    assert np.percentile(errors, 98) < 1.0
+    assert np.sqrt((errors**2).mean()) < 0.55
+
+
+def test_two_strokes_for_each_axis_give_under_1_degree_every_time():
+    errors, _ = errors_and_bounds(noise_m=0.005 / np.sqrt(3), rounds=2)
+    assert errors.max() < 1.0
+
+
+def test_5_mm_along_each_axis_give_under_1_degree_from_300_mm_and_the_wizards_samples():
+    errors, _ = errors_and_bounds(noise_m=0.005, rounds=2, length_m=0.3, samples=120)
+    assert errors.max() < 1.0
+
+
+@settings(max_examples=40)
+@given(rotations(), st.integers(0, 2**32 - 1))
+def test_any_rotation_is_found_to_within_1_degree(truth, seed):
+    random = np.random.default_rng(seed)
+    fit = fit_strokes(strokes(truth, random, rounds=2, length_m=0.3, samples=120, noise_m=0.005))
+    assert turn_deg(fit.rotation, truth) < 1.0
+    assert np.linalg.det(fit.rotation) == pytest.approx(1.0)
+    assert fit.residual_mm == pytest.approx(5.0 * np.sqrt(2), rel=0.15)  # two axes across
+
+
+@settings(max_examples=25)
+@given(rotations(), st.integers(0, 2**32 - 1))
+def test_turning_the_tracking_frame_turns_the_result_and_nothing_else(turn, seed):
+    random = np.random.default_rng(seed)
+    made = strokes(BEHIND, random, rounds=2, noise_m=0.002)
+    turned = [type(one)(one.axis, one.positions @ turn.T) for one in made]
+    before, after = fit_strokes(made), fit_strokes(turned)
+    assert turn_deg(after.rotation @ turn, before.rotation) < 1e-6
+    assert after.error_bound_deg == pytest.approx(before.error_bound_deg)
+
+
+@pytest.mark.parametrize("rounds", [1, 2, 4])
+def test_the_error_is_within_its_bound_as_often_as_it_says(rounds):
+    errors, bounds = errors_and_bounds(rounds=rounds, wrong_deg=1.0, noise_m=0.001, length_m=0.3)
+    assert (errors <= bounds).mean() > 0.9
+    assert (errors <= 0.25 * bounds).mean() < 0.6  # and is no idle number
+
+
+def test_jumps_of_the_tracking_do_not_count():
+    random = np.random.default_rng(1)
+    made = strokes(BEHIND, random, noise_m=0.001)
+    for one in made:
+        one.positions[random.integers(0, 50, 6)] += random.normal(0, 0.3, (6, 3))
+    assert turn_deg(fit_strokes(made).rotation, BEHIND) < 0.5
+
+
+def test_a_stroke_that_went_astray_is_left_out_and_named():
+    random = np.random.default_rng(2)
+    made = strokes(BEHIND, random, rounds=2, noise_m=0.001)
+    lean = Rotation.from_rotvec(np.radians(25) * BEHIND[0]).as_matrix()
+    made[4] = stroke(BEHIND @ lean, 1, random, noise_m=0.001)
+    fit = fit_strokes(made)
+    assert turn_deg(fit.rotation, BEHIND) < 0.5
+    assert [one.used for one in fit.strokes] == [True, True, True, True, False, True]
+    assert fit.left_out == ("one +y stroke was 25° from the others and is left out",)
+
+
+def test_a_stroke_that_was_reversed_once_is_left_out_and_named():
+    random = np.random.default_rng(3)
+    made = strokes(BEHIND, random, rounds=2, noise_m=0.001)
+    made[3] = stroke(BEHIND, 0, random, sign=-1)
+    fit = fit_strokes(made)
+    assert turn_deg(fit.rotation, BEHIND) < 0.5
+    assert fit.left_out == ("one +x stroke went the other way and is left out",)
+
+
+@pytest.mark.parametrize(("axis", "name"), list(enumerate("xyz")))
+def test_a_reversed_axis_is_named_by_the_rotation_in_force(axis, name):
+    random = np.random.default_rng(axis)
+    made = strokes(BEHIND, random, rounds=2)
+    made = [stroke(BEHIND, s.axis, random, sign=-1 if s.axis == axis else 1) for s in made]
+    error = refusal(made, BEHIND)
+    assert error.reason is Reason.MIRRORED
+    assert f"most likely the +{name} stroke was reversed" in str(error)
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (1, 2), (0, 2)])
+def test_swapped_axes_are_named_by_the_rotation_in_force(first, second):
+    random = np.random.default_rng(first)
+    went = [0, 1, 2]
+    went[first], went[second] = second, first
+    made = [type(s)(n, s.positions) for n, s in enumerate(stroke(BEHIND, a, random) for a in went)]
+    error = refusal(made, BEHIND)
+    names = "xyz"[first], "xyz"[second]
+    assert error.reason is Reason.MIRRORED
+    assert f"most likely +{names[0]} and +{names[1]} were taken for one another" in str(error)
+
+
+def test_a_reversed_z_is_named_without_any_rotation_in_force_because_robots_stand_upright():
+    random = np.random.default_rng(5)
+    made = [stroke(BEHIND, axis, random, sign=-1 if axis == 2 else 1) for axis in range(3)]
+    assert "most likely the +z stroke was reversed" in str(refusal(made))
+
+
+def test_a_mirrored_frame_that_nothing_explains_names_all_that_is_possible():
+    leaning = Rotation.from_euler("xyz", [40, 40, 10], degrees=True).as_matrix()
+    random = np.random.default_rng(5)
+    made = [stroke(leaning, axis, random, sign=-1 if axis == 1 else 1) for axis in range(3)]
+    error = refusal(made, BEHIND)
+    assert error.reason is Reason.MIRRORED
+    assert "most likely" not in str(error)
+    for name in "xyz":
+        assert f"the +{name} stroke was reversed" in str(error)
+    assert "make them all again" in str(error)
+
+
+def test_the_rotation_in_force_counts_more_than_that_robots_stand_upright():
+    hanging = np.diag([1.0, -1.0, -1.0]) @ BEHIND
+    random = np.random.default_rng(5)
+    made = [stroke(hanging, axis, random, sign=-1 if axis == 0 else 1) for axis in range(3)]
+    assert "most likely the +x stroke was reversed" in str(refusal(made, hanging))
+
+
+@pytest.mark.parametrize(
+    ("sign", "words"), [(1, "nearly the same way"), (-1, "nearly opposite ways")]
+)
+def test_strokes_that_are_not_independent_are_named(sign, words):
+    random = np.random.default_rng(6)
+    made = strokes(BEHIND, random)
+    made[1] = type(made[1])(1, stroke(BEHIND, 0, random, sign=sign).positions)
+    error = refusal(made)
+    assert error.reason is Reason.NOT_INDEPENDENT
+    assert f"The +x and +y strokes went {words}" in str(error)
+
+
+def test_strokes_that_are_far_from_square_are_named():
+    random = np.random.default_rng(7)
+    made = strokes(BEHIND, random)
+    lean = Rotation.from_rotvec(np.radians(35) * BEHIND[0]).as_matrix()
+    made[1] = stroke(BEHIND @ lean, 1, random)
+    error = refusal(made)
+    assert error.reason is Reason.SKEWED
+    assert "The +y and +z strokes are 35° from a right angle" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("how", "reason", "words"),
+    [
+        ({"length_m": 0.12}, Reason.TOO_SHORT, "was 120 mm long: make it at least 200 mm"),
+        ({"samples": 30}, Reason.TOO_FEW_SAMPLES, "has 30 samples of the 50 it takes"),
+        ({"samples": 2}, Reason.TOO_FEW_SAMPLES, "has 2 samples"),
+        ({"bow": 0.15}, Reason.CURVED, "is bent by 30 mm over 200 mm"),
+        ({"noise_m": 0.02, "samples": 200, "length_m": 0.4}, Reason.NOISY, "scatters by 2"),
+    ],
+)
+def test_a_bad_stroke_is_refused_with_what_to_do(how, reason, words):
+    error = refusal(strokes(BEHIND, np.random.default_rng(9), **how))
+    assert error.reason is reason
+    assert words in str(error)
+
+
+def test_a_stroke_there_and_back_is_refused():
+    made = strokes(BEHIND, np.random.default_rng(10))
+    one = made[2].positions
+    made[2] = type(made[2])(2, np.concatenate((one, one[::-1][:40])))
+    assert refusal(made).reason is Reason.WENT_BACK
+
+
+def test_a_missing_axis_is_named():
+    assert "There is no +z stroke" in str(refusal(strokes(BEHIND, np.random.default_rng(0))[:2]))
+
+
+def test_strokes_along_the_axes_span_space_evenly():
+    fit = fit_strokes(strokes(BEHIND, np.random.default_rng(0), rounds=2))
+    assert fit.condition == pytest.approx(1.0)
+    assert fit.residual_mm == pytest.approx(0.0, abs=1e-6)
+    assert all(one.angle_deg == pytest.approx(0.0, abs=1e-6) for one in fit.strokes)

@@ -1,0 +1,80 @@
+"""Strokes found in a recorded session, and the sessions in which there are none to be found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration.frame.fit import fit_strokes
+from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.recorded import find_strokes, strokes_of_log
+from calibration.frame.rotation import turn_deg
+from tams_app.config import load_config
+from tams_app.errors import LogError
+from tams_app.records import Pose
+from tests.calibration.frame.synthetic import stroke
+from tests.synthetic_session import tick
+
+TRUTH = Rotation.random(random_state=11).as_matrix()
+
+
+def session(*positions, arming="disarmed"):
+    """The ticks of a session in which each of `positions` was made with the trigger held."""
+    ticks = []
+
+    def add(place, trigger):
+        base = tick(len(ticks))
+        pose = Pose(np.asarray(place), Rotation.identity())
+        hand = replace(base.controller, pose=pose, trigger=trigger)
+        ticks.append(replace(base, controller=hand, arming=arming))
+
+    for part in positions:
+        for place in part:
+            add(place, 1.0)
+        for _ in range(20):
+            add(part[-1], 0.0)
+    first = [replace(ticks[0], controller=replace(ticks[0].controller, trigger=0.0))]
+    return first + ticks
+
+
+def rounds(count, random):
+    return [
+        stroke(TRUTH, axis, random, samples=120, noise_m=0.001).positions
+        for _ in range(count)
+        for axis in range(3)
+    ]
+
+
+def test_the_strokes_of_a_session_give_the_frame():
+    made = rounds(2, np.random.default_rng(0))
+    found = find_strokes(session(*made), load_config())
+    assert [one.axis for one in found] == [0, 1, 2, 0, 1, 2]
+    assert turn_deg(fit_strokes(found).rotation, TRUTH) < 0.5
+
+
+def test_a_squeeze_without_motion_is_no_stroke():
+    made = rounds(1, np.random.default_rng(1))
+    squeeze = np.tile(made[0][-1], (30, 1))
+    found = find_strokes(session(made[0], squeeze, *made[1:]), load_config())
+    assert len(found) == 3
+
+
+def test_a_session_that_drove_the_arm_is_refused_with_the_reason():
+    made = rounds(1, np.random.default_rng(2))
+    with pytest.raises(RefusedError, match="shows the mapping in force and not the true") as caught:
+        find_strokes(session(*made, arming="engaged"), load_config())
+    assert caught.value.reason is Reason.DRIVEN
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 4])
+def test_a_number_of_strokes_that_is_no_round_is_refused(count):
+    made = rounds(2, np.random.default_rng(3))[:count] or [np.zeros((30, 3))]
+    with pytest.raises(RefusedError, match=f"has {count} strokes") as caught:
+        find_strokes(session(*made), load_config())
+    assert caught.value.reason is Reason.MISSING
+
+
+def test_a_folder_without_a_session_is_one_sentence(tmp_path):
+    with pytest.raises(LogError, match=r"holds no session\.mcap: give a session folder"):
+        strokes_of_log(tmp_path, load_config())

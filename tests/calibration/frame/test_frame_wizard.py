@@ -1,0 +1,214 @@
+"""The whole conversation, with the simulated person and with recorded strokes."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from calibration.desk import PlayedDesk
+from calibration.frame import person
+from calibration.frame.reasons import RefusedError
+from calibration.frame.result import rows
+from calibration.frame.rotation import turn_deg
+from calibration.frame.sources import SimulatedSetup
+from calibration.frame.wizard import Options, fit_moves, run_frame
+from tams_app.clock import NS_PER_S
+from tams_app.config import load_config
+from tams_app.errors import ConfigError
+from tams_app.recording.mcap_log import McapLog
+from tams_app.records import ControllerStatus
+from tests.calibration.frame.test_frame_recorded import TRUTH, rounds, session
+from tests.synthetic_session import header
+
+TURNED = Rotation.random(random_state=4).as_matrix()
+SWAPPED = {"a": "b/click", "b": "a/click"}
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """Writes a configuration of a rig whose frame and buttons are as given; its path."""
+
+    def write(rotation=TURNED, wiring=None, **more):
+        path = tmp_path / "lab.yaml"
+        content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
+        turned = [list(row) for row in rows(rotation)]
+        content["rig"] = {"hand_rotation": turned, "wiring": wiring or {}}
+        path.write_text(yaml.safe_dump({**content, **more}))
+        return path
+
+    return write
+
+
+def calibrate(path, desk=None, **options):
+    desk = desk or PlayedDesk()
+    options = {"sim": True, "yes": True, "buttons": False} | options
+    return run_frame(desk, path, Options(**options)), desk
+
+
+def files(path):
+    return sorted((path.parent / "calibration" / "lab").glob("frame-*.yaml"))
+
+
+def test_a_turned_rig_is_found_right_and_its_directions_all_light_up(rig):
+    path = rig()
+    code, desk = calibrate(path)
+    assert code == 0
+    assert turn_deg(np.array(load_config(path).hand.rotation), TURNED) < 2.0
+    assert any("6 of 6 directions lit up as asked for" in text for text in desk.said)
+    quality = yaml.safe_load(files(path)[0].read_text())["calibration"]["quality"]
+    assert quality["true_error_deg"] <= quality["error_bound_95_deg"] <= 2.0
+    assert quality["directions_lit"] == "6 of 6"
+
+
+def test_swapped_buttons_are_put_right(rig):
+    path = rig(wiring=SWAPPED)
+    code, desk = calibrate(path, buttons=True, rounds=1)
+    assert code == 0
+    mapping = load_config(path).controller.mapping["vive_focus3_controller"]
+    assert (mapping.a, mapping.b) == ("b/click", "a/click")
+    table = next(text for text in desk.said if text.startswith("Buttons of vive_focus3"))
+    assert re.search(r"a +b/click +a/click +put right", table)
+    assert re.search(r"menu +joystick/click +joystick/click +as it was", table)
+
+
+def test_buttons_that_were_put_right_stay_so_when_only_the_frame_is_made_anew(rig):
+    path = rig(wiring=SWAPPED)
+    calibrate(path, buttons=True)
+    code, _ = calibrate(path, buttons=False, seed=1)
+    assert code == 0
+    assert len(files(path)) == 2
+    mapping = load_config(path).controller.mapping["vive_focus3_controller"]
+    assert (mapping.a, mapping.b) == ("b/click", "a/click")
+
+
+def test_touches_give_rotation_and_scale(rig, tmp_path):
+    points = tmp_path / "points.csv"
+    points.write_text(
+        "x_mm,y_mm,z_mm\n250,120,60\n250,-120,60\n400,-120,60\n400,120,60\n300,0,260\n400,0,220\n"
+    )
+    path = rig(hand={"translation_scale": 0.7})
+    code, _ = calibrate(path, touch=points)
+    assert code == 0
+    hand = load_config(path).hand
+    assert turn_deg(np.array(hand.rotation), TURNED) < 2.0
+    assert hand.translation_scale == pytest.approx(1.0, abs=0.05)
+    code, _ = calibrate(
+        rig(hand={"translation_scale": 0.7}, calibration="other"), touch=points, keep_scale=True
+    )
+    assert load_config(path).hand.translation_scale == 0.7
+
+
+def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monkeypatch):
+    monkeypatch.setattr(person, "DIRECTION_ERROR_DEG", 5.0)
+    path = rig()
+    with pytest.raises(RefusedError, match=r"may be off by \d.*°, and more than 3° is no use"):
+        calibrate(path)
+    assert files(path) == []
+
+
+def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch):
+    monkeypatch.setattr("calibration.frame.wizard.GOOD_DEG", 0.1)
+    monkeypatch.setattr("calibration.frame.result.GOOD_DEG", 0.1)
+    path = rig()
+    with pytest.raises(RefusedError, match="A person at the terminal must confirm"):
+        calibrate(path)
+    assert calibrate(path, PlayedDesk(["n"]))[0] == 1
+    assert files(path) == []
+    assert calibrate(path, PlayedDesk(["y"]))[0] == 0
+    assert len(files(path)) == 1
+
+
+class Recentred:
+    """The hand of a person whose headset is recentred for a second after some seconds."""
+
+    def __init__(self, hand, after_s):
+        self._hand, self._from_ns, self.asked = hand, after_s * NS_PER_S, []
+
+    def ask(self, prompt):
+        self.asked.append(prompt.name)
+        self._hand.ask(prompt)
+
+    def next(self):
+        now_ns, sample = self._hand.next()
+        if 0 <= now_ns - self._from_ns < NS_PER_S:
+            status = ControllerStatus.TRACKING_FRAME_CHANGED
+            sample = replace(sample, status=status, pose=None, trigger=0.0)
+        return now_ns, sample
+
+
+def test_a_recentred_headset_makes_the_wizard_begin_anew_once(rig):
+    config = load_config(rig())
+    desk = PlayedDesk()
+    with SimulatedSetup(config, 0).hand(config.controller) as hand:
+        source = Recentred(hand, after_s=7)
+        fit = fit_moves(desk, source, config, rounds=2)
+    assert sum("From the beginning" in text for text in desk.said) == 1
+    begun = source.asked.index("+x", 1)
+    assert 0 < begun < 6
+    assert len(source.asked) == begun + len(fit.strokes)  # what came before does not count
+    assert turn_deg(fit.rotation, TURNED) < 2.0
+
+
+def test_nothing_is_written_unless_asked_for(rig):
+    path = rig()
+    assert calibrate(path, yes=False)[0] == 1
+    assert files(path) == []
+
+
+def test_a_recorded_session_gives_the_frame(rig, tmp_path):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    log = McapLog(folder / "session.mcap", header())
+    for tick in session(*rounds(2, np.random.default_rng(0))):
+        log.write(tick, tick.finished_ns)
+    log.close()
+    path = rig()
+    code, desk = calibrate(path, sim=False, logs=(folder,))
+    assert code == 0
+    assert turn_deg(np.array(load_config(path).hand.rotation), TRUTH) < 1.0
+    assert any("cannot be tried out" in text for text in desk.said)
+
+
+def test_the_picture_is_drawn(rig, tmp_path):
+    picture = tmp_path / "fit.png"
+    calibrate(rig(), picture=picture)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_seed_makes_the_same_frame(rig):
+    path = rig()
+    calibrate(path)
+    first = load_config(path).hand.rotation
+    (path.parent / "calibration" / "lab" / "in-force.yaml").unlink()
+    calibrate(path)
+    assert load_config(path).hand.rotation == first
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"logs": ("x",)}, "--from goes neither with --sim nor with --touch"),
+        ({"sim": False}, "has the simulated rig: add --sim"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(rig, options, words):
+    with pytest.raises(ConfigError, match=words):
+        calibrate(rig(), **options)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x_mm,y_mm,z_mm\n1,2\n", "line 2: must hold numbers"),
+        ("x_mm,y_mm,z_mm\n1,2,nan\n", "line 2: must hold finite numbers"),
+        ("a,b,c\n1,2,3\n", "must hold numbers under x_mm, y_mm, z_mm"),
+    ],
+)
+def test_a_wrong_list_of_points_is_named_with_its_line(rig, tmp_path, text, words):
+    points = tmp_path / "points.csv"
+    points.write_text(text)
+    with pytest.raises(ConfigError, match=words):
+        calibrate(rig(), touch=points)
