@@ -43,9 +43,16 @@ ELEMENT_PACKAGES = {
     "decodebin": _BASE,
     "autovideosink": _GOOD,
     "ximagesink": "gstreamer1.0-x",
+    "mp4mux": _GOOD,
+    "qtdemux": _GOOD,
 }
 CAPTURE_ELEMENTS = ("v4l2src", "jpegdec", "videoscale", "videotestsrc", "decodebin")
-_OPTIONAL = ("nvh264dec", "vah264dec", "autovideosink", "ximagesink", *CAPTURE_ELEMENTS)
+CLIP_ELEMENTS = ("mp4mux", "qtdemux")
+_OPTIONAL = (
+    *("nvh264dec", "vah264dec", "autovideosink", "ximagesink"),
+    *CAPTURE_ELEMENTS,
+    *CLIP_ELEMENTS,
+)
 STREAMING_ELEMENTS = tuple(name for name in ELEMENT_PACKAGES if name not in _OPTIONAL)
 DECODERS_BY_PREFERENCE = ("nvh264dec", "vah264dec", "avdec_h264")
 

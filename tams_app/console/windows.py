@@ -27,7 +27,7 @@ class ViewWindow:
 
     def __init__(self, view: str, config: VideoConfig) -> None:
         """SetupError if there is no display or GStreamer lacks an element."""
-        _require_display()
+        require_display()
         gst.require_elements(WINDOW_ELEMENTS)
         self.view = view
         self.pictures_shown = 0
@@ -84,7 +84,7 @@ def _labelled(image: Image, view: str) -> Image:
     return labelled
 
 
-def _require_display() -> None:
+def require_display() -> None:
     """SetupError unless a display answers.
 
     Asked before autovideosink is: where none answers, its choice of glimagesink crashes the

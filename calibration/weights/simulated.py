@@ -1,0 +1,75 @@
+"""`--sim`: one session on the simulated rig to cut clips from, and a panel that is not people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from calibration.weights.panel import PANELS, simulate_panel
+from calibration.weights.rating_files import RatingFolder
+from tams_app.config import load_config
+from tams_app.errors import ConfigError, TamsError
+from tams_app.recording import read_log
+from tams_app.records import Phase
+from tams_app.session.recorders import LOG_NAME
+
+RATERS = 8  # as many as the paper asked
+SESSIONS = 3  # at most: a grasp or a release may be too short for a clip
+_NAME = "weights"
+
+
+def record_session(config_path: Path | None, directory: Path, seed: int) -> Path:
+    """Run one pick-and-place of the scripted operator at full quality; its folder.
+
+    TamsError if it did not come to its end.
+    """
+    from tams_app.console.app import run_session
+
+    settings = load_config(
+        config_path,
+        {
+            "rig.enabled": True,
+            "name": _NAME,
+            "network": "none",
+            "seed": seed,
+            "headless": True,
+            "recording.directory": str(directory),
+        },
+    )
+    before = set(_sessions(directory))
+    run_session(settings, arm_at_once=True)
+    (folder,) = set(_sessions(directory)) - before
+    outcome = read_log(folder / LOG_NAME).outcome
+    if outcome is None or not outcome.completed:
+        reason = outcome.reason if outcome else "it was ended early"
+        raise TamsError(
+            f"{folder}: the simulated session was not completed ({reason}): run it again, or with "
+            "another --seed"
+        )
+    return folder
+
+
+def _sessions(directory: Path) -> list[Path]:
+    return [log.parent for log in directory.glob(f"*/{LOG_NAME}")]
+
+
+def check_panel(panel: str, views: Sequence[str]) -> None:
+    """ConfigError if there is no such panel, or if it prefers views that are not there."""
+    if panel not in PANELS:
+        raise ConfigError(f"--panel: {panel!r} is none of {', '.join(PANELS)}")
+    if unknown := set(PANELS[panel].values()) - set(views):
+        raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
+
+
+def rate_by_panel(
+    folder: RatingFolder, panel: str, views: Sequence[str], phases: Iterable[Phase], seed: int
+) -> str:
+    """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
+    preferred = PANELS[panel]
+    for sheet in simulate_panel(preferred, views, phases, RATERS, seed):
+        known = folder.open(sheet.rater, simulated=True)
+        for answer in sheet.answers:
+            if known.on(answer.phase) is None:
+                folder.add(sheet.rater, answer)
+    taste = "prefers the dominant views of the paper's Table I" if preferred else "prefers no view"
+    return f"{panel}: {taste}; seed {seed}"

@@ -1,0 +1,297 @@
+"""Cutting clips: which stretches, the right pictures at the right instants, and nothing twice."""
+
+import os
+import shutil
+import subprocess
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calibration.weights import clip_file
+from calibration.weights.clip_file import ClipWriter, play
+from calibration.weights.clips import ClipFolder
+from calibration.weights.composing import STRIP_HEIGHT, instants, newest_at, side_by_side
+from calibration.weights.cutting import cut_session
+from calibration.weights.decoding import Picture, decode
+from calibration.weights.segments import LONGEST_S, SHORTEST_S, Segment, phase_segments, select
+from calibration.weights.sources import open_session
+from tams_app.clock import NS_PER_S
+from tams_app.errors import ConfigError, LogError, SetupError
+from tams_app.records import Phase, PhaseChange
+from tests.calibration.weights_session import (
+    HEIGHT,
+    VIDEO,
+    WIDTH,
+    add_captures,
+    encoded,
+    picture,
+    record_session,
+    seen,
+)
+from tests.synthetic_session import FPS, VIEWS, capture_ns
+
+S = NS_PER_S
+TWO_PHASES = [(0.0, Phase.REACH), (0.7, Phase.ALIGN)]
+
+changes = st.lists(
+    st.builds(PhaseChange, st.integers(0, 60 * S), st.sampled_from(Phase), st.just("")), max_size=12
+)
+
+
+@given(changes, st.integers(0, 30 * S), st.integers(0, 60 * S))
+def test_segments_follow_each_other_within_the_pictures_time(phases, first_ns, last_ns):
+    segments = phase_segments(phases, first_ns, last_ns)
+    for segment in segments:
+        assert first_ns <= segment.start_ns < segment.end_ns <= last_ns
+    for one, following in pairwise(segments):
+        assert one.end_ns <= following.start_ns
+
+
+@given(changes)
+def test_every_phase_gives_at_most_one_clip_within_the_bounds_and_every_segment_is_accounted_for(
+    phases,
+):
+    segments = phase_segments(phases, 0, 60 * S)
+    selection = select(segments)
+    assert len({segment.phase for segment in selection.chosen}) == len(selection.chosen)
+    assert all(SHORTEST_S <= segment.seconds <= LONGEST_S for segment in selection.chosen)
+    left_out = selection.too_short + selection.not_longest
+    assert len(selection.chosen) + left_out == len(segments)
+    long_enough = {segment.phase for segment in segments if segment.seconds >= SHORTEST_S}
+    assert {segment.phase for segment in selection.chosen} == long_enough
+
+
+def test_a_long_phase_is_shortened_to_its_end_and_the_sessions_last_to_its_beginning():
+    phases = [PhaseChange(0, Phase.REACH, ""), PhaseChange(20 * S, Phase.ALIGN, "")]
+    reach, align = select(phase_segments(phases, 0, 40 * S)).chosen
+    assert (reach.start_ns, reach.end_ns) == (12 * S, 20 * S)
+    assert (align.start_ns, align.end_ns) == (20 * S, 28 * S)
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(VIEWS), st.integers(0, 1000)), max_size=60),
+    st.lists(st.integers(0, 1200), max_size=30),
+)
+def test_each_instant_shows_every_views_newest_picture_of_that_time(captures, wanted):
+    captures.sort(key=lambda capture: capture[1])
+    wanted.sort()
+    pictures = [
+        Picture(view, t_ns, np.full((1, 1, 3), number, np.uint8))
+        for number, (view, t_ns) in enumerate(captures)
+    ]
+    moments = list(newest_at(iter(pictures), wanted))
+    assert [t_ns for t_ns, _ in moments] == wanted
+    for t_ns, images in moments:
+        for view in VIEWS:
+            before = [n for n, (of, at) in enumerate(captures) if of == view and at <= t_ns]
+            assert images[view][0, 0, 0] == before[-1] if before else view not in images
+
+
+def test_views_stand_side_by_side_under_a_strip_that_names_them():
+    images = {view: picture(view, 0) for view in VIEWS}
+    whole = side_by_side(images, VIEWS, "ALIGN")
+    assert whole.shape == (HEIGHT + STRIP_HEIGHT, 3 * WIDTH, 3)
+    for number, view in enumerate(VIEWS):
+        part = whole[STRIP_HEIGHT:, number * WIDTH : (number + 1) * WIDTH]
+        assert np.array_equal(part, images[view])
+    assert np.ptp(whole[:STRIP_HEIGHT]) > 100  # something is written there
+
+
+def test_every_picture_of_a_bitstream_comes_back_with_its_capture_time():
+    found = list(decode(encoded("gt", 60), VIDEO, "avdec_h264"))
+    assert [one.capture_ns for one in found] == [capture_ns(index) for index in range(60)]
+    assert [seen(one.image) for one in found] == [("gt", index) for index in range(60)]
+
+
+def test_a_view_that_is_left_half_way_is_given_up_without_a_complaint(glib_complaints):
+    pictures = decode(encoded("gt", 40), VIDEO, "avdec_h264")
+    assert next(pictures).capture_ns == capture_ns(0)
+    pictures.close()
+
+
+def frames_of(path):
+    video = cv2.VideoCapture(str(path))
+    assert video.get(cv2.CAP_PROP_FPS) == FPS
+    frames = []
+    while (got := video.read())[0]:
+        frames.append(got[1])
+    return frames
+
+
+def part(frame, view):
+    at = VIEWS.index(view) * WIDTH
+    return frame[STRIP_HEIGHT:, at : at + WIDTH]
+
+
+def quiet(segment: Segment, done: float) -> None:
+    assert 0 <= done <= 1
+
+
+def test_a_session_is_cut_into_clips_that_show_all_views_as_they_were(tmp_path):
+    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
+    folder = ClipFolder(tmp_path / "clips")
+    cut = cut_session(session, folder, quiet)
+    assert cut.picture == "as sent, no bottleneck"
+    reach, align = folder.clips()
+    assert (reach.phase, align.phase) == (Phase.REACH, Phase.ALIGN)
+    assert reach.seconds == pytest.approx(0.7)
+    for clip, first, count in ((reach, 0, 21), (align, 21, 22)):
+        frames = frames_of(clip.path)
+        assert len(frames) == count
+        for number, frame in enumerate(frames):
+            found = [seen(part(frame, view)) for view in VIEWS]
+            assert found == [(view, first + number) for view in VIEWS]
+
+
+def test_lossless_captures_are_taken_where_there_are_some(tmp_path):
+    folder = record_session(tmp_path / "s1", [(0.0, Phase.REACH), (0.5, Phase.ALIGN)], 1.2, "s3")
+    add_captures(folder, 15)
+    session = open_session(folder, VIEWS)
+    assert not session.is_constrained
+    clips = ClipFolder(tmp_path / "clips")
+    assert cut_session(session, clips, quiet).picture == "lossless captures"
+    frames = frames_of(clips.file(Phase.REACH, "s1"))
+    shown = [seen(255 - part(frame, "gs")) for frame in frames]
+    assert shown == [("gs", index) for index in range(15)]
+
+
+def test_pictures_that_a_network_narrowed_are_called_so(tmp_path):
+    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5, "s3"), VIEWS)
+    assert session.is_constrained
+    assert session.picture == "as sent over s3"
+
+
+def test_what_is_cut_already_is_not_cut_again_and_what_is_missing_is(tmp_path):
+    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
+    folder = ClipFolder(tmp_path / "clips")
+    cut_session(session, folder, quiet)
+    reach, align = (folder.file(phase, "s1") for phase in (Phase.REACH, Phase.ALIGN))
+    untouched, whole = reach.stat().st_mtime_ns, frames_of(align)
+    align.unlink()
+    cut_session(session, folder, quiet)
+    assert reach.stat().st_mtime_ns == untouched
+    assert len(frames_of(align)) == len(whole)
+    assert np.array_equal(frames_of(align)[-1], whole[-1])
+
+
+def test_an_interrupted_clip_leaves_no_half_file_and_is_cut_the_next_time(tmp_path):
+    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
+    folder = ClipFolder(tmp_path / "clips")
+
+    def interrupt(segment, done):
+        if segment.phase is Phase.ALIGN and done > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cut_session(session, folder, interrupt)
+    assert [clip.phase for clip in folder.clips()] == [Phase.REACH]
+    assert not list(folder.path.glob("*.part"))
+    cut_session(session, folder, quiet)
+    assert [clip.phase for clip in folder.clips()] == [Phase.REACH, Phase.ALIGN]
+
+
+def test_a_phase_too_short_for_a_clip_is_cut_with_its_context_if_that_is_wanted(tmp_path):
+    phases = [(0.0, Phase.ALIGN), (0.6, Phase.GRASP), (0.8, Phase.TRANSPORT)]
+    session = open_session(record_session(tmp_path / "s1", phases, 1.5), VIEWS)
+    folder = ClipFolder(tmp_path / "clips")
+    cut_session(session, folder, quiet)
+    assert [clip.phase for clip in folder.clips()] == [Phase.ALIGN, Phase.TRANSPORT]
+    cut = cut_session(session, folder, quiet, context_s=0.5)
+    assert cut.context_s == 0.5
+    align, grasp, transport = folder.clips()
+    assert grasp.seconds == pytest.approx(1.2)
+    shown = [seen(part(frame, "eih"))[1] for frame in frames_of(grasp.path)]
+    assert shown == list(range(3, 39))
+    # what was cut without context before is cut anew
+    assert seen(part(frames_of(transport.path)[0], "eih"))[1] == 9
+    assert len(frames_of(align.path)) == 33
+
+
+@given(changes, st.floats(0, 2))
+def test_context_makes_segments_longer_and_leaves_none_out(phases, context_s):
+    bare = phase_segments(phases, 5 * S, 50 * S)
+    around = phase_segments(phases, 5 * S, 50 * S, context_s)
+    assert [segment.phase for segment in around] == [segment.phase for segment in bare]
+    for one, other in zip(bare, around, strict=True):
+        assert 5 * S <= other.start_ns <= one.start_ns
+        assert one.end_ns <= other.end_ns <= 50 * S
+
+
+def test_two_sessions_of_one_name_are_not_taken_for_each_other(tmp_path):
+    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
+    folder = ClipFolder(tmp_path / "clips")
+    cut = cut_session(session, folder, quiet)
+    other = cut.model_copy(update={"recorded": "2020-01-01T00:00:00.000+00:00"})
+    with pytest.raises(ConfigError, match="another session named s1: rename one folder"):
+        folder.add("s1", other)
+
+
+def test_a_session_of_other_views_or_without_phases_or_that_is_none_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="is no session"):
+        open_session(tmp_path, VIEWS)
+    folder = record_session(tmp_path / "s1", [], 0.1)
+    with pytest.raises(ConfigError, match="shows the views eih, gt, gs"):
+        open_session(folder, ("eih", "gt"))
+    with pytest.raises(LogError, match="tells no phases"):
+        open_session(folder, VIEWS)
+
+
+def test_a_session_of_flickering_phases_only_is_refused(tmp_path):
+    phases = [(0.1 * n, (Phase.REACH, Phase.ALIGN)[n % 2]) for n in range(5)]
+    session = open_session(record_session(tmp_path / "s1", phases, 0.5), VIEWS)
+    with pytest.raises(LogError, match="no phase lasts long enough"):
+        cut_session(session, ClipFolder(tmp_path / "clips"), quiet)
+
+
+def test_a_clip_that_cannot_be_written_is_told(tmp_path):
+    with pytest.raises(SetupError, match=r"x\.mp4"):
+        ClipWriter(tmp_path / "nowhere" / "x.mp4", WIDTH, HEIGHT, FPS)
+
+
+def test_a_segment_needs_a_picture_for_every_frame_time_within_it():
+    assert instants(Segment(Phase.REACH, S, 2 * S), 30) == [S + n * S // 30 for n in range(30)]
+
+
+def test_without_a_display_a_clip_is_not_played(tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(SetupError, match="no display"):
+        play(tmp_path / "x.mp4")
+
+
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs Xvfb (apt-get install xvfb)")
+def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch):
+    path = tmp_path / "clip.mp4"
+    writer = ClipWriter(path, WIDTH, HEIGHT, FPS)
+    for index in range(10):
+        writer.add(picture("gt", index))
+    writer.finish()
+    reading, writing = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-noreset", "-fbdir", str(tmp_path)],
+        pass_fds=(writing,),
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as number:
+            monkeypatch.setenv("DISPLAY", f":{number.readline().strip()}")
+        monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        blank = (tmp_path / "Xvfb_screen0").read_bytes()
+        screens, shut_down = [], clip_file.gst.shut_down
+
+        def photograph_and_shut_down(pipeline):
+            screens.append((tmp_path / "Xvfb_screen0").read_bytes())
+            shut_down(pipeline)
+
+        monkeypatch.setattr(clip_file.gst, "shut_down", photograph_and_shut_down)
+        play(path)
+        assert screens[-1] != blank  # the last picture was on the screen
+    finally:
+        server.terminate()
+        server.wait(10)

@@ -1,0 +1,211 @@
+"""The rule for W: laws over any ratings, its decisions, and what a panel makes of it."""
+
+from decimal import Decimal
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calibration.weights.assessment import assess
+from calibration.weights.fit import fit_weights, smallest_share
+from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
+from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
+from tams_app.config import load_config
+from tams_app.records import Phase
+
+VIEWS = ("eih", "gt", "gs")
+PRESENT = load_config().policy.weights.matrix
+POINTS = st.integers(LEAST, MOST)
+
+
+@st.composite
+def panels(draw, views=VIEWS, may_be_silent=True):
+    """Any sheets on REACH at all, also with things unsaid."""
+    silence = st.none() if may_be_silent else st.nothing()
+    answer = st.builds(
+        Answer,
+        st.just(Phase.REACH),
+        st.fixed_dictionaries(dict.fromkeys(views, POINTS | silence)),
+        st.sampled_from(views) | silence,
+    )
+    answers = draw(st.lists(answer, min_size=1, max_size=12))
+    return [Sheet(f"p{number}", False, (one,)) for number, one in enumerate(answers)]
+
+
+def ballot(*answers):
+    """Sheets from (necessity in the order of VIEWS, most critical view)."""
+    return [
+        Sheet(f"p{n}", False, (Answer(Phase.REACH, dict(zip(VIEWS, points, strict=True)), named),))
+        for n, (points, named) in enumerate(answers)
+    ]
+
+
+def reach(sheets, views=VIEWS, present=PRESENT):
+    return fit_weights(sheets, views, present)[Phase.REACH]
+
+
+def mean(sheets, view):
+    given_ = [v for s in sheets if (v := s.answers[0].necessity[view]) is not None]
+    return Fraction(sum(given_), len(given_))
+
+
+@given(panels(may_be_silent=False))
+def test_every_row_sums_to_exactly_one_in_its_two_decimals(sheets):
+    shares = [Decimal(str(share)) for share in reach(sheets).shares.values()]
+    assert sum(shares) == Decimal("1")
+    assert all(share == share.quantize(Decimal("0.01")) for share in shares)
+
+
+@given(panels(may_be_silent=False))
+def test_the_most_often_named_view_has_strictly_the_largest_share(sheets):
+    row = reach(sheets)
+    assert row.votes[row.dominant] == max(row.votes.values())
+    others = [share for view, share in row.shares.items() if view != row.dominant]
+    assert row.shares[row.dominant] > max(others)
+
+
+@given(panels(may_be_silent=False))
+def test_the_other_shares_are_ordered_by_necessity_and_equal_where_it_is(sheets):
+    row = reach(sheets)
+    first, second = (view for view in VIEWS if view != row.dominant)
+    more = mean(sheets, first) - mean(sheets, second)
+    gap = row.shares[first] - row.shares[second]
+    assert gap >= 0 if more > 0 else gap <= 0 if more < 0 else gap == 0
+
+
+@given(panels(may_be_silent=False))
+def test_no_view_has_less_than_a_fifth(sheets):
+    assert smallest_share(3) == 0.20
+    assert min(reach(sheets).shares.values()) >= smallest_share(3)
+
+
+@given(st.integers(1, 9).flatmap(lambda n: panels(tuple(f"v{i}" for i in range(n)), False)))
+def test_the_laws_hold_for_any_number_of_views(sheets):
+    views = tuple(sheets[0].answers[0].necessity)
+    present = {phase: {view: 1 / len(views) for view in views} for phase in Phase}
+    row = reach(sheets, views, present)
+    shares = sorted(row.shares.values())
+    assert sum(Decimal(str(share)) for share in shares) == 1
+    assert shares[0] >= smallest_share(len(views)) > 0
+    assert row.shares[row.dominant] == shares[-1]
+    assert len(views) == 1 or shares[-1] > shares[-2]
+
+
+@given(panels())
+def test_a_row_is_built_or_kept_and_says_why_it_was_kept(sheets):
+    row = reach(sheets)
+    if row.dominant is None:
+        assert row.shares == PRESENT[Phase.REACH]
+        assert "keeps its present row" in row.remarks[0]
+    else:
+        assert row.votes[row.dominant] > 0
+        assert None not in row.necessity.values()
+
+
+@given(panels(may_be_silent=False), st.randoms())
+def test_the_order_of_the_raters_does_not_matter(sheets, random):
+    shuffled = list(sheets)
+    random.shuffle(shuffled)
+    assert reach(shuffled) == reach(sheets)
+
+
+@given(panels(may_be_silent=False))
+def test_one_more_vote_for_the_dominant_view_never_lowers_its_share(sheets):
+    row = reach(sheets)
+    voted = dict.fromkeys(VIEWS)  # his vote only, so that the necessities stay
+    more = [*sheets, Sheet("more", False, (Answer(Phase.REACH, voted, row.dominant),))]
+    assert reach(more).shares[row.dominant] >= row.shares[row.dominant]
+
+
+def test_unanimous_raters_give_table_ones_largest_share_and_evenly_split_ones_its_smallest():
+    unanimous = reach(ballot(*[((5, 3, 3), "eih")] * 8))
+    assert unanimous.shares == {"eih": 0.60, "gt": 0.20, "gs": 0.20}
+    split = reach(ballot(((3, 5, 3), "eih"), ((3, 4, 3), "gt"), ((3, 3, 3), "gs")))
+    assert split.dominant == "gt"
+    assert split.shares["gt"] == pytest.approx(0.45, abs=0.0101)
+
+
+def test_a_tie_of_votes_is_broken_by_necessity_and_told():
+    row = reach(ballot(((5, 4, 1), "eih"), ((4, 4, 1), "gt")))
+    assert row.dominant == "eih"
+    assert "tie: eih and gt" in row.remarks[0]
+    assert "eih is the more necessary" in row.remarks[0]
+
+
+def test_a_tie_that_necessity_does_not_break_keeps_the_view_that_led_before_and_asks_for_more():
+    row = reach(ballot(((4, 4, 1), "eih"), ((4, 4, 1), "gt")))
+    assert row.dominant == "gt"  # of the two, the one with more in the present row
+    assert "ask more raters" in row.remarks[0]
+
+
+def test_votes_that_contradict_the_necessities_are_told():
+    row = reach(ballot(((2, 5, 3), "eih"), ((2, 5, 3), "eih")))
+    assert row.dominant == "eih"
+    assert row.remarks == (
+        "eih is most often named most critical, but gt and gs are rated more necessary",
+    )
+
+
+def test_a_dominant_view_without_a_majority_is_told():
+    row = reach(
+        ballot(((5, 3, 3), "eih"), ((5, 3, 3), "eih"), ((3, 5, 3), "gt"), ((3, 3, 5), "gs"))
+    )
+    assert "no majority: 2 of 4 named eih most critical" in row.remarks
+
+
+def test_a_view_whose_necessity_nobody_rated_keeps_the_row_and_is_named():
+    row = reach(ballot(((5, None, 3), "eih"), ((4, None, 2), "eih")))
+    assert row.dominant is None
+    assert row.remarks == ("keeps its present row: nobody rated the necessity of gt",)
+
+
+def test_a_phase_nobody_rated_keeps_its_present_row_and_says_so():
+    rows = fit_weights(ballot(((5, 3, 3), "eih")), VIEWS, PRESENT)
+    assert rows[Phase.GRASP].shares == PRESENT[Phase.GRASP]
+    assert rows[Phase.GRASP].remarks == ("keeps its present row: nobody rated it",)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_panel_that_prefers_the_papers_views_gets_table_ones_dominant_view_in_every_phase(seed):
+    sheets = simulate_panel(PANELS["paper"], VIEWS, Phase, raters=8, seed=seed)
+    rows = assess(sheets, VIEWS, PRESENT).rows
+    assert {phase: row.dominant for phase, row in rows.items()} == PAPER_DOMINANT
+
+
+def test_the_papers_dominant_views_are_those_of_the_configured_table_one():
+    for phase, row in PRESENT.items():
+        assert max(row, key=lambda view: row[view]) == PAPER_DOMINANT[phase]
+
+
+def test_a_panel_that_prefers_nothing_is_reported_as_disagreeing():
+    for seed in range(20):
+        sheets = simulate_panel(PANELS["indifferent"], VIEWS, Phase, raters=8, seed=seed)
+        result = assess(sheets, VIEWS, PRESENT)
+        assert result.necessity_alpha < 0.667
+        assert result.critical_alpha < 0.667
+        assert sum("too little to rely on" in remark for remark in result.remarks) == 2
+        for row in result.rows.values():
+            assert sum(Decimal(str(share)) for share in row.shares.values()) == 1
+
+
+def test_few_and_simulated_raters_are_told():
+    sheets = simulate_panel(PANELS["paper"], VIEWS, Phase, raters=2, seed=1)
+    sheets.append(Sheet("p01", False, sheets[0].answers))
+    remarks = assess(sheets, VIEWS, PRESENT).all_remarks
+    assert "2 of 3 ratings are of a simulated panel, not of people" in remarks
+    assert "few raters: 3, where the paper asked 8" in remarks
+
+
+def test_one_rater_alone_makes_a_matrix_whose_agreement_is_not_defined():
+    result = assess(simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0), VIEWS, PRESENT)
+    assert result.necessity_alpha is None
+    assert any("is not defined" in remark for remark in result.remarks)
+
+
+def test_a_panel_is_the_same_for_the_same_seed_and_another_for_another():
+    first, again, other = (
+        simulate_panel(PANELS["paper"], VIEWS, Phase, 4, seed) for seed in (1, 1, 2)
+    )
+    assert first == again
+    assert first != other

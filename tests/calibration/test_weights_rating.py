@@ -1,0 +1,163 @@
+"""Rating at the terminal and its files: resumable, never overwritten, checked when read."""
+
+import pytest
+
+from calibration.desk import PlayedDesk
+from calibration.weights.clips import Clip
+from calibration.weights.rating import rate, viewing_order
+from calibration.weights.rating_files import RatingFolder
+from calibration.weights.ratings import Answer
+from tams_app.errors import ConfigError
+from tams_app.records import Phase
+
+VIEWS = ("eih", "gt", "gs")
+REACH_ANSWER = Answer(Phase.REACH, {"eih": 2, "gt": 5, "gs": None}, "gt")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return RatingFolder(tmp_path / "ratings", VIEWS)
+
+
+def clips(tmp_path, sessions=("a", "b", "c"), phases=tuple(Phase)):
+    return [
+        Clip(tmp_path / f"{phase.value}-{session}.mp4", phase, session, 1.0)
+        for phase in phases
+        for session in sessions
+    ]
+
+
+def test_what_was_answered_reads_back(folder):
+    assert folder.open("p01").answers == ()
+    folder.add("p01", REACH_ANSWER)
+    silent = Answer(Phase.GRASP, dict.fromkeys(VIEWS), None)
+    folder.add("p01", silent)
+    (sheet,) = folder.sheets()
+    assert sheet == folder.open("p01")
+    assert sheet.answers == (REACH_ANSWER, silent)
+    assert not sheet.simulated
+
+
+def test_an_answer_is_only_ever_added_to_the_file(folder):
+    folder.open("p01")
+    folder.add("p01", REACH_ANSWER)
+    before = (folder.path / "p01.yaml").read_bytes()
+    folder.open("p01")
+    folder.add("p01", Answer(Phase.ALIGN, {"eih": 5, "gt": 1, "gs": 1}, "eih"))
+    assert (folder.path / "p01.yaml").read_bytes().startswith(before)
+
+
+def test_a_second_answer_on_a_phase_is_refused_and_the_first_stays(folder):
+    folder.open("p01")
+    folder.add("p01", REACH_ANSWER)
+    with pytest.raises(ConfigError, match="REACH is answered already"):
+        folder.add("p01", Answer(Phase.REACH, {"eih": 5, "gt": 1, "gs": 1}, "eih"))
+    assert folder.open("p01").answers == (REACH_ANSWER,)
+
+
+@pytest.mark.parametrize("name", ["", "../p01", "Jane Doe", "p/1", "p01.yaml", "x" * 41])
+def test_a_name_that_is_no_pseudonym_is_refused(folder, name):
+    with pytest.raises(ConfigError, match="cannot be a rater's name"):
+        folder.open(name)
+    assert not folder.path.exists()
+
+
+@pytest.mark.parametrize("name", ["0123", "yes", "null", "1e3"])
+def test_a_pseudonym_that_yaml_would_take_for_something_else_stays_text(folder, name):
+    folder.open(name)
+    assert [sheet.rater for sheet in folder.sheets()] == [name]
+
+
+def test_a_simulated_rater_cannot_be_taken_for_a_person(folder):
+    folder.open("p01", simulated=True)
+    with pytest.raises(ConfigError, match="another kind of rater"):
+        folder.open("p01")
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("- {phase: REACH, necessity: {eih: 6, gt: 1, gs: 1}, most_critical: gt}", "less than"),
+        ("- {phase: REACH, necessity: {eih: 0, gt: 1, gs: 1}, most_critical: gt}", "greater than"),
+        ("- {phase: REACH, necessity: {eih: 2.5, gt: 1, gs: 1}, most_critical: gt}", "integer"),
+        ("- {phase: REACH, necessity: {eih: 2, gt: 1}, most_critical: gt}", "must name eih, gt"),
+        ("- {phase: REACH, necessity: {eih: 2, gt: 1, gs: 1}, most_critical: up}", "must be one"),
+        ("- {phase: NAP, necessity: {eih: 2, gt: 1, gs: 1}, most_critical: gt}", "phase"),
+        ("- {phase: REACH, necessity: {eih: 2, gt: 1, gs: 1}, most_crit", "not valid YAML"),
+    ],
+)
+def test_a_spoilt_rating_file_is_refused_with_its_name_and_the_reason(folder, line, reason):
+    folder.open("p01")
+    file = folder.path / "p01.yaml"
+    file.write_text(file.read_text() + line + "\n")
+    with pytest.raises(ConfigError, match=reason) as refusal:
+        folder.sheets()
+    assert "p01.yaml" in str(refusal.value)
+
+
+def test_a_phase_answered_twice_in_a_file_is_refused(folder):
+    folder.open("p01")
+    folder.add("p01", REACH_ANSWER)
+    file = folder.path / "p01.yaml"
+    file.write_text(file.read_text() + file.read_text().splitlines()[-1] + "\n")
+    with pytest.raises(ConfigError, match="REACH: is answered twice"):
+        folder.sheets()
+
+
+def test_a_renamed_rating_file_is_refused(folder):
+    folder.open("p01")
+    (folder.path / "p01.yaml").rename(folder.path / "p02.yaml")
+    with pytest.raises(ConfigError, match="rater: is p01"):
+        folder.sheets()
+
+
+def test_every_rater_sees_every_clip_once_in_an_order_of_his_own(tmp_path):
+    given_ = clips(tmp_path)
+    orders = [viewing_order(given_, rater, 1) for rater in ("p01", "p02", "p03")]
+    for order in orders:
+        assert sorted(phase.value for phase, _ in order) == sorted(phase.value for phase in Phase)
+        for phase, shown in order:
+            assert {clip.path for clip in shown} == {c.path for c in given_ if c.phase is phase}
+            assert len(shown) == 3
+    assert len({tuple(phase for phase, _ in order) for order in orders}) > 1
+    assert viewing_order(given_, "p01", 1) == orders[0]
+    assert viewing_order(given_, "p01", 2) != orders[0]
+
+
+def test_a_rater_watches_then_answers_and_what_he_said_is_kept(tmp_path, folder):
+    watched = []
+    desk = PlayedDesk(["w", "r", "2", "5", "-", "gt", "y"])
+    given_ = clips(tmp_path, ("a", "b"), (Phase.REACH,))
+    rate(desk, folder, "p01", given_, VIEWS, watched.append, seed=0)
+    assert len(watched) == 4  # two clips, watched again
+    assert set(watched) == {clip.path for clip in given_}
+    assert folder.open("p01").answers == (REACH_ANSWER,)
+
+
+def test_a_rater_may_take_back_what_he_said_before_it_is_kept(tmp_path, folder):
+    desk = PlayedDesk(["r", "1", "1", "1", "eih", "n", "2", "5", "-", "gt", "y"])
+    given_ = clips(tmp_path, ("a",), (Phase.REACH,))
+    rate(desk, folder, "p01", given_, VIEWS, lambda path: None, seed=0)
+    assert folder.open("p01").answers == (REACH_ANSWER,)
+
+
+def test_an_interrupted_rater_goes_on_where_he_stopped(tmp_path, folder):
+    given_ = clips(tmp_path, ("a",))
+    one = ["r", "3", "3", "3", "gt", "y"]
+    with pytest.raises(ConfigError, match="nobody"):
+        rate(PlayedDesk(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
+    first = folder.open("p01").answers
+    assert len(first) == 2
+    desk = PlayedDesk(one * 4)
+    rate(desk, folder, "p01", given_, VIEWS, _unseen, seed=0)
+    assert any("has rated 2 phases before" in text for text in desk.said)
+    answers = folder.open("p01").answers
+    assert answers[:2] == first
+    assert {answer.phase for answer in answers} == set(Phase)
+    again = PlayedDesk()
+    rate(again, folder, "p01", given_, VIEWS, _unseen, seed=0)
+    assert again.said == ["p01 has rated every phase. Thank you. What was said stays as it is."]
+
+
+def _unseen(path):
+    assert path.suffix == ".mp4"

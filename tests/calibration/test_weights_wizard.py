@@ -1,0 +1,181 @@
+"""The wizard from a recorded session to a file that the configuration then uses."""
+
+import shutil
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from calibration.desk import PlayedDesk
+from calibration.weights.assessment import assess
+from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
+from calibration.weights.picture import save_picture
+from calibration.weights.rating_files import RatingFolder
+from calibration.weights.wizard import Options, run_weights
+from tams_app.cli import app
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.errors import ConfigError
+from tams_app.records import Phase
+from tests.calibration.weights_session import record_session
+
+VIEWS = ("eih", "gt", "gs")
+PNG = b"\x89PNG"
+
+
+@pytest.fixture
+def config(tmp_path):
+    """A copy of the configuration, so that the real one stays as it is."""
+    folder = tmp_path / "config"
+    folder.mkdir()
+    for file in CONFIG_DIRECTORY.glob("*.yaml"):
+        shutil.copy(file, folder)
+    return folder / "tams.yaml"
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """All phases but RELEASE, each long enough for a clip."""
+    phases = [(0.6 * number, phase) for number, phase in enumerate(list(Phase)[:-1])]
+    return record_session(tmp_path_factory.mktemp("logs") / "trial-1", phases, 3.05)
+
+
+def written(config):
+    index = yaml.safe_load((config.parent / "calibration/rig/in-force.yaml").read_text())
+    return config.parent / "calibration/rig" / index["weights"]
+
+
+def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_so(
+    config, session, tmp_path
+):
+    options = Options(config, sim=True, logs=(session,), folder=tmp_path / "work", seed=1, yes=True)
+    desk = PlayedDesk()
+    before = load_config(config).policy.weights.matrix
+    assert run_weights(options, desk) == 0
+    matrix = load_config(config).policy.weights.matrix
+    for phase in list(Phase)[:-1]:
+        assert max(matrix[phase], key=lambda view: matrix[phase][view]) == PAPER_DOMINANT[phase]
+    assert matrix[Phase.RELEASE] == before[Phase.RELEASE]
+    content = yaml.safe_load(written(config).read_text())
+    assert list(content["config"]) == ["policy"]
+    assert list(content["config"]["policy"]) == ["weights"]
+    assert "not of people" in content["calibration"]["source"]
+    quality = content["calibration"]["quality"]
+    assert quality["simulated_raters"] == 8
+    assert "RELEASE: keeps its present row: nobody rated it" in quality["remarks"]
+    assert list(quality["clips"]) == ["trial-1"]
+    assert written(config).with_suffix(".png").read_bytes().startswith(PNG)
+    assert any("5 clips" in text and "No clip of RELEASE" in text for text in desk.said)
+
+
+def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
+    config, session, tmp_path
+):
+    options = Options(
+        config, True, (session,), folder=tmp_path / "work", panel="indifferent", yes=True
+    )
+    desk = PlayedDesk()
+    assert run_weights(options, desk) == 0
+    assert "too little to rely on" in "".join(desk.said)
+    content = yaml.safe_load(written(config).read_text())
+    remarks = content["calibration"]["quality"]["remarks"]
+    assert sum("too little to rely on" in remark for remark in remarks) == 2
+    assert content["calibration"]["quality"]["most_critical_alpha_nominal"] < 0.667
+
+
+def test_ratings_in_files_make_the_weights_without_asking_anybody(config, tmp_path):
+    folder = RatingFolder(tmp_path / "ratings", VIEWS)
+    for sheet in simulate_panel(PANELS["paper"], VIEWS, Phase, 3, 0):
+        folder.open(sheet.rater.replace("simulated", "p"))
+        for answer in sheet.answers:
+            folder.add(sheet.rater.replace("simulated", "p"), answer)
+    desk = PlayedDesk()
+    assert run_weights(Options(config, ratings=folder.path, yes=True), desk) == 0
+    calibration = yaml.safe_load(written(config).read_text())["calibration"]
+    assert calibration["source"] == "ratings of 3 people, on unknown clips"
+    assert "few raters: 3, where the paper asked 8" in calibration["quality"]["remarks"]
+
+
+def test_without_anybody_to_ask_and_without_yes_nothing_is_written(config, tmp_path):
+    folder = RatingFolder(tmp_path / "ratings", VIEWS)
+    folder.open("p01")
+    folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
+    assert run_weights(Options(config, ratings=folder.path), PlayedDesk()) == 1
+    assert not (config.parent / "calibration").exists()
+
+
+def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    rated = ["r", "5", "3", "2", "eih", "y"] * 5
+    options = Options(config, logs=(session,), folder=tmp_path / "work")
+    desk = PlayedDesk(["r", "Jane Doe", "r", "p01", *rated, "b", "n", "unused"])
+    assert run_weights(options, desk) == 0
+    said = "\n".join(desk.said)
+    assert "'Jane Doe' cannot be a rater's name" in said
+    assert "There is no display here" in said
+    assert str(tmp_path / "work/clips/REACH-trial-1.mp4") in said
+    assert "few raters: 1" in said
+    assert "RELEASE: keeps its present row" in said
+    assert not (config.parent / "calibration").exists()
+    # what was rated is kept: the next time it is built at once
+    assert run_weights(options, PlayedDesk(["b", "y", "unused"])) == 0
+    assert load_config(config).policy.weights.matrix[Phase.REACH]["eih"] == 0.60
+
+
+def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path):
+    options = Options(config, logs=(session,), folder=tmp_path / "work")
+    assert run_weights(options, PlayedDesk(["s"])) == 0
+    assert len(list((tmp_path / "work/clips").glob("*.mp4"))) == 5
+    assert not (config.parent / "calibration").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({}, "--from LOG"),
+        ({"ratings": True}, "holds no ratings yet"),
+        ({"ratings": True, "sim": True}, "leave out --sim"),
+        ({"panel": "nice", "sim": True}, "'nice' is none of paper, indifferent"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_what_to_do(config, tmp_path, changes, reason):
+    if "ratings" in changes:
+        changes = changes | {"ratings": tmp_path / "none"}
+    with pytest.raises(ConfigError, match=reason):
+        run_weights(Options(config, folder=tmp_path / "work", **changes), PlayedDesk())
+
+
+def test_simulated_ratings_are_not_put_beside_those_of_people(config, session, tmp_path):
+    folder = RatingFolder(tmp_path / "work/ratings", VIEWS)
+    folder.open("p01")
+    options = Options(config, True, (session,), folder=tmp_path / "work", yes=True)
+    with pytest.raises(ConfigError, match="holds ratings of people: give another --folder"):
+        run_weights(options, PlayedDesk())
+
+
+def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
+    folder = RatingFolder(tmp_path / "ratings", VIEWS)
+    for sheet in simulate_panel(PANELS["paper"], VIEWS, Phase, 2, 0):
+        folder.open(sheet.rater, simulated=True)
+        for answer in sheet.answers[: 6 if sheet.rater.endswith("1") else 2]:
+            folder.add(sheet.rater, answer)
+    desk = PlayedDesk()
+    run_weights(Options(config, ratings=folder.path), desk)
+    assert "simulated-02 has rated 2 of 6 phases" in "".join(desk.said)
+
+
+def test_the_same_ratings_give_the_same_picture(tmp_path):
+    present = load_config().policy.weights.matrix
+    sheets = simulate_panel(PANELS["paper"], VIEWS, list(Phase)[:4], 5, 0)
+    for name in ("one.png", "two.png"):
+        save_picture(assess(sheets, VIEWS, present), sheets, VIEWS, tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+    assert (tmp_path / "one.png").stat().st_size < 150_000
+
+
+def test_the_command_line_takes_its_options_to_the_wizard(config, session, tmp_path):
+    arguments = ["calibrate", "weights", "--config", str(config), "--sim", "--from", str(session)]
+    arguments += ["--folder", str(tmp_path / "work"), "--seed", "1", "--panel", "paper", "--yes"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    assert written(config).is_file()
