@@ -1,37 +1,28 @@
-"""`run` and `report` as a person meets them: a live line, windows, and a table at the end."""
+"""`run` as a person meets it: a live line, windows, and a table at the end."""
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from contextlib import ExitStack
-from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from tams_app.clock import MonotonicClock
 from tams_app.config import Config
 from tams_app.console.confirmations import Confirmations
+from tams_app.console.report import report_session
 from tams_app.console.signals import handled_signals
-from tams_app.console.status import StatusLine
-from tams_app.console.table import summary_tables
+from tams_app.console.status import LinesOf, StatusLine, status_lines
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
-from tams_app.errors import LogError, TamsError
-from tams_app.recording import SessionLog, read_log
-from tams_app.session.build import check_names, check_ready_pose
+from tams_app.errors import TamsError
+from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.session import Session
-from tams_app.study.figures import save_bitrates
-from tams_app.summary import summarise
 from tams_app.worker import Worker
 
 POLL_S = 0.05
-SUMMARY_NAME = "summary.json"
-FIGURE_NAME = "bitrates.png"
 
 
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
@@ -39,14 +30,10 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     console = Console()
     check_names(config)
     check_ready_pose(config)
+    check_views(config, dry_run)
     folder = create_session_folder(config)
     session = Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
-    with handled_signals(session.request_end, session.signals.estop):
-        session.start()
-        try:
-            _watch(session, console)
-        finally:
-            session.close()
+    show_session(session, console)
     try:
         report_session(folder, console)
     except TamsError:
@@ -57,59 +44,37 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     return 0
 
 
-def report_session(folder: Path, console: Console | None = None) -> None:
-    """Compute summary.json and bitrates.png from the log in `folder` and show the summary.
+def show_session(
+    session: Session,
+    console: Console,
+    lines_of: LinesOf = status_lines,
+    interrupted: Callable[[str], None] = lambda _reason: None,
+) -> None:
+    """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
-    `folder` may name the log itself. LogError if there is no log, or none of ours.
+    `interrupted` is told of a signal that ends it, by the signal's handler.
     """
-    folder = _session_folder(folder)
-    log = read_log(folder / LOG_NAME)
-    summary: dict[str, Any] = summarise(log)
-    text = json.dumps(summary, indent=2) + "\n"
-    try:
-        (folder / SUMMARY_NAME).write_text(text, encoding="utf-8")
-        save_bitrates(log, folder / FIGURE_NAME)
-    except OSError as error:
-        raise LogError(f"{folder}: the summary cannot be written: {error.strerror}") from error
-    console = console or Console()
-    console.print(summary_tables(summary))
-    if gap := _gap(log):
-        console.print(gap, style="bold", highlight=False, soft_wrap=True)
-    console.print(f"[bold]{folder}[/]", highlight=False)
+
+    def end(reason: str) -> None:
+        interrupted(reason)
+        session.request_end(reason)
+
+    with handled_signals(end, session.signals.estop):
+        session.start()
+        try:
+            _watch(session, console, lines_of)
+        finally:
+            session.close()
 
 
-def _session_folder(given: Path) -> Path:
-    if os.path.isfile(given):
-        if given.name != LOG_NAME:
-            raise LogError(f"{given}: is not a session: give the folder that holds {LOG_NAME}")
-        return given.parent
-    if not os.path.isdir(given):
-        raise LogError(f"{given}: there is no such folder: give a session folder")
-    if not os.path.isfile(given / LOG_NAME):
-        raise LogError(f"{given}: holds no {LOG_NAME}: give a session folder")
-    return given
-
-
-def _gap(log: SessionLog) -> str:
-    """What the log lacks, in one sentence; empty if it is whole."""
-    if log.damaged:
-        return "The log is damaged: part of the session is missing from these figures."
-    if log.truncated:
-        return (
-            "The log ends early (the session was killed, the disk was full, or the file was cut): "
-            "these figures cover only what was written before."
-        )
-    return ""
-
-
-def _watch(session: Session, console: Console) -> None:
+def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines) -> None:
     """Show the session until it ends; from the main thread."""
     with ExitStack() as stack:
         windows = _open_windows(session, stack)
         has_keys = _read_keys(session, stack)
         if not session.config.rig.enabled:
             _tell_how_to_begin(session, has_keys, bool(windows))
-        line = stack.enter_context(StatusLine(console))
+        line = stack.enter_context(StatusLine(console, lines_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S if not windows else 1 / session.config.video.fps):
             session.poll()

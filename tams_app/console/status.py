@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeAlias
 
 from rich.console import Console
 from rich.live import Live
@@ -14,34 +15,54 @@ from tams_app.session.status import StatusSnapshot, ViewStatus
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 5.0  # where the output is no terminal
 
+LinesOf: TypeAlias = Callable[[StatusSnapshot], list[str]]
+
 _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red"}
 
 
 def status_lines(snapshot: StatusSnapshot) -> list[str]:
     """The snapshot in words: the arm, the views, the link, and the last reason if there is one."""
-    deadman = "trigger held" if snapshot.deadman else "trigger up"
-    mode = "orientation" if snapshot.orientation_mode else "translation"
-    lines = [
-        f"{_clock(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  "
-        f"{', '.join((deadman, *snapshot.pressed, mode))}"
-        f"{_tcp(snapshot.tcp_mm)}{_gripper(snapshot.gripper_closed)}",
+    return [
+        arm_line(snapshot),
         "   ".join(_view(name, view) for name, view in snapshot.views.items()),
         f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)} kbit/s, "
-        f"queue {_whole(snapshot.queue_ms)} ms",
+        f"queue {_whole(snapshot.queue_ms)} ms{_ssim(snapshot)}",
+        *reason_lines(snapshot),
     ]
-    if snapshot.reason:
-        lines.append(f"last stop: {snapshot.reason}")
-    return lines
+
+
+def arm_line(snapshot: StatusSnapshot) -> str:
+    """Time, arming, phase, what the hand holds, and where the arm is."""
+    deadman = "trigger held" if snapshot.deadman else "trigger up"
+    mode = "orientation" if snapshot.orientation_mode else "translation"
+    return (
+        f"{minutes(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  "
+        f"{', '.join((deadman, *snapshot.pressed, mode))}"
+        f"{_tcp(snapshot.tcp_mm)}{_gripper(snapshot.gripper_closed)}"
+    )
+
+
+def reason_lines(snapshot: StatusSnapshot) -> list[str]:
+    """Why the arm stopped last; none if it has not."""
+    return [f"last stop: {snapshot.reason}"] if snapshot.reason else []
+
+
+def minutes(t_s: float) -> str:
+    """Seconds as minutes and seconds."""
+    whole, seconds = divmod(t_s, 60)
+    return f"{whole:.0f}:{seconds:04.1f}"
 
 
 class StatusLine:
     """Shows snapshots in place at 5 Hz on a terminal, as plain lines every few seconds elsewhere.
 
-    Use it as a context from one thread; `say` prints a sentence that stays.
+    Use it as a context from one thread; `say` prints a sentence that stays. `lines_of` puts a
+    snapshot into words.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, lines_of: LinesOf = status_lines) -> None:
         self._console = console
+        self._lines_of = lines_of
         self._live = (
             Live(console=console, auto_refresh=False, transient=True)
             if console.is_terminal
@@ -69,7 +90,7 @@ class StatusLine:
         if snapshot.t_s < self._next_s:
             return
         self._next_s = snapshot.t_s + self._every_s
-        lines = status_lines(snapshot)
+        lines = self._lines_of(snapshot)
         if self._live is None:
             self._console.print("  |  ".join(lines), markup=False, highlight=False, soft_wrap=True)
             return
@@ -104,10 +125,11 @@ def _view(name: str, view: ViewStatus) -> str:
     )
 
 
+def _ssim(snapshot: StatusSnapshot) -> str:
+    if snapshot.live_ssim is None:
+        return ""
+    return f", live SSIM of {snapshot.primary_view} {snapshot.live_ssim:.2f}"
+
+
 def _whole(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f}"
-
-
-def _clock(t_s: float) -> str:
-    minutes, seconds = divmod(t_s, 60)
-    return f"{minutes:.0f}:{seconds:04.1f}"

@@ -51,6 +51,7 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
         f"queue p95 {_number(uplink['queue_ms']['p95'], '{:.0f} ms')}",
         "Loss": f"{_percent(uplink['loss_fraction'], 2)} before repair, "
         f"{_percent(uplink['residual_loss_fraction'], 2)} after",
+        "Primary view": _quality(summary["primary_view"]),
         "Load": f"application {_number(summary['system']['cpu_percent']['app'], '{:.0f} %')}, "
         f"helpers {_number(summary['system']['cpu_percent']['helpers'], '{:.0f} %')} of a core, "
         f"{_number(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
@@ -59,6 +60,12 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
     for name, value in rows.items():
         table.add_row(Text(name, style="dim"), Text(value))
     return table
+
+
+def _quality(primary: Mapping[str, Any]) -> str:
+    names = ("received", "delivered", "live")
+    scores = [f"{name} {_number(primary[f'{name}_ssim'], '{:.3f}')}" for name in names]
+    return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
 
 
 def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:

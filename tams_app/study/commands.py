@@ -75,8 +75,12 @@ def run_simulated(
             console.print("All trials of this study are done.")
             return 0
         pool = _pool(runner, workers, dask)
-        with RichProgress(console, len(plan.left)) as display:
-            tally = run_unattended(study, pool, display)
+        try:
+            with RichProgress(console, len(plan.left)) as display:
+                tally = run_unattended(study, pool, display)
+        except KeyboardInterrupt:
+            _tell_how_to_go_on(study, console)
+            raise
     failed = len(tally.failures)
     console.print(f"{tally.done} trials done, {failed} failed.", highlight=False)
     if failed:
@@ -136,7 +140,9 @@ def forget_participant(folder: Path, pseudonym: str, console: Console) -> int:
 def show_study(folder: Path, console: Console) -> int:
     """`study show`: how far each participant is, and what failed or is void."""
     plan = StudyFolder(folder).load()
-    table = Table(title=f"{plan.name}: {len(plan.trials)} trials", title_justify="left")
+    whose = "simulated operators" if plan.simulated else "people at the hardware"
+    title = f"{plan.name}: {len(plan.trials)} trials, {whose}"
+    table = Table(title=title, title_justify="left")
     for heading in ("participant", "done", "planned", "void or failed attempts", "next"):
         table.add_column(heading)
     for person in plan.participants:
@@ -160,6 +166,18 @@ def report_study(
     for path in (written.html, written.pdf, *written.tables):
         console.print(f"[bold]{path}[/]", highlight=False)
     return 0
+
+
+def _tell_how_to_go_on(study: StudyFolder, console: Console) -> None:
+    trials = study.load().trials
+    done = sum(trial.is_done for trial in trials)
+    console.print(
+        f"Stopped: {done} of {len(trials)} trials are done and kept. "
+        f"`study run --sim {study.path}` goes on with the others.",
+        markup=False,
+        highlight=False,
+        soft_wrap=True,
+    )
 
 
 def _existing(study: StudyFolder) -> StudyFolder:

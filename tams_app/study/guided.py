@@ -69,7 +69,8 @@ class GuidedRun:
                 return done
         except (EOFError, KeyboardInterrupt):
             pass
-        self._talk.say(f"Stopped. `study run --participant {pseudonym}` goes on from here.")
+        again = f"study run {self._study.path} --participant {pseudonym}"
+        self._talk.say(f"Stopped. `{again}` goes on from here.")
         return done
 
     def _first_with_trials_left(self) -> str | None:

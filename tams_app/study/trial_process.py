@@ -19,6 +19,8 @@ from tams_app.study.runner import SUMMARY_NAME, TrialRunner, TrialSpec
 
 LOG_NAME = "trial.log"
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
+# Trials run side by side, one per core; and the last bits of a sum depend on who adds up what.
+_ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 _END_TIMEOUT_S = 5.0
 
 
@@ -35,7 +37,8 @@ class TrialProcess:
 
     def __init__(self, runner: TrialRunner, job: Job, core: int | None = None) -> None:
         self.job = job
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        path = os.pathsep.join(filter(None, sys.path))
+        environment = {**os.environ, **_ONE_CORE, "PYTHONPATH": path}
         try:
             with (job.folder / LOG_NAME).open("ab") as log:
                 self._process = subprocess.Popen(

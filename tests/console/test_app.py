@@ -2,6 +2,7 @@
 
 import os
 import pty
+import signal
 import threading
 from contextlib import ExitStack
 from types import SimpleNamespace
@@ -80,6 +81,31 @@ def test_without_a_terminal_no_keys_are_read(monkeypatch):
     session.end = session.fail = lambda reason: None
     with ExitStack() as stack:
         assert not app._read_keys(session, stack)
+
+
+class InterruptedSession(EndedSession):
+    """A session during whose start somebody presses Ctrl-C."""
+
+    def __init__(self):
+        super().__init__("tams.yaml")
+        self.asked = []
+
+    def start(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def request_end(self, reason):
+        self.asked.append(reason)
+
+    def close(self):
+        self.asked.append("closed")
+
+
+def test_who_runs_a_session_is_told_of_the_signal_that_ends_it(monkeypatch):
+    monkeypatch.setattr(app, "_read_keys", keys(False))
+    session, told = InterruptedSession(), []
+    app.show_session(session, Console(quiet=True), interrupted=told.append)
+    assert told == ["ended by SIGINT"]
+    assert session.asked == ["ended by SIGINT", "closed"]
 
 
 class NotedSession:

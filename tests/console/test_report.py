@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tams_app.console.app import report_session
+from tams_app.console.report import report_session
 from tams_app.errors import LogError
 from tams_app.recording.mcap_log import McapLog
 from tests.synthetic_session import header, tick

@@ -42,6 +42,12 @@ def test_the_line_says_all_an_operator_looks_for() -> None:
     assert "last stop" not in text
 
 
+def test_the_primary_view_s_quality_is_shown_once_it_was_measured() -> None:
+    measured = replace(SNAPSHOT, primary_view="eih", live_ssim=0.874)
+    assert status_lines(measured)[2].endswith("queue 12 ms, live SSIM of eih 0.87")
+    assert "SSIM" not in "".join(status_lines(SNAPSHOT))
+
+
 def test_the_line_shows_pressed_buttons_and_the_gripper_once_it_is_known() -> None:
     (first, *_) = status_lines(replace(SNAPSHOT, pressed=("grip", "A"), gripper_closed=True))
     assert "trigger held, grip, A, translation, TCP" in first

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from tams_app.console.table import summary_tables
 from tams_app.recording import SessionLog
-from tams_app.records import Outcome
+from tams_app.records import FrameQuality, Outcome, Phase, PhaseChange
 from tams_app.summary import summarise
 from tests.synthetic_session import START_NS, Synthetic, header
 
@@ -28,6 +28,19 @@ def test_the_table_shows_the_numbers_of_the_summary() -> None:
     (row,) = (line.split() for line in text.splitlines() if line.strip().startswith("GT"))
     assert row[:5] == ["GT", "2000", "1800", "10.0", "%"]
     assert "150/150" in row
+
+
+def test_the_primary_views_quality_is_told_with_how_much_of_it_was_looked_at() -> None:
+    log = Synthetic(1.0).log()
+    log.phases = [PhaseChange(START_NS, Phase.REACH, "start")]
+    scores = {"received": 0.912, "delivered": 0.87, "live": 0.5}
+    log.quality = [
+        FrameQuality("gt", one.index, one.capture_ns, None, None, False, None, **scores)
+        for one in log.captured
+        if one.view == "gt" and one.index % 2
+    ]
+    text = " ".join(printed(log).split())
+    assert "Primary view SSIM received 0.912, delivered 0.870, live 0.500; 50 % compared" in text
 
 
 def test_a_failed_trial_says_so() -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.results import read_results
 from tams_app.study.runner import TrialRunner, TrialSpec
-from tams_app.conversation import Conversation
 from tests.study.synthetic_study import PlantedRunner, make_study
 
 HARDWARE = {

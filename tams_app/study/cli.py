@@ -1,0 +1,239 @@
+"""`run_tams.py study`: commands and options only; what they do is imported when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+import typer
+
+from tams_app.config import DEFAULT_CONFIG, Config, load_config
+from tams_app.errors import ConfigError
+
+if TYPE_CHECKING:
+    from tams_app.study.folder import StudyFolder
+    from tams_app.study.runner import TrialRunner
+
+    MakeRunner: TypeAlias = Callable[[Config], TrialRunner]
+
+DEFAULT_FOLDER = Path("logs/study")
+_DESIGN = {  # what a plan fixes: the option of each key of the configuration
+    "study.repetitions": "--repetitions",
+    "study.practice_trials": "--practice",
+    "seed": "--seed",
+}
+
+Folder = Annotated[
+    Path | None, typer.Argument(metavar="[DIR]", help=f"The study's folder; {DEFAULT_FOLDER}.")
+]
+OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="The same as DIR.")]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
+]
+SimOption = Annotated[
+    bool, typer.Option("--sim", help="The simulated rig and operator, not people at hardware.")
+]
+ParticipantsOption = Annotated[
+    int | None, typer.Option("--participants", help="How many; 18 or a multiple is balanced.")
+]
+RepetitionsOption = Annotated[
+    int | None, typer.Option("--repetitions", help="Of each strategy on each network.")
+]
+PracticeOption = Annotated[
+    int | None, typer.Option("--practice", help="Trials before the others, never analysed.")
+]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="Of participants and trials.")]
+Pseudonym = Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")]
+
+
+def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
+    """The sub-commands; `simulated` and `live` make what runs a trial of a study's configuration.
+
+    They are passed in because a study knows no session and no console.
+    """
+    app = typer.Typer(
+        help="Plan, run and report a study: every strategy on every network, with simulated or "
+        "real operators. See docs/STUDY.md.",
+    )
+
+    @app.command()
+    def run(
+        folder: Folder = None,
+        sim: SimOption = False,
+        participants: ParticipantsOption = None,
+        repetitions: RepetitionsOption = None,
+        practice: PracticeOption = None,
+        seed: SeedOption = None,
+        config: ConfigOption = None,
+        out: OutOption = None,
+        workers: Annotated[
+            int | None, typer.Option(min=1, help="Trials at a time; default one for each core.")
+        ] = None,
+        dask: Annotated[
+            str | None, typer.Option(metavar="ADDRESS", help="Scheduler of a cluster to use.")
+        ] = None,
+        participant: Annotated[
+            str | None, typer.Option(help="Whose sitting it is; default the first with any left.")
+        ] = None,
+    ) -> None:
+        """Run what is left of a study, which is planned now if there is none; it can be stopped
+        at any time and goes on when called again."""
+        _check_run_options(sim, workers, dask, participant)
+        options = _options(sim, repetitions, practice, seed)
+        study = _study_to_run(_folder(folder, out), sim, participants, options, config)
+        from tams_app.study import commands
+
+        console = _console()
+        if sim:
+            runner = simulated(study.config())
+            raise typer.Exit(commands.run_simulated(study, runner, console, workers, dask))
+
+        def say(text: str) -> None:
+            console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+        runner = live(study.config())
+        raise typer.Exit(commands.run_guided(study, runner, participant, input, say))
+
+    for command in (plan, show, void, forget, report):
+        app.command()(command)
+    return app
+
+
+def plan(
+    participants: Annotated[int, typer.Option(help="How many; 18 or a multiple is balanced.")],
+    folder: Folder = None,
+    repetitions: RepetitionsOption = None,
+    practice: PracticeOption = None,
+    seed: SeedOption = None,
+    config: ConfigOption = None,
+    sim: SimOption = False,
+    out: OutOption = None,
+) -> None:
+    """Plan a new study: who takes which trials in which order, with which seeds."""
+    settings = load_config(config, _options(sim, repetitions, practice, seed))
+    from tams_app.study.commands import plan_study
+
+    raise typer.Exit(plan_study(settings, _folder(folder, out), participants, _console()))
+
+
+def show(folder: Folder = None) -> None:
+    """How far each participant is, and what failed or is void."""
+    from tams_app.study.commands import show_study
+
+    raise typer.Exit(show_study(_folder(folder), _console()))
+
+
+def void(
+    trial: Annotated[str, typer.Argument(metavar="TRIAL", help="As in `show`: P01-03, …")],
+    reason: Annotated[str, typer.Option(help="Why it does not count; kept with its data.")],
+    folder: Folder = None,
+) -> None:
+    """Declare the last attempt at a trial void: its data stay, and it is taken again."""
+    from tams_app.study.commands import void_trial
+
+    raise typer.Exit(void_trial(_folder(folder), trial, reason, _console()))
+
+
+def forget(participant: Pseudonym, folder: Folder = None) -> None:
+    """Delete a participant's data, and all that was computed from them. Not to be undone."""
+    from tams_app.study.commands import forget_participant
+
+    raise typer.Exit(forget_participant(_folder(folder), participant, _console()))
+
+
+def report(
+    folder: Folder = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where it is written; default in the study.")
+    ] = None,
+    tolerance_ssim: Annotated[
+        float | None,
+        typer.Option(min=0, help="To state: how far other processors' SSIM may differ."),
+    ] = None,
+) -> None:
+    """Make tables (CSV, Parquet), figures, and the report (HTML, PDF) from what is done so far."""
+    from tams_app.study.commands import report_study
+
+    raise typer.Exit(report_study(_folder(folder), _console(), out, tolerance_ssim))
+
+
+def _check_run_options(
+    sim: bool, workers: int | None, dask: str | None, participant: str | None
+) -> None:
+    """ConfigError for options that mean nothing to the kind of study that is asked for."""
+    if sim and participant is not None:
+        raise ConfigError("--participant is for people at the hardware: leave it out with --sim")
+    if not sim and (workers is not None or dask is not None):
+        option = "--dask" if workers is None else "--workers"
+        raise ConfigError(f"{option} is for simulated trials: add --sim, or leave it out")
+    if workers is not None and dask is not None:
+        raise ConfigError("--workers counts processes on this machine: leave it out with --dask")
+
+
+def _study_to_run(
+    folder: Path,
+    sim: bool,
+    participants: int | None,
+    options: dict[str, Any],
+    config: Path | None,
+) -> StudyFolder:
+    """The study in `folder`, or a new one; ConfigError where another one was planned there."""
+    from tams_app.study.commands import ensure_planned
+    from tams_app.study.folder import StudyFolder
+
+    study = StudyFolder(folder)
+    if not study.exists:
+        settings = load_config(config, options)
+        if participants is not None and settings.rig.enabled and not sim:
+            raise ConfigError(
+                f"{config or DEFAULT_CONFIG}: describes the simulated rig: add --sim, or give the "
+                "hardware's configuration with --config"
+            )
+        return ensure_planned(settings, folder, participants)
+    planned = study.config()
+    for key, option in _DESIGN.items():
+        before = _value_at(planned, key)
+        if options.get(key, before) != before:
+            raise ConfigError(
+                f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
+                "to go on, or choose another folder with --out"
+            )
+    if config is not None and load_config(config, options) != planned:
+        raise ConfigError(
+            f"{folder}: was planned with another configuration than {config} is now: leave "
+            "--config out to go on, or choose another folder with --out"
+        )
+    return ensure_planned(planned, folder, participants)
+
+
+def _options(
+    sim: bool, repetitions: int | None, practice: int | None, seed: int | None
+) -> dict[str, Any]:
+    """The options that were given, as configuration overrides."""
+    options = {
+        "rig.enabled": True if sim else None,
+        "study.repetitions": repetitions,
+        "study.practice_trials": practice,
+        "seed": seed,
+    }
+    return {key: value for key, value in options.items() if value is not None}
+
+
+def _value_at(config: Config, key: str) -> Any:
+    value: Any = config
+    for part in key.split("."):
+        value = getattr(value, part)
+    return value
+
+
+def _folder(given: Path | None, out: Path | None = None) -> Path:
+    if given is not None and out is not None and given != out:
+        raise ConfigError(f"{given} and --out {out}: give one folder")
+    return given or out or DEFAULT_FOLDER
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console()

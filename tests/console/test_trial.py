@@ -1,0 +1,156 @@
+"""A trial with a person: what it leaves, how it ends, and what nobody may read from the screen."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+import tams_app.console.trial
+from tams_app.config import Config, load_config
+from tams_app.console.trial import LiveTrialRunner, TrialLines
+from tams_app.errors import ConfigError, HelperError, TamsError
+from tams_app.recording import read_log
+from tams_app.session.session import Session
+from tams_app.study.runner import TrialSpec
+from tests.console.test_status import SNAPSHOT
+
+SPEC = TrialSpec("P01-03", "P01", "static", "s3", 1, False, 5, 6)
+REVEALING = re.compile(r"static|equal|tams|s3|kbit|\d ms|queue|ssim|weight|target", re.IGNORECASE)
+
+
+class Screen(Console):
+    def __init__(self) -> None:
+        self.output = io.StringIO()
+        super().__init__(file=self.output, width=200)
+
+    @property
+    def text(self) -> str:
+        return self.output.getvalue()
+
+
+def rig(**overrides: Any) -> Config:
+    """The simulated rig: its operator arms and moves the arm as a person would."""
+    return load_config(None, {"headless": True, "recording.min_free_mb": 1.0, **overrides})
+
+
+@pytest.mark.timeout(180)
+def test_a_whole_session_is_left_in_the_given_folder_and_the_screen_gives_nothing_away(
+    tmp_path: Path,
+) -> None:
+    screen = Screen()
+    LiveTrialRunner(rig(seconds=12.0), screen).run(SPEC, tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"session.mcap", "config.yaml", "summary.json", "bitrates.png", "helpers"}
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["strategy"], summary["network"], summary["seed"]) == ("static", "s3", 5)
+    log = read_log(tmp_path / "session.mcap")
+    assert (log.truncated, log.header.name) == (False, "P01-03")
+    assert log.ticks
+    assert "End it with q" in screen.text
+    assert "trial: " in screen.text
+    assert not REVEALING.search(screen.text), screen.text
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Play the session: what it does, and whether it leaves a log."""
+
+    def play(show: Callable[..., None], has_log: bool = True) -> None:
+        def write_summary(folder: Path) -> None:
+            if not has_log:
+                raise TamsError("no log")
+            (folder / "summary.json").write_text("{}")
+
+        monkeypatch.setattr(tams_app.console.trial, "show_session", show)
+        monkeypatch.setattr(tams_app.console.trial, "write_summary", write_summary)
+
+    return play
+
+
+def test_ctrl_c_ends_the_sitting_and_not_only_the_trial(
+    played: Callable[..., None], tmp_path: Path
+) -> None:
+    def show(session: Session, console: Console, lines: object, interrupted: Any) -> None:
+        interrupted("ended by SIGINT")
+
+    played(show)
+    with pytest.raises(KeyboardInterrupt):
+        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+    assert (tmp_path / "summary.json").exists()
+
+
+def test_ctrl_c_while_the_session_starts_is_no_failed_trial(
+    played: Callable[..., None], tmp_path: Path
+) -> None:
+    def show(session: Session, console: Console, lines: object, interrupted: Any) -> None:
+        interrupted("ended by SIGINT")
+        raise TamsError("ended by SIGINT before it had started")
+
+    played(show)
+    with pytest.raises(KeyboardInterrupt):
+        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+
+
+@pytest.mark.parametrize("has_log", [True, False])
+def test_a_failed_session_is_a_failed_trial_with_its_own_reason(
+    played: Callable[..., None], tmp_path: Path, has_log: bool
+) -> None:
+    def show(session: Session, *_: object) -> None:
+        session.failure = "the helper process guard ended unasked"
+
+    played(show, has_log)
+    with pytest.raises(TamsError, match=r"^the helper process guard ended unasked$"):
+        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+    assert (tmp_path / "summary.json").exists() is has_log
+
+
+def test_a_session_that_cannot_start_says_why(played: Callable[..., None], tmp_path: Path) -> None:
+    def show(*_: object) -> None:
+        raise HelperError("guard could not be started")
+
+    played(show)
+    with pytest.raises(TamsError, match="guard could not be started"):
+        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+
+
+def test_a_trial_of_unknown_names_leaves_its_folder_empty(tmp_path: Path) -> None:
+    for wrong in (replace(SPEC, strategy="best"), replace(SPEC, network="s9")):
+        with pytest.raises(ConfigError):
+            LiveTrialRunner(rig(), Screen()).run(wrong, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_people_are_not_asked_to_drive_by_pictures_that_do_not_show_the_arm(
+    tmp_path: Path,
+) -> None:
+    cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
+    config = rig(**{"rig.enabled": False, "cameras": cameras})
+    with pytest.raises(ConfigError, match="does not show the arm"):
+        LiveTrialRunner(config, Screen()).run(SPEC, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> None:
+    lines = TrialLines(120.0)
+    ready = replace(SNAPSHOT, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9)
+    text = "\n".join(lines(ready))
+    assert "READY" in text
+    assert "trial: not begun, 2:00.0 allowed" in text
+    assert not REVEALING.search(text)
+
+
+def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -> None:
+    lines = TrialLines(120.0)
+    lines(replace(SNAPSHOT, arming="engaged", t_s=10.0))
+    assert lines(replace(SNAPSHOT, arming="ready", t_s=31.5))[1] == "trial: 0:21.5 of 2:00.0"
+    over = lines(replace(SNAPSHOT, arming="engaged", t_s=130.0, reason="stale video"))
+    assert over[1] == "trial: 2:00.0 of 2:00.0: the time is over, end it with q"
+    assert over[2] == "last stop: stale video"

@@ -1,0 +1,53 @@
+"""`run_tams.py` with trials that are played: for tests that start it as a process of its own."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from tams_app.config import Config
+from tams_app.study.runner import TrialRunner, TrialSpec
+from tests.study.synthetic_study import PlantedRunner
+
+RUNNING = "running"
+
+
+@dataclass(frozen=True)
+class StuckRunner:
+    """Plays a trial; one of them goes on for ever."""
+
+    stuck: str
+
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        if spec.trial_id == self.stuck:
+            (folder / RUNNING).touch()
+            while True:
+                signal.pause()
+        PlantedRunner().run(spec, folder)
+
+
+def played_virtual(runner: TrialRunner) -> ModuleType:
+    """What stands in the place of `tams_app.session.virtual`: trials by `runner`."""
+
+    def simulated_trial_runner(config: Config) -> TrialRunner:
+        return runner
+
+    module: Any = ModuleType("tams_app.session.virtual")
+    module.SimulatedTrialRunner = simulated_trial_runner
+    return module  # type: ignore[no-any-return]
+
+
+def main(stuck: str) -> None:
+    """The command line, of which trial `stuck` never ends."""
+    sys.modules["tams_app.session.virtual"] = played_virtual(StuckRunner(stuck))
+    sys.argv[0] = "run_tams.py"
+    from tams_app.cli import main as run_tams
+
+    try:
+        run_tams()
+    except KeyboardInterrupt:
+        sys.exit("tams: interrupted")

@@ -1,0 +1,274 @@
+"""`run_tams.py study` as it is typed: options, refusals, and going on after an interruption."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import tams_app.console.trial
+from tams_app.cli import _main
+from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
+from tams_app.process import PROJECT_DIRECTORY
+from tams_app.study.folder import StudyFolder
+from tams_app.study.plan import AttemptState, TrialState
+from tams_app.study.runner import TrialRunner
+from tests.study.played_study import RUNNING, played_virtual
+from tests.study.synthetic_study import PlantedRunner
+from tests.study.test_guided import SUCCESS, Experimenter
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def study(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a sub-command with played trials: exit code, standard output, standard error."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments: object, runner: TrialRunner | None = None) -> tuple[int, str, str]:
+        virtual = played_virtual(runner or PlantedRunner())
+        monkeypatch.setitem(sys.modules, "tams_app.session.virtual", virtual)
+        code = _main(["study", *map(str, arguments)])
+        return (code, *capsys.readouterr())
+
+    return run
+
+
+def configuration(path: Path, base: Path = DEFAULT_CONFIG, **more: Any) -> Path:
+    """A study of two conditions, so that it is soon done."""
+    small = {"strategies": ["equal", "tams"], "networks": ["s1"], "repetitions": 1}
+    content = {"include": [str(base)], "study": small, **more}
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    return configuration(tmp_path / "study.yaml")
+
+
+def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    words = ("--participants", 2, "--practice", 1, "--seed", 4, "--sim", "--out", out)
+    code, text, _ = study("plan", *words, "--config", config)
+    assert code == 0
+    assert "6 trials, simulated operators" in text
+    assert "Counterbalanced: 2 participants" in text
+    assert StudyFolder(out).load().seed == 4
+
+    code, text, _ = study("run", "--sim", out, "--workers", 2)
+    assert (code, "6 trials done, 0 failed." in text) == (0, True)
+    assert study("void", "P01-02", out, "--reason", "the light went out")[0] == 0
+    code, text, _ = study("show", out)
+    assert (code, "P01-02" in text) == (0, True)
+    assert study("run", "--sim", "--out", out)[0] == 0
+    trial = StudyFolder(out).load().trial("P01-02")
+    assert trial.state is TrialState.RETAKEN
+    assert trial.attempts[0].reason == "the light went out"
+
+    code, text, _ = study("forget", "P02", out)
+    assert (code, "P02 is forgotten: 3 trials" in text) == (0, True)
+    assert not (out / "trials" / "P02").exists()
+
+
+def test_report_writes_where_it_is_told(study: Run, config: Path, tmp_path: Path) -> None:
+    for extra in ("pandas", "pyarrow", "statsmodels"):
+        pytest.importorskip(extra)
+    study("run", "--sim", "--participants", 1, "--config", config, "--out", tmp_path / "s")
+    words = ("--out", tmp_path / "r", "--tolerance-ssim", 0.02)
+    code, text, _ = study("report", tmp_path / "s", *words)
+    assert code == 0
+    assert (tmp_path / "r" / "report.html").is_file()
+    assert "report.html" in text.replace("\n", "")
+
+
+def test_the_same_command_plans_runs_and_then_finds_all_done(
+    study: Run, config: Path, tmp_path: Path
+) -> None:
+    words = ("run", "--sim", "--participants", 1, "--config", config, "--out", tmp_path / "s")
+    assert study(*words, runner=PlantedRunner(fails=("P01-02",)))[0] == 1
+    code, text, _ = study(*words)
+    assert (code, "1 trials done" in text) == (0, True)
+    code, text, _ = study(*words)
+    assert (code, "All trials of this study are done." in text) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "Missing command"),
+        (["plan"], "Missing option '--participants'"),
+        (["plan", "--participants", "0"], "participants: must be 1 to 9999, not 0"),
+        (["plan", "--participants", "some"], "Invalid value for '--participants'"),
+        (["plan", "--participants", "1", "--repetitions", "0"], "study.repetitions"),
+        (["plan", "--participants", "1", "--practice", "-1"], "study.practice_trials"),
+        (["plan", "--participants", "1", "--seed", "-1"], "seed"),
+        (["plan", "--participants", "1", "--config", "none.yaml"], "none.yaml: cannot be read"),
+        (["plan", "new", "--participants", "1", "--out", "other"], "give one folder"),
+        (["run", "--sim", "--out", "new"], "say how many with --participants"),
+        (["run", "--participants", "1", "--out", "new"], "describes the simulated rig: add --sim"),
+        (["run", "--workers", "2"], "--workers is for simulated trials: add --sim"),
+        (["run", "--dask", "tcp://there:1"], "--dask is for simulated trials: add --sim"),
+        (["run", "--sim", "--workers", "0"], "Invalid value for '--workers'"),
+        (["run", "--sim", "--workers", "1", "--dask", "x:1"], "leave it out with --dask"),
+        (["run", "--sim", "--participant", "P01"], "leave it out with --sim"),
+        (["show", "new"], "make one with `study plan`"),
+        (["void", "P01-01", "new"], "Missing option '--reason'"),
+        (["void", "P01-01", "new", "--reason", "x"], "make one with `study plan`"),
+        (["forget", "P01", "new"], "make one with `study plan`"),
+        (["forget"], "Missing argument 'PARTICIPANT'"),
+        (["report", "new"], "make one with `study plan`"),
+        (["report", "new", "--tolerance-ssim", "-1"], "Invalid value for '--tolerance-ssim'"),
+        (["dance"], "No such command 'dance'"),
+    ],
+)
+def test_wrong_use_is_one_sentence_exit_code_two_and_leaves_nothing_behind(
+    study: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    sentence: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = study(*arguments)
+    assert (code, out) == (2, "")
+    assert sentence in err
+    assert len(err.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--repetitions", "2"], "was planned with --repetitions 1, not 2"),
+        (["--practice", "1"], "was planned with --practice 0, not 1"),
+        (["--seed", "8"], "was planned with --seed 0, not 8"),
+        (["--participants", "2"], "is planned for 1 participants, not 2"),
+        (["--config", "other.yaml"], "was planned with another configuration than other.yaml"),
+    ],
+)
+def test_a_planned_study_is_not_run_as_another_one(
+    study: Run,
+    config: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    sentence: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    configuration(tmp_path / "other.yaml", trial={"max_drops": 0})
+    assert study("plan", "s", "--participants", 1, "--config", config)[0] == 0
+    before = (tmp_path / "s" / "plan.json").read_bytes()
+    code, out, err = study("run", "s", "--sim", *arguments)
+    assert (code, out) == (2, "")
+    assert sentence in err
+    assert len(err.splitlines()) == 1
+    assert (tmp_path / "s" / "plan.json").read_bytes() == before
+
+
+def test_a_study_is_not_planned_over_another(study: Run, config: Path, tmp_path: Path) -> None:
+    words = ("plan", tmp_path / "s", "--participants", 1, "--config", config)
+    assert study(*words)[0] == 0
+    code, _, err = study(*words)
+    assert (code, "holds a study already" in err) == (2, True)
+
+
+def test_dask_without_its_extra_is_one_sentence(
+    study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)  # as if it were not installed
+    words = ("run", tmp_path / "s", "--sim", "--participants", 1, "--config", config)
+    code, _, err = study(*words, "--dask", "tcp://127.0.0.1:1")
+    assert code == 1
+    assert err == "tams: --dask needs Dask: pip install 'tams[dask]'\n"
+    assert study(*words)[0] == 0  # and nothing is in the way of running it here
+
+
+def test_without_the_simulation_s_extra_a_sentence_says_what_to_install(
+    study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tams_app.cli.find_spec", lambda name: None)
+    words = ("run", tmp_path / "s", "--sim", "--participants", 1, "--config", config)
+    code, _, err = study(*words)
+    assert code == 1
+    assert err == "tams: simulated trials need MuJoCo: pip install 'tams[sim]'\n"
+
+
+def test_ctrl_c_leaves_a_study_that_goes_on(study: Run, config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    words = ["study", "run", "--sim", "--participants", "1", "--workers", "1", "--out", str(out)]
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            "from tests.study.played_study import main; main('P01-02')",
+            *words,
+            "--config",
+            str(config),
+        ],
+        cwd=PROJECT_DIRECTORY,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        deadline_s = time.monotonic() + 60
+        while not list(out.rglob(RUNNING)):
+            assert process.poll() is None
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        text, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode == 1
+    assert errors == "tams: interrupted\n"
+    assert "Stopped: 1 of 2 trials are done and kept." in text
+    assert f"`study run --sim {out}` goes on" in text.replace("\n", "")
+    kept = {path: path.read_bytes() for path in out.rglob("summary.json")}
+    assert len(kept) == 1
+
+    code, text, _ = study("run", "--sim", out)
+    assert (code, "1 trials done, 0 failed." in text) == (0, True)
+    states = [attempt.state for attempt in StudyFolder(out).load().trial("P01-02").attempts]
+    assert states == [AttemptState.INTERRUPTED, AttemptState.DONE]
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+def test_people_are_guided_through_trials_whose_strategy_nobody_names(
+    study: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = configuration(tmp_path / "lab.yaml", CONFIG_DIRECTORY / "lite6.yaml")
+    person = Experimenter("g", "j", "y", "0", "44", "y", "s")
+    monkeypatch.setattr("builtins.input", person.ask)
+    monkeypatch.setattr(
+        tams_app.console.trial, "LiveTrialRunner", lambda config: PlantedRunner(judged=False)
+    )
+    out = tmp_path / "s"
+    code, text, _ = study("run", "--participants", 2, "--config", config, "--out", out)
+    assert code == 0
+    assert "block on start mark" in text
+    assert f"`study run {out} --participant P01` goes on from here" in text
+    assert "equal" not in text + " ".join(person.asked)
+    (trial,) = (trial for trial in StudyFolder(out).load().trials if trial.is_done)
+    assert trial.attempts[0].verdict is not None
+    assert trial.attempts[0].verdict.completion_time_s == 44.0
+
+    person.answers = [*SUCCESS[:4], "50", "y", "s"]
+    assert study("run", out, "--participant", "P02")[0] == 0
+    assert [one.participant for one in StudyFolder(out).load().trials if one.is_done] == [
+        "P01",
+        "P02",
+    ]
+    code, _, err = study("run", out, "--sim")
+    assert (code, "leave out --sim" in err) == (2, True)
+    code, _, err = study("run", out, "--participant", "P07")
+    assert (code, "is no participant of this study" in err) == (2, True)
