@@ -1,0 +1,94 @@
+"""What the steps of the wizard need of the cameras, whether real, simulated or both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Protocol
+
+from calibration.cameras.latency import ScreenTimes
+from tams_app.config import CameraConfig
+from tams_app.records import Frame, Image
+
+
+class Task(Enum):
+    """What the person is asked to do; a simulated one does it."""
+
+    REST = auto()  # keep out of sight, hold still
+    WAVE = auto()  # a hand before one camera
+    FOCUS = auto()  # turn its ring until the bar is highest
+    SHOW_SCREEN = auto()  # point it at the screen with the pattern
+    SWITCH_LIGHT = auto()  # off and on, several times
+    SHOW_BOARD = auto()  # hold the board before it, everywhere and tilted
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A picture of the camera called `camera`, and when the process had it."""
+
+    camera: str
+    frame: Frame
+    delivered_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a camera is set to, None where it is automatic or does not tell."""
+
+    exposure_us: float | None = None
+    white_balance_k: int | None = None
+
+
+class Bench(Protocol):
+    """All cameras of the machine, open; close it in the end.
+
+    `attended`: a person does what is prompted, and is asked; else `done` tells when a simulated
+    one has finished.
+    """
+
+    source: str  # where it all comes from, for the calibration's provenance
+    attended: bool
+    fps: int
+    width: int
+    height: int
+
+    @property
+    def cameras(self) -> Sequence[str]:
+        """The candidates, as people call them."""
+
+    @property
+    def refused(self) -> Sequence[str]:
+        """The cameras that cannot be used, a sentence each."""
+
+    def binding(self, camera: str) -> dict[str, str]:
+        """The configuration's keys that choose this camera."""
+
+    def camera_of(self, config: CameraConfig) -> str:
+        """The candidate that a configuration chooses, "" if none."""
+
+    def prompt(self, task: Task, view: str) -> None:
+        """The person has been asked; `view` is the one meant, "" for all."""
+
+    @property
+    def done(self) -> bool:
+        """Whether a simulated person has finished what was asked last."""
+
+    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
+        """The pictures of some cameras as they come for so long; each `every`-th only."""
+
+    def chosen_settings(self, camera: str) -> Settings:
+        """What its automatic has chosen, as far as the camera tells."""
+
+    def use_settings(self, camera: str, settings: Settings) -> None:
+        """Open it anew with these; DeviceError if it refuses."""
+
+    def screen(self) -> AbstractContextManager[ScreenTimes]:
+        """Show the time pattern; SetupError where there is no display."""
+
+    def live(self, camera: str, seconds: float) -> Iterator[tuple[Image, int]]:
+        """Pictures with capture times on the process's own clock, at the camera's pace."""
+
+    def close(self) -> None:
+        """Let go of all cameras; may be called twice."""

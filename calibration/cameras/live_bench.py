@@ -1,0 +1,178 @@
+"""The cameras that are plugged into this machine, all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+from calibration.cameras.bench import Settings, Shot, Task
+from calibration.cameras.latency import ScreenTimes
+from calibration.cameras.screen import shown_pattern
+from hw.gst_camera import GstCamera
+from hw.v4l2_camera import V4l2Source
+from hw.v4l2_controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
+from hw.v4l2_devices import CameraInfo, choose_camera, choose_mode, list_cameras
+from hw.v4l2_wire import V4l2Device
+from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.config import CameraConfig, VideoConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Image
+
+_POLL_NS = 2 * NS_PER_MS
+_BY_PATH = "/v4l/by-path/"
+
+
+@dataclass(slots=True)
+class _Plugged:
+    info: CameraInfo
+    config: CameraConfig
+    camera: GstCamera
+
+
+class LiveBench:
+    """Every V4L2 camera that offers the video's size and rate, opened with its automatics on."""
+
+    source = "the cameras of this machine, moved and shown things by a person"
+    attended = True
+    done = False  # only the person knows
+
+    def __init__(
+        self,
+        video: VideoConfig,
+        clock: Clock,
+        pattern_hz: int,
+        find: Callable[[], list[CameraInfo]] = list_cameras,
+    ) -> None:
+        self.fps, self.width, self.height = video.fps, video.width, video.height
+        self._video, self._clock, self._pattern_hz, self._find = video, clock, pattern_hz, find
+        self._plugged: dict[str, _Plugged] = {}
+        self._refused: list[str] = []
+        try:
+            found = find()
+        except OSError as error:
+            raise DeviceError(
+                f"the cameras cannot be listed ({error.strerror}); try again"
+            ) from error
+        for info in found:
+            self._open(info, found)
+
+    @property
+    def cameras(self) -> Sequence[str]:
+        return tuple(self._plugged)
+
+    @property
+    def refused(self) -> Sequence[str]:
+        return tuple(self._refused)
+
+    def binding(self, camera: str) -> dict[str, str]:
+        config = self._plugged[camera].config
+        return {
+            "source": "v4l2",
+            "name": config.name,
+            "serial": config.serial,
+            "path": config.path,
+            "file": "",
+            "pixel_format": config.pixel_format,
+        }
+
+    def camera_of(self, config: CameraConfig) -> str:
+        try:
+            found = [plugged.info for plugged in self._plugged.values()]
+            info = choose_camera(found, config.name, config.serial, config.path)
+        except DeviceError:  # the wizard says which one is missing
+            return ""
+        return next(name for name, plugged in self._plugged.items() if plugged.info is info)
+
+    def prompt(self, task: Task, view: str) -> None:
+        """A person has read it."""
+
+    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
+        end_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
+        while self._clock.now_ns() < end_ns:
+            idle = True
+            for name in cameras:
+                frame = self._plugged[name].camera.next_frame(0.0)
+                if frame is not None:
+                    idle = False
+                    if frame.index % every == 0:
+                        yield Shot(name, frame, self._clock.now_ns())
+            if idle:
+                self._clock.sleep_until_ns(self._clock.now_ns() + _POLL_NS)
+
+    def chosen_settings(self, camera: str) -> Settings:
+        try:
+            with V4l2Device(self._plugged[camera].info.node) as device:
+                exposure = _control(device, EXPOSURE_ABSOLUTE)
+                white = _control(device, WHITE_BALANCE_TEMPERATURE)
+        except OSError as error:
+            raise DeviceError(f"{camera} does not tell its controls: {error.strerror}") from error
+        return Settings(None if exposure is None else float(exposure * EXPOSURE_UNIT_US), white)
+
+    def use_settings(self, camera: str, settings: Settings) -> None:
+        plugged = self._plugged[camera]
+        plugged.camera.close()
+        plugged.config = plugged.config.model_copy(
+            update={
+                "exposure_us": settings.exposure_us,
+                "white_balance_k": settings.white_balance_k,
+            }
+        )
+        plugged.camera = self._started(camera, plugged.config)
+
+    def screen(self) -> AbstractContextManager[ScreenTimes]:
+        return shown_pattern(self._clock, self._pattern_hz, module_px=28)
+
+    def live(self, camera: str, seconds: float) -> Iterator[tuple[Image, int]]:
+        for shot in self.shots([camera], seconds):
+            yield shot.frame.image, shot.frame.capture_ns
+
+    def close(self) -> None:
+        for plugged in self._plugged.values():
+            plugged.camera.close()
+
+    def _open(self, info: CameraInfo, found: Sequence[CameraInfo]) -> None:
+        name = f"{info.name} ({info.serial or info.node.rsplit('/', 1)[-1]})"
+        try:
+            config = bind(info, found, self._video)
+            self._plugged[name] = _Plugged(info, config, self._started(name, config))
+        except DeviceError as error:
+            self._refused.append(str(error))
+
+    def _started(self, name: str, config: CameraConfig) -> GstCamera:
+        source = V4l2Source(name, config, self._video, self._find)
+        camera = GstCamera(name, source, self._video, self._clock, lambda _level, _text: None)
+        camera.start()
+        return camera
+
+
+def bind(info: CameraInfo, found: Sequence[CameraInfo], video: VideoConfig) -> CameraConfig:
+    """How to find this camera again: by serial, else by its USB port, else by name, else by node.
+
+    Only what no other camera has will do. DeviceError if it does not offer the video's mode.
+    """
+    mjpeg = True
+    try:
+        choose_mode(info, mjpeg, video.width, video.height, video.fps)
+    except DeviceError:
+        mjpeg = False
+        choose_mode(info, mjpeg, video.width, video.height, video.fps)
+    others = [other for other in found if other.node != info.node]
+    keys: dict[str, str]
+    ports = [link for link in info.links if _BY_PATH in link]
+    if info.serial and all(other.serial != info.serial for other in others):
+        keys = {"serial": info.serial}
+    elif ports:
+        keys = {"path": ports[0]}
+    elif info.name and all(other.name != info.name for other in others):
+        keys = {"name": info.name}
+    else:
+        keys = {"path": info.node}
+    return CameraConfig.model_validate({**keys, "pixel_format": "mjpeg" if mjpeg else "raw"})
+
+
+def _control(device: V4l2Device, control_id: int) -> int | None:
+    """Its value, None if the camera has no such control."""
+    if all(control.id != control_id for control in device.controls()):
+        return None
+    return device.control(control_id)

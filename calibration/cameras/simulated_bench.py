@@ -1,0 +1,190 @@
+"""The rig's three cameras in virtual time, plugged in an order nobody told, and somebody there."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.cameras.bench import Settings, Shot, Task
+from calibration.cameras.board import Board
+from calibration.cameras.latency import ScreenTimes
+from calibration.cameras.plane import Lens, lens_of
+from calibration.cameras.simulated_person import SimulatedPerson
+from hw.sim.layout import draw_layout
+from hw.sim.scene_renderer import HEIGHT, WIDTH, SceneRenderer
+from hw.sim.sensor_noise import SensorNoise
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
+from hw.sim.world import World
+from tams_app.clock import NS_PER_MS, NS_PER_S, Clock, VirtualClock
+from tams_app.config import CameraConfig, Config
+from tams_app.records import Frame, Image
+
+_SCREEN_HZ = 60
+_SEED = 0xCA3
+_RATE_PPM = 100.0  # by which crystals differ
+_JITTER_MS = 0.3
+_DELIVERY_MS = (12.0, 2.0)  # at least, and the mean of what comes on top
+
+
+@dataclass(frozen=True, slots=True)
+class CameraTruth:
+    """What a simulated camera is like, for whoever checks the wizard."""
+
+    view: str
+    latency_ms: float  # from the middle of its exposure to its timestamp
+    exposure_ms: float
+    sharpest_px: float
+    lens: Lens
+    phase_ns: int
+    rate_hz: float
+
+
+class SimulatedBench:
+    """Pictures of the rig at rest, rendered once, with what the person holds before them."""
+
+    source = "the simulated rig and a simulated person"
+    attended = False
+
+    def __init__(self, config: Config, seed: int, clock: Clock, board: Board) -> None:
+        """`clock`: the real one, for `live` only. SetupError without off-screen OpenGL."""
+        self.fps, self.width, self.height = config.video.fps, WIDTH, HEIGHT
+        self._real, self._clock = clock, VirtualClock()
+        self._random = np.random.default_rng([_SEED, seed])
+        self.truth = _draw_truth(config.video.views, self._random, self.fps)
+        self._scenes = _scenes(config, seed)
+        sigma = config.rig.camera_noise_sigma
+        self._noise = {
+            name: SensorNoise(seed, truth.view, sigma, HEIGHT, WIDTH)
+            for name, truth in self.truth.items()
+        }
+        self._person = SimulatedPerson(
+            {truth.view: truth.lens for truth in self.truth.values()},
+            {truth.view: truth.sharpest_px for truth in self.truth.values()},
+            board,
+        )
+        self._screen: ScreenTimes | None = None
+        self.refused: Sequence[str] = ()
+
+    @property
+    def cameras(self) -> Sequence[str]:
+        return tuple(self.truth)
+
+    def binding(self, camera: str) -> dict[str, str]:
+        return {
+            "source": "v4l2",
+            "name": "",
+            "serial": f"SIMULATED-{camera[-1]}",
+            "path": "",
+            "file": "",
+        }
+
+    def camera_of(self, config: CameraConfig) -> str:
+        found = [name for name in self.truth if self.binding(name)["serial"] == config.serial]
+        return found[0] if found else ""
+
+    def prompt(self, task: Task, view: str) -> None:
+        self._person.ask(task, view, self._clock.now_ns())
+
+    @property
+    def done(self) -> bool:
+        return self._person.finished(self._clock.now_ns())
+
+    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
+        start_ns = self._clock.now_ns()
+        end_ns = start_ns + round(seconds * NS_PER_S)
+        due = [self._next(name, start_ns) for name in cameras]
+        heapq.heapify(due)
+        while due and due[0][0] < end_ns:
+            at_ns, name, index = due[0]
+            heapq.heapreplace(due, self._next(name, at_ns + 1))
+            if index % every:
+                continue
+            self._clock.sleep_until_ns(at_ns)
+            yield self._shot(name, index, at_ns)
+        self._clock.sleep_until_ns(end_ns)
+
+    def _next(self, name: str, from_ns: int) -> tuple[int, str, int]:
+        """When the camera's first picture from a time on begins, and its index."""
+        truth = self.truth[name]
+        index = math.ceil((from_ns - truth.phase_ns) * truth.rate_hz / NS_PER_S)
+        return truth.phase_ns + math.ceil(index * NS_PER_S / truth.rate_hz), name, index
+
+    def chosen_settings(self, camera: str) -> Settings:
+        return Settings()  # the rig's cameras have nothing to set
+
+    def use_settings(self, camera: str, settings: Settings) -> None:
+        raise AssertionError("the rig's cameras have nothing to set")
+
+    def screen(self) -> AbstractContextManager[ScreenTimes]:
+        return self._filmed()
+
+    def live(self, camera: str, seconds: float) -> Iterator[tuple[Image, int]]:
+        """In real time: the chain behind the camera is the real one."""
+        period_ns = NS_PER_S // self.fps
+        images = [shot.frame.image for shot in self.shots([camera], 0.5)]
+        start_ns = self._real.now_ns()
+        for number in range(round(seconds * self.fps)):
+            self._real.sleep_until_ns(start_ns + number * period_ns)
+            yield images[number % len(images)], self._real.now_ns()
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _shot(self, name: str, index: int, start_ns: int) -> Shot:
+        truth = self.truth[name]
+        end_ns = start_ns + round(truth.exposure_ms * NS_PER_MS)
+        scene = self._scenes[truth.view]
+        image = self._person.seen(truth.view, scene, start_ns, end_ns, self._screen)
+        self._noise[name].apply(image, index)
+        jitter_ms = float(self._random.normal(0, _JITTER_MS))
+        capture_ns = (start_ns + end_ns) // 2 + round((truth.latency_ms + jitter_ms) * NS_PER_MS)
+        least_ms, mean_ms = _DELIVERY_MS
+        late_ms = least_ms + float(self._random.exponential(mean_ms))
+        frame = Frame(name, index, capture_ns, image)
+        return Shot(name, frame, capture_ns + round(late_ms * NS_PER_MS))
+
+    @contextmanager
+    def _filmed(self) -> Iterator[ScreenTimes]:
+        self._screen = ScreenTimes(
+            self._clock.now_ns(), NS_PER_S // _SCREEN_HZ, "a simulated screen of 60 Hz, no delay"
+        )
+        try:
+            yield self._screen
+        finally:
+            self._screen = None
+
+
+def _draw_truth(
+    views: Sequence[str], random: np.random.Generator, fps: int
+) -> dict[str, CameraTruth]:
+    """Cameras named A, B, C in an order that says nothing of the views."""
+    fovy_deg = {view: seen.fovy_deg for view, seen in FIXED_VIEWPOINTS.items()}
+    fovy_deg["eih"] = WRIST_VIEWPOINT.fovy_deg
+    truth = {}
+    for letter, view in zip("ABCDEFGH", random.permutation(list(views)), strict=False):
+        focal_px = HEIGHT / 2 / math.tan(math.radians(fovy_deg[str(view)]) / 2)
+        truth[f"camera {letter}"] = CameraTruth(
+            view=str(view),
+            latency_ms=float(random.uniform(5, 45)),
+            exposure_ms=float(random.uniform(6, 14)),
+            sharpest_px=float(random.uniform(0.3, 0.6)),
+            lens=lens_of(focal_px, WIDTH, HEIGHT),
+            phase_ns=int(random.uniform(0, NS_PER_S / fps)),
+            rate_hz=float(fps * (1 + random.uniform(-1, 1) * _RATE_PPM / 1e6)),
+        )
+    return truth
+
+
+def _scenes(config: Config, seed: int) -> dict[str, Image]:
+    layout = draw_layout(seed)
+    qpos = World(layout, np.radians(config.arm.ready_joints_deg)).qpos
+    renderer = SceneRenderer(layout)
+    try:
+        return {view: renderer.render(view, qpos) for view in config.video.views}
+    finally:
+        renderer.close()

@@ -1,0 +1,60 @@
+"""The cameras' wizard in a process with played V4L2 devices, and a person who waves before them."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import mmap
+import sys
+from pathlib import Path
+
+from calibration.cameras import picture_step
+from calibration.cameras.bench import Bench
+from calibration.cameras.live_bench import LiveBench
+from calibration.cameras.wizard import Options, run_cameras
+from calibration.desk import PlayedDesk
+from hw.v4l2_devices import list_cameras
+from tests.hw.fake_cameras import FakeCamera
+
+STILL, ALL = 32, 64  # pictures of a played camera: at rest; then those with a hand
+
+
+class WavingDesk(PlayedDesk):
+    """Waves before the camera that it is asked to; its pictures then have a hand."""
+
+    def __init__(self, answers: list[str], played: dict[str, FakeCamera]) -> None:
+        super().__init__(answers, presses=100)
+        self._played = played
+
+    def say(self, text: str) -> None:
+        super().say(text)
+        for camera in self._played.values():
+            camera.picture_count = STILL
+        for view, camera in self._played.items():
+            if text.startswith("Wave") and f"({view.upper()})" in text:
+                camera.picture_count = ALL
+
+
+def played_camera(node: Path) -> FakeCamera:
+    with node.open("r+b") as file:
+        return FakeCamera.from_buffer(mmap.mmap(file.fileno(), ctypes.sizeof(FakeCamera)))
+
+
+def main() -> None:
+    """Arguments: folders of /dev and /sys, configuration, JSON of files by view, of answers."""
+    dev, sys_folder, config = (Path(argument) for argument in sys.argv[1:4])
+    played, answers = json.loads(sys.argv[4]), json.loads(sys.argv[5])
+    picture_step._LOOK_S = 3.0
+    desk = WavingDesk(answers, {view: played_camera(Path(at)) for view, at in played.items()})
+
+    def make_bench(settings, options, clock, board) -> Bench:  # type: ignore[no-untyped-def]
+        find = lambda: list_cameras(dev, sys_folder)  # noqa: E731
+        return LiveBench(settings.video, clock, options.pattern_hz, find)
+
+    code = run_cameras(desk, config, Options(), make_bench)
+    print("\n".join(desk.said))  # noqa: T201
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

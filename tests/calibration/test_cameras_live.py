@@ -1,0 +1,141 @@
+"""The wizard on V4L2 cameras, played below v4l2src, from the wave to the session that uses them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from fractions import Fraction
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.cameras.live_bench import bind
+from hw.v4l2_devices import CameraInfo, CameraMode
+from tams_app.config import VideoConfig, load_config
+from tams_app.errors import DeviceError
+from tests.calibration.camera_desk_process import ALL, STILL
+from tests.hw import fake_cameras
+from tests.hw.fake_cameras import ROOT, SMALL, CameraProcess, Machine, build_library
+
+VIDEO = VideoConfig()
+MODE = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
+RAW = CameraMode("YUYV", False, 640, 480, (Fraction(30),))
+
+
+def info(number, serial="", name="Webcam", port=None, modes=(MODE,)):
+    links = (f"/dev/v4l/by-path/usb-{port}",) if port else ()
+    return CameraInfo(name, serial, f"/dev/video{number}", links, modes)
+
+
+def bound(found):
+    configs = [bind(each, found, VIDEO) for each in found]
+    return [(config.serial, config.path, config.name) for config in configs]
+
+
+def test_cameras_are_bound_by_serial_else_port_else_name():
+    found = [info(0, "S1", port="1"), info(1, "", "Scope", port="2"), info(2, "", "Third")]
+    assert bound(found) == [
+        ("S1", "", ""),
+        ("", "/dev/v4l/by-path/usb-2", ""),
+        ("", "", "Third"),
+    ]
+
+
+def test_a_serial_or_name_that_two_cameras_share_binds_neither():
+    found = [info(0, "S1", port="1"), info(1, "S1", port="2"), info(2), info(3)]
+    assert bound(found) == [
+        ("", "/dev/v4l/by-path/usb-1", ""),
+        ("", "/dev/v4l/by-path/usb-2", ""),
+        ("", "/dev/video2", ""),
+        ("", "/dev/video3", ""),
+    ]
+
+
+def test_a_camera_without_mjpeg_is_used_raw_and_one_without_either_is_refused():
+    assert bind(info(0, "S1", modes=(RAW,)), [], VIDEO).pixel_format == "raw"
+    with pytest.raises(DeviceError, match="does not offer raw pictures"):
+        bind(info(0, "S1", modes=()), [], VIDEO)
+
+
+def with_and_without_a_hand(video, rounds):
+    """Noisy pictures of something at rest, then with a hand that waves."""
+    random = np.random.default_rng(3)
+    scene = cv2.resize(random.integers(40, 190, (6, 8, 3)).astype(np.uint8), (160, 120))
+    encoded = []
+    for number in range(ALL):
+        picture = scene.copy()
+        if number >= STILL:
+            x = int(80 + 45 * np.sin(number))
+            cv2.ellipse(picture, (x, 60), (28, 40), 0, 0, 360, (120, 150, 205), -1)
+        noisy = picture + random.integers(-4, 5, picture.shape)
+        jpeg = cv2.imencode(".jpg", np.clip(noisy, 0, 255).astype(np.uint8))[1]
+        encoded.append(jpeg.tobytes())
+    longest = max(map(len, encoded))
+    return [picture.ljust(longest, b"\0") for picture in encoded]
+
+
+@pytest.mark.timeout(400)
+def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path, monkeypatch):
+    monkeypatch.setattr(fake_cameras, "jpegs", with_and_without_a_hand)
+    library = build_library(tmp_path)
+    machine = Machine(tmp_path)
+    cameras = {
+        0: machine.plug(0, "Webcam", "S1", port=1),
+        2: machine.plug(2, "Webcam", "S2", port=2),
+        4: machine.plug(4, "Webcam", "", port=3),
+        6: machine.plug(6, "Spare", "S4", port=4),
+    }
+    machine.plug(8, "Slow", "S5", port=5, rate=15)
+    for camera in cameras.values():
+        camera.picture_count = STILL
+    config = tmp_path / "lab.yaml"
+    entries = "".join(f"  {view}: {{source: v4l2, serial: SET}}\n" for view in ("eih", "gt", "gs"))
+    config.write_text(
+        "version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: lab\n"
+        f"rig: {{enabled: false}}\nvideo: {{width: 160, height: 120}}\ncameras:\n{entries}"
+    )
+    nodes = {"eih": "video4", "gt": "video2", "gs": "video0"}
+    played = {}
+    for view, node in nodes.items():
+        played[view] = str(tmp_path / f"played-{view}")  # opened there, it is no device
+        os.link(machine.dev / node, played[view])
+    # fix the first view's settings, not the others'; no further steps; write
+    answers = ["y", "n", "n", "n", "n", "n", "y"]
+    environment = os.environ | {
+        "LD_PRELOAD": str(library),
+        "TAMS_FAKE_V4L2": str(machine.dev),
+    }
+    command = [sys.executable, "-m", "tests.calibration.camera_desk_process", str(machine.dev)]
+    command += [str(machine.sys), str(config), json.dumps(played), json.dumps(answers)]
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Left out" in done.stdout
+    assert "does not offer" in done.stdout
+
+    found = load_config(config)
+    assert found.calibrated_by[0].startswith("cameras-")
+    assert found.cameras["gt"].serial == "S2"
+    assert found.cameras["gs"].serial == "S1"
+    assert (found.cameras["eih"].serial, found.cameras["eih"].name) == ("", "")
+    assert "by-path/usb-0:3" in found.cameras["eih"].path
+    assert found.cameras["eih"].exposure_us == 25_000
+    assert found.cameras["eih"].white_balance_k == 4000
+    assert found.cameras["gt"].exposure_us is None
+
+    before = {number: camera.streams_started for number, camera in cameras.items()}
+    process = CameraProcess(library, machine)
+    try:
+        for view, settings in found.cameras.items():
+            number = process.ask("make", view, settings, SMALL)
+            process.ask("do", number, "start", ())
+            process.ask("do", number, "close", ())
+            opened = int(nodes[view].removeprefix("video"))
+            assert cameras[opened].streams_started == before[opened] + 1
+    finally:
+        process.close()
+    assert cameras[6].streams_started == before[6]
