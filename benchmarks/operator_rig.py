@@ -10,32 +10,20 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
-from hw.arm import ServoMode
-from hw.boundary import session_boundary
-from hw.sim.controller_model import ControllerModel
-from hw.sim.efference import EfferenceCopy
-from hw.sim.inprocess_arm import InProcessArm
-from hw.sim.layout import draw_layout
-from hw.sim.operator import Operator
-from hw.sim.participant import ParticipantProfile
+from benchmarks.operator_calibration import NormalisedErrors, normalised_errors
+from hw.sim.camera_pictures import CameraPictures, stagger_ns
 from hw.sim.scene import VIEWS
-from hw.sim.scene_renderer import HEIGHT, WIDTH, SceneRenderer
-from hw.sim.seeing import Reliance, SeeingPerception
-from hw.sim.sensor_noise import SensorNoise
+from hw.sim.seeing import Reliance
+from hw.sim.station import seat
 from hw.sim.task import Stage
-from hw.sim.virtual_controller import VirtualController
-from hw.sim.world import World
 from tams_app.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.config import Config
-from tams_app.records import Image, Outcome, Vector
+from tams_app.records import Image, Outcome, SceneTruth, Vector
 from tams_app.session import build
-from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.control import ControlHooks
 from tams_app.session.signals import Signals
-from tams_app.session.supervisor import ArmSupervisor
+from tams_app.session.virtual.robot import VirtualRobot
 from tams_app.study.trial import TrialJudge
-from tams_app.teleop.safety import Request
 
 Distort = Callable[[str, Image], Image]
 
@@ -48,33 +36,32 @@ class Watched:
     reliance: Reliance
     believed_gap: Vector  # from tool to block [m], shape (3,), at the glance
     true_gap: Vector
+    errors: NormalisedErrors  # against what the pictures on screen showed
 
 
 class Screen:
     """The newest picture of each view, drawn only when somebody looks."""
 
     def __init__(
-        self, config: Config, renderer: SceneRenderer, delay_ns: int, distort: Distort
+        self, config: Config, cameras: CameraPictures, delay_ns: int, distort: Distort
     ) -> None:
-        self._renderer = renderer
+        self._cameras = cameras
         self._distort = distort
         self._delay_ns = delay_ns
         self._period_ns = NS_PER_S // config.video.fps
-        self._taken: dict[str, deque[tuple[int, int, Vector]]] = {v: deque() for v in VIEWS}
-        sigma = config.rig.camera_noise_sigma
-        self._noises = {
-            view: SensorNoise(config.seed, view, sigma, HEIGHT, WIDTH) for view in VIEWS
+        self._taken: dict[str, deque[tuple[int, int, Vector, SceneTruth]]] = {
+            view: deque() for view in VIEWS
         }
         self.now_ns = 0
 
-    def take(self, now_ns: int, qpos: Vector) -> None:
-        """Let time go on: a camera whose instant has come captures."""
+    def take(self, now_ns: int, qpos: Vector, truth: SceneTruth) -> None:
+        """Let time go on: a camera whose instant has come captures; `truth` is for spectators."""
         self.now_ns = now_ns
-        for place, view in enumerate(VIEWS):
-            index = (now_ns - place * self._period_ns // len(VIEWS)) // self._period_ns
+        for view in VIEWS:
+            index = (now_ns - stagger_ns(view, self._period_ns)) // self._period_ns
             taken = self._taken[view]
             if not taken or taken[-1][1] < index:
-                taken.append((now_ns, index, qpos))
+                taken.append((now_ns, index, qpos, truth))
             while len(taken) > 1 and taken[1][0] <= now_ns - self._delay_ns:
                 taken.popleft()
 
@@ -82,13 +69,16 @@ class Screen:
         """What is on screen: None for a view until its first picture has arrived."""
         shown: dict[str, Image | None] = {}
         for view in VIEWS:
-            t_ns, index, qpos = self._taken[view][0]
+            t_ns, index, qpos, _ = self._taken[view][0]
             shown[view] = None
             if t_ns <= self.now_ns - self._delay_ns:
-                image = self._renderer.render(view, qpos)
-                self._noises[view].apply(image, index)
-                shown[view] = self._distort(view, image)
+                shown[view] = self._distort(view, self._cameras.take(view, index, qpos))
         return shown
+
+    def shown(self) -> list[SceneTruth]:
+        """What was the case in the pictures that are on screen."""
+        newest = [self._taken[view][0] for view in VIEWS]
+        return [truth for t_ns, _, _, truth in newest if t_ns <= self.now_ns - self._delay_ns]
 
 
 def _as_it_is(_view: str, image: Image) -> Image:
@@ -106,57 +96,31 @@ class OperatorRig:
         self, config: Config, participant: int, delay_ms: float = 0.0, distort: Distort = _as_it_is
     ) -> None:
         """`distort`: what becomes of each picture before it is shown (a bench's, not a codec's)."""
-        layout = draw_layout(config.seed)
-        joints = np.radians(np.array(config.arm.ready_joints_deg))
+        delay_ns = round(delay_ms * NS_PER_MS)
         self._config = config
         self._clock = VirtualClock()
-        self.world = World(layout, joints)
-        self._renderer = SceneRenderer(layout)
-        self._screen = Screen(config, self._renderer, round(delay_ms * NS_PER_MS), distort)
+        self._robot = robot = VirtualRobot(config, self._clock, _ignore)
+        sigma = config.rig.camera_noise_sigma
+        self._cameras = CameraPictures(robot.layout, config.seed, sigma)
+        self._screen = Screen(config, self._cameras, delay_ns, distort)
         self.watched: list[Watched] = []
-        profile = ParticipantProfile.draw(participant)
-        asked = EfferenceCopy()
-        self.eyes = SeeingPerception(
-            self._screen.pictures, asked, profile.sampling_s, profile.visuomotor_s, self._note
-        )
-        self.operator = Operator(
-            config.hand, config.rig.operator, self.eyes, participant, True, profile, asked
-        )
-        self._controller = VirtualController(self.operator, config.rig.operator, config.seed)
-        self._arm = InProcessArm(
-            config.arm,
-            self._clock,
-            ControllerModel(self.world, joints),
-            session_boundary(config.arm, config.limits),
-        )
-        self._supervisor = ArmSupervisor(
-            self._arm,
-            ServoMode(config.arm.servo),
-            session_boundary(config.arm, config.limits),
-            lambda *_: None,
-        )
+        station = seat(config, participant, self._screen.pictures, self._note)
+        self.eyes, self.operator = station.eyes, station.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
-        self.loop = ControlLoop(
-            self._clock,
-            config.control.rate_hz,
-            self._controller,
-            self._arm,
-            build.teleop(config, round(delay_ms * NS_PER_MS)),
-            build.phase_tracker(config),
-            build.smoothed_speed(config),
-            Signals(),
-            ControlHooks(
-                beat=_ignore,
-                video_age_ns=lambda *_: round(delay_ms * NS_PER_MS),
-                request=self._carry_out,
-                arm_ready=lambda: self._supervisor.ready,
-                phase_began=_ignore,
-                record=_ignore,
-                output=_ignore,
-            ),
+        hooks = ControlHooks(
+            beat=_ignore,
+            video_age_ns=lambda *_: delay_ns,
+            request=robot.supervisor.request,
+            arm_ready=lambda: robot.supervisor.ready,
+            phase_began=_ignore,
+            record=_ignore,
+            output=_ignore,
         )
-        self._arm.connect()
-        self._controller.start()
+        self.loop = build.control_loop(
+            config, self._clock, station.controller, robot.arm, delay_ns, Signals(), hooks
+        )
+        robot.arm.connect()
+        station.controller.start()
 
     @property
     def now_ns(self) -> int:
@@ -172,31 +136,30 @@ class OperatorRig:
     def tick(self) -> bool:
         """One control period; True once the trial has ended."""
         self._clock.advance_ns(round(NS_PER_S / self._config.control.rate_hz))
-        self._arm.state()  # brings the world up to the clock
-        self._screen.take(self.now_ns, self.world.qpos)
+        self._robot.catch_up()
+        self._screen.take(self.now_ns, self._robot.qpos, self._robot.truth())
         self.eyes.watch(self.now_ns)
         output = self.loop.tick(self.now_ns)
+        self._robot.supervisor.serve()
         if output.deadman and output.arming.value == "engaged":
             self._judge.engaged(self.now_ns)
-        state = self._arm.state()
-        closed = state.gripper_closed if state is not None else None
-        return self._judge.step(self.now_ns, self.world.truth(self.now_ns), closed)
+        truth, closed = self._robot.truth(), self._robot.gripper_closed()
+        return self._judge.step(self.now_ns, truth, closed)
 
     def close(self) -> None:
         """Give the graphics back."""
-        self._arm.close()
-        self._renderer.close()
-
-    def _carry_out(self, request: Request) -> None:
-        self._supervisor.carry_out(request, 0)
+        self._robot.arm.close()
+        self._cameras.close()
 
     def _note(self, reliance: Reliance) -> None:
-        truth = self.world.truth(self.now_ns)
+        truth, stage = self._robot.truth(), self.operator.stage
+        shown = self._screen.shown()
         self.watched.append(
             Watched(
-                self.operator.stage,
+                stage,
                 reliance,
                 self.eyes.gap_to_block,
                 truth.block.position - truth.tcp.position,
+                normalised_errors(self.eyes.belief, stage, self.eyes.asked_speed_m_s, shown),
             )
         )

@@ -5,16 +5,21 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
 
 from calibration.cli import app as calibrate
 from tams_app import __version__
-from tams_app.config import load_config
-from tams_app.errors import ConfigError, TamsError
+from tams_app.config import Config, load_config
+from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.study.cli import study_app
+
+if TYPE_CHECKING:
+    from tams_app.study.runner import TrialRunner
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -156,7 +161,7 @@ def doctor(
 @app.command()
 def report(log: Annotated[Path, typer.Argument(help="A session folder.")]) -> None:
     """Make summary.json and bitrates.png anew from a session's log."""
-    from tams_app.console.app import report_session
+    from tams_app.console.report import report_session
 
     report_session(log)
 
@@ -164,13 +169,16 @@ def report(log: Annotated[Path, typer.Argument(help="A session folder.")]) -> No
 @app.command()
 def network(
     name: Annotated[str, typer.Argument(help="A condition of the configuration: s1, s2, s3.")],
-    interface: Annotated[str, typer.Option(help="The network interface the video leaves by.")],
+    interface: Annotated[str, typer.Option(help="The network interface to shape.")],
     action: Annotated[
         str, typer.Option(help="print, apply, rate (apply the rate only), show or remove.")
     ] = "print",
     config: ConfigOption = None,
 ) -> None:
-    """Emulate a network condition on real hardware's video interface with `tc`."""
+    """Emulate a network condition on an interface with `tc`: other traffic's, nothing of the video.
+
+    In this version the video stays on one computer's loopback; `run --network` emulates its link.
+    """
     from tams_app.video.netem import run_network
 
     run_network(load_config(config), name, interface, action, typer.echo)
@@ -241,6 +249,23 @@ def allocate(
     else:
         for view, kbps in targets.items():
             typer.echo(f"{view}  {kbps} kbit/s")
+
+
+def _simulated_trials(settings: Config) -> TrialRunner:
+    if find_spec("mujoco") is None:
+        raise SetupError("simulated trials need MuJoCo: pip install 'tams[sim]'")
+    from tams_app.session.virtual import SimulatedTrialRunner
+
+    return SimulatedTrialRunner(settings)
+
+
+def _trials_with_people(settings: Config) -> TrialRunner:
+    from tams_app.console.trial import LiveTrialRunner
+
+    return LiveTrialRunner(settings)
+
+
+app.add_typer(study_app(_simulated_trials, _trials_with_people), name="study")
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

@@ -296,6 +296,30 @@ class Outcome:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class OperatorGlance:
+    """Which view told the simulated operator how much in one glance at the screen.
+
+    Shares of what the glance added to knowing the way from tool to block and from tool to
+    container: by view, summing to 1; empty when the glance told nothing.
+    """
+
+    t_ns: int
+    stage: str  # of the task, as he believes
+    to_block: dict[str, float]
+    to_container: dict[str, float]
+    about_block: bool  # what he was about then: the way to the block, else to the container
+    block_sigma: float  # [m], after the glance
+    container_sigma: float  # [m]
+    lag_ns: int  # hand to eye, as he judges it
+    hanging: tuple[str, ...]  # views in which he noticed that nothing moves
+
+    @property
+    def relied_on(self) -> dict[str, float]:
+        """The shares that counted for what he was about."""
+        return self.to_block if self.about_block else self.to_container
+
+
 # --- what the log keeps besides -----------------------------------------------------------------
 
 

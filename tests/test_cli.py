@@ -128,6 +128,30 @@ def test_hardware_needs_a_camera_for_every_view(capsys, tmp_path):
     assert "cameras must name each of video.views" in err
 
 
+@pytest.mark.parametrize("camera", [{"source": "pattern"}, {"source": "file", "file": "a.mkv"}])
+def test_a_real_arm_is_not_driven_by_pictures_that_do_not_show_it(capsys, tmp_path, camera):
+    cameras = {"eih": {"path": "/dev/video0"}, "gt": {"path": "/dev/video2"}, "gs": camera}
+    arm = {"host": "127.0.0.1", "control_port": 1, "report_port": 2}
+    station = {"include": [str(DEFAULT_CONFIG)], "rig": {"enabled": False}}
+    config = tmp_path / "station.yaml"
+    config.write_text(json.dumps({"version": 1, **station, "arm": arm, "cameras": cameras}))
+    logs = tmp_path / "logs"
+    code, _, err = run(capsys, "run", "--config", config, "--headless", "--out", logs)
+    assert code == 2
+    assert f"cameras.gs.source is {camera['source']}" in err
+    assert len(err.splitlines()) == 1
+    assert not logs.exists()
+    dry = ("run", "--config", config, "--dry-run", "--headless", "--out", logs)
+    assert "127.0.0.1:1" in run(capsys, *dry)[2], "a dry run goes on, to an arm that is not there"
+
+
+def test_the_help_of_network_promises_nothing_of_the_video(capsys):
+    code, out, _ = run(capsys, "network", "--help")
+    assert code == 0
+    assert "nothing of the video" in " ".join(out.split())
+    assert "leaves by" not in out
+
+
 def test_home_needs_hardware_to_move(capsys):
     code, _, err = run(capsys, "home")
     assert code == 2

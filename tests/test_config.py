@@ -28,6 +28,7 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
     ("overrides", "sentence"),
     [
         ({"speed": 1}, "speed: no such key"),
+        ({"rig.enabled": False, "rig.hand_trajectory": "a.mcap"}, "rig: hand_trajectory is for"),
         ({"limits.max_sped_mm_s": 1}, "limits.max_sped_mm_s: no such key"),
         ({"policy.weights.matrix.REACH.gt": 0.6}, "matrix.REACH sums to 1.1, not 1"),
         ({"limits.max_speed_mm_s": 501}, "limits.max_speed_mm_s: .*less than or equal to 500"),
@@ -94,6 +95,7 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"limits.box_min_mm": [0, 0, 500]}, "box_min_mm must be below box_max_mm"),
         ({"version": 2}, "version"),
         ({"video.views": ["eih", "gt", "gs", "eih"]}, "views must be different"),
+        ({"video.quality": True}, "video.quality"),
         ({"video.first_port": 65530}, "first_port leaves no room"),
         ({"networks.s2.rate_kbps": 1e-300}, "networks.s2.rate_kbps"),
     ],

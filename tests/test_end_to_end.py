@@ -163,6 +163,20 @@ def test_the_commanded_speed_never_exceeds_its_limit(log):
     assert 0.05 < max(speeds) <= 0.25 + 1e-9
 
 
+def test_the_pictures_were_compared_with_what_was_captured(summary, log):
+    captured = {(frame.view, frame.index) for frame in log.captured}
+    told = [(one.view, one.index) for one in log.quality]
+    assert len(set(told)) == len(told)
+    assert len(set(told) & captured) > 0.9 * len(captured)  # the helper starts before the cameras
+    for entry in summary["views"].values():
+        for kind in ("received_ssim", "delivered_ssim", "live_ssim"):
+            assert 0.3 < entry[kind] < 1
+            assert entry["ssim_n"][kind] > 0
+        assert 0 < entry["ssim_sampled_fraction"] <= 1
+    assert 0.3 < summary["primary_view"]["received_ssim"] < 1
+    assert summary["primary_view"]["by_phase"]["REACH"]["live_ssim"] is not None
+
+
 def test_report_makes_summary_and_picture_anew_from_the_log(finished, summary):
     folder, _ = finished
     for name in ("summary.json", "bitrates.png"):

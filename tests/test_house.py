@@ -25,7 +25,8 @@ WALLS = {
     "tams_app/video": ("tams_app.teleop", "tams_app.policy", "tams_app.session", "hw"),
     "tams_app/recording": ("tams_app.session", "tams_app.console", "hw"),
     "tams_app/summary": ("tams_app.session", "tams_app.console", "hw"),
-    "tams_app/session": ("tams_app.console",),
+    "tams_app/study": ("tams_app.session", "tams_app.console", "hw"),
+    "tams_app/session": ("tams_app.console", "calibration"),
     "hw": ("tams_app.session", "tams_app.teleop", "tams_app.policy", "tams_app.video"),
 }
 

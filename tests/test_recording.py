@@ -326,7 +326,7 @@ def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
         failed.set()
 
     recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 100, on_failure)
-    monkeypatch.setattr(writer, "free_mb", lambda directory: 9.0)
+    monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
     recorder.record(tick(0))
     recorder.start()
     assert failed.wait(20)

@@ -48,6 +48,7 @@ VIEW_KEYS: dict[str, Any] = {
     "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
     **SSIM,
     "ssim_n": SSIM,
+    "ssim_sampled_fraction": 0.0,
     "frames_damaged": 0,
 }
 KEYS: dict[str, Any] = {
@@ -95,9 +96,11 @@ KEYS: dict[str, Any] = {
         **SSIM,
         "time_weighted": SSIM,
         "n": SSIM,
+        "sampled_fraction": 0.0,
         "missing_phases": [None],
         "by_phase": {},
     },
+    "operator": {"relied_on": None},
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},
 }
 

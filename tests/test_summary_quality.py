@@ -10,6 +10,7 @@ import pytest
 
 from tams_app.clock import NS_PER_MS, MonotonicClock
 from tams_app.recording import Recorder, SessionLog, read_log
+from tams_app.recording.topics import FrameCaptured
 from tams_app.records import FrameQuality, PacketFate, PacketRecord, Phase, PhaseChange
 from tams_app.summary import summarise
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, capture_ns, header
@@ -88,6 +89,28 @@ def test_overall_is_the_unweighted_mean_of_the_phases_with_the_time_weighted_bes
     assert primary["time_weighted"]["received_ssim"] == pytest.approx(0.87)
     assert primary["live_ssim"] is None
     assert primary["time_weighted"]["live_ssim"] is None
+
+
+def test_the_sampled_fraction_is_of_all_frames_captured() -> None:
+    told = [
+        quality("gt", 0, 0.9, 0.9),
+        quality("gt", 1, None, 0.8, 0.7),
+        quality("gt", 2, None),  # there was no time for it
+        quality("eih", 3, None, None, 0.5),
+    ]
+    log = log_of(*told, phases={0: Phase.REACH, 3: Phase.ALIGN})
+    log.captured = [
+        FrameCaptured(view, index, capture_ns(index)) for view in VIEWS for index in range(5)
+    ]  # nobody told of the last ones: the helper had gone
+    summary = summarise(log)
+    assert summary["views"]["gt"]["ssim_sampled_fraction"] == pytest.approx(2 / 5)
+    assert summary["views"]["gs"]["ssim_sampled_fraction"] == 0
+    primary = summary["primary_view"]
+    assert primary["by_phase"]["REACH"]["sampled_fraction"] == pytest.approx(2 / 3, abs=1e-6)
+    assert primary["by_phase"]["ALIGN"]["sampled_fraction"] == pytest.approx(1 / 2)
+    assert primary["sampled_fraction"] == pytest.approx(3 / 5)
+    log.captured = []
+    assert summarise(log)["primary_view"]["sampled_fraction"] is None
 
 
 def test_a_phase_that_comes_back_is_one_phase_and_before_the_first_there_is_none() -> None:

@@ -84,6 +84,11 @@ class InProcessArm(Arm):
         self._clock.sleep_until_ns(self._clock.now_ns() + duration_ns)
         self._catch_up()
 
+    @property
+    def simulated_ns(self) -> int:
+        """The instant the arm and its plant stand at: of the controller's last cycle."""
+        return self._cycle_ns
+
     def skip_standstill(self, longest_ns: int) -> None:
         """Leave out what is more than `longest_ns` behind the clock: the process stood still."""
         behind_ns = self._clock.now_ns() - self._cycle_ns

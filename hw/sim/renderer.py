@@ -12,11 +12,11 @@ import threading
 from dataclasses import dataclass
 from typing import Any
 
+from hw.sim.camera_pictures import CameraPictures, stagger_ns
 from hw.sim.frame_memory import FrameGrid, FrameShape, FrameWriter
 from hw.sim.layout import draw_layout
 from hw.sim.scene import VIEWS
-from hw.sim.scene_renderer import HEIGHT, WIDTH, SceneRenderer
-from hw.sim.sensor_noise import SensorNoise
+from hw.sim.scene_renderer import HEIGHT, WIDTH
 from hw.sim.world_memory import WorldReader, WorldSnapshot
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
 from tams_app.errors import TamsError
@@ -55,11 +55,11 @@ class CameraSchedule:
     def __init__(self, writer: FrameWriter, fps: int, now_ns: int) -> None:
         period_ns = NS_PER_S // fps
         self._cameras = []
-        for place, view in enumerate(VIEWS):
+        for view in VIEWS:
             grid, next_index = writer.grid(view), 0
             if grid.start_ns == 0 or grid.period_ns != period_ns:
-                offset_ns = place * period_ns // len(VIEWS)
-                grid = FrameGrid(now_ns + _START_DELAY_NS + offset_ns, period_ns)
+                start_ns = now_ns + _START_DELAY_NS + stagger_ns(view, period_ns)
+                grid = FrameGrid(start_ns, period_ns)
                 writer.set_grid(view, grid)
             elif now_ns > grid.start_ns:
                 next_index = (now_ns - grid.start_ns) // period_ns + 1
@@ -73,10 +73,9 @@ class CameraSchedule:
 
 
 def run(
-    renderer: SceneRenderer,
+    pictures: CameraPictures,
     world: WorldReader,
     writer: FrameWriter,
-    noises: dict[str, SensorNoise],
     fps: int,
     clock: Clock,
     stop: threading.Event,
@@ -90,8 +89,7 @@ def run(
         if snapshot is None or clock.now_ns() - snapshot.t_ns > _STALE_NS:
             clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
             continue
-        image = renderer.render(camera.view, snapshot.state.qpos)
-        noises[camera.view].apply(image, camera.next_index)
+        image = pictures.take(camera.view, camera.next_index, snapshot.state.qpos)
         writer.publish(camera.view, camera.next_index, snapshot.t_ns, image, camera.skipped)
         camera.next_index += 1
 
@@ -122,18 +120,15 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     name, seed = str(specification["memory_name"]), int(specification["seed"])
     sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
     world = WorldReader(name)
-    renderer = SceneRenderer(draw_layout(seed))
+    pictures = CameraPictures(draw_layout(seed), seed, sigma)
     writer = FrameWriter(name, FrameShape(VIEWS, WIDTH, HEIGHT))
     try:
-        noises = {view: SensorNoise(seed, view, sigma, HEIGHT, WIDTH) for view in VIEWS}
         side.ready(memory_name=name)
         if wait_for_world(world, clock, side.stop_requested) is not None:
-            run(
-                renderer, world, writer, noises, int(specification["fps"]), clock,
-                side.stop_requested,
-            )  # fmt: skip
+            fps = int(specification["fps"])
+            run(pictures, world, writer, fps, clock, side.stop_requested)
     finally:
-        renderer.close()
+        pictures.close()
         writer.close()
         world.close()
 

@@ -1,6 +1,6 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
-from tams_app.recording.reader import SessionLog, read_log, read_video
+from tams_app.recording.reader import SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.reference import ReferenceRecorder, read_reference
 from tams_app.recording.topics import (
     Facts,
@@ -24,5 +24,6 @@ __all__ = [
     "SessionLog",
     "read_log",
     "read_reference",
+    "read_ticks",
     "read_video",
 ]

@@ -32,6 +32,16 @@ def require_free_space(directory: Path, min_free_mb: float) -> None:
         )
 
 
+def require_reserve(directory: Path, reserve_mb: float) -> None:
+    """LogError if a log that is being written has filled the disk but for `reserve_mb` [MB]."""
+    free = free_mb(directory)
+    if free < reserve_mb:
+        raise LogError(
+            f"{directory}: recording ended because only {free:.0f} MB are free; "
+            "delete old logs; what was written before is readable"
+        )
+
+
 class LogFile:
     """A new file in the shape the MCAP writers want: `write`, `seek`, `flush`, `tell`.
 

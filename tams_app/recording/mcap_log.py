@@ -45,7 +45,9 @@ class McapLog:
     our file needs the GIL to finish a write, so two threads would wait for each other for ever.
     """
 
-    def __init__(self, path: Path, header: Header) -> None:
+    def __init__(self, path: Path, header: Header, bitstream: bool = True) -> None:
+        """`bitstream`: keep the encoded frames themselves, not only when they were sent."""
+        self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
         self._context = Context()
         self._file: LogFile | None = LogFile(path)
@@ -123,6 +125,8 @@ class McapLog:
             frame.pushed_ns,
         )
         self._write_record(sent, frame.encoded_ns)
+        if not self._bitstream:
+            return
         channel = self._videos.get(frame.view)
         if channel is None:
             channel = CompressedVideoChannel(VIDEO_PREFIX + frame.view, context=self._context)

@@ -31,6 +31,7 @@ from tams_app.records import (
     FrameQuality,
     LinkCapacity,
     Note,
+    OperatorGlance,
     Outcome,
     PacketRecord,
     PhaseChange,
@@ -71,6 +72,7 @@ class SessionLog:
     notes: list[Note] = field(default_factory=list)
     system: list[SystemSample] = field(default_factory=list)
     scene: list[SceneTruth] = field(default_factory=list)
+    glances: list[OperatorGlance] = field(default_factory=list)
     outcome: Outcome | None = None
 
     def add(self, record: Any) -> None:
@@ -99,6 +101,7 @@ _LISTS: dict[type, str] = {
     Note: "notes",
     SystemSample: "system",
     SceneTruth: "scene",
+    OperatorGlance: "glances",
 }
 _TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
 
@@ -146,6 +149,13 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
                 payload,
                 sent.pushed_ns,
             )
+
+
+def read_ticks(path: Path) -> Iterator[Tick]:
+    """The control loop's ticks alone, in order; LogError as `read_log`."""
+    for name, message in McapStream(path, PROFILE):
+        if name == TOPICS[Tick].name:
+            yield _decode(path, TOPICS[Tick], message.data)
 
 
 def _decode(path: Path, topic: Any, data: bytes) -> Any:

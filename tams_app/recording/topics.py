@@ -18,6 +18,7 @@ from tams_app.records import (
     FrameQuality,
     LinkCapacity,
     Note,
+    OperatorGlance,
     Outcome,
     PacketFate,
     PacketKind,
@@ -176,6 +177,7 @@ Recordable: TypeAlias = (
     | Note
     | SystemSample
     | SceneTruth
+    | OperatorGlance
     | Outcome
     | Facts
 )
@@ -211,6 +213,7 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/note", Note, lambda record: record.t_ns),
         Topic("/system", SystemSample, lambda record: record.t_ns),
         Topic("/scene", SceneTruth, lambda record: record.t_ns),
+        Topic("/operator/glance", OperatorGlance, lambda record: record.t_ns),
         Topic("/outcome", OutcomeGiven, lambda record: record.t_ns),
     )
 }

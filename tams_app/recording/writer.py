@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
-from tams_app.errors import LogError
 from tams_app.mailbox import BoundedQueue
-from tams_app.recording.disk import RESERVE_FRACTION, free_mb, require_free_space
+from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.topics import (
     FrameCaptured,
@@ -49,14 +48,18 @@ class Recorder:
         clock: Clock,
         min_free_mb: float,
         on_failure: Callable[[str, BaseException], None],
+        bitstream: bool = True,
     ) -> None:
-        """Create the file and write the header; LogError if there is no room or no folder."""
+        """Create the file and write the header; LogError if there is no room or no folder.
+
+        `bitstream`: keep the encoded frames themselves, not only when they were sent.
+        """
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._queue: BoundedQueue[Recordable | FrameCaptured | FrameShown] = BoundedQueue(CAPACITY)
-        self._log = McapLog(path, header)
+        self._log = McapLog(path, header, bitstream)
         self._worker = Worker("recorder", self._run, on_failure)
 
     def start(self) -> None:
@@ -67,7 +70,7 @@ class Recorder:
         if self.failure is not None:
             return
         if isinstance(item, Frame | ShownFrame):
-            self._queue.put(_without_pixels(item))
+            self._queue.put(without_pixels(item))
         else:
             self._queue.put(item)
 
@@ -102,7 +105,7 @@ class Recorder:
                     self._log.flush()
                     next_flush_ns = now_ns + FLUSH_NS
                 if now_ns >= next_check_ns:
-                    self._check_space()
+                    require_reserve(self._directory, self._reserve_mb)
                     next_check_ns = now_ns + SPACE_CHECK_NS
             self._write_queued()
             self._note_dropped()
@@ -130,16 +133,9 @@ class Recorder:
             text = f"The recorder was too slow: {self.dropped} records are missing from this log."
             self._log.write(Note(now_ns, "warning", text), now_ns)
 
-    def _check_space(self) -> None:
-        free = free_mb(self._directory)
-        if free < self._reserve_mb:
-            raise LogError(
-                f"{self._directory}: recording ended because only {free:.0f} MB are free; "
-                "delete old logs; what was written before is readable"
-            )
 
-
-def _without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:
+def without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:
+    """What the log keeps of a picture."""
     if isinstance(frame, Frame):
         return FrameCaptured(frame.view, frame.index, frame.capture_ns)
     return FrameShown(frame.view, frame.index, frame.shown_ns)

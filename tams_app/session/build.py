@@ -8,6 +8,7 @@ import numpy as np
 
 from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
+from hw.controller import Controller
 from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg, tcp_pose
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.capacity import Capacity
@@ -20,7 +21,9 @@ from tams_app.policy.engine import Policy
 from tams_app.policy.phases import PhaseParameters, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.records import Pose
+from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.devices import Devices
+from tams_app.session.signals import Signals
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
@@ -60,6 +63,19 @@ def check_ready_pose(config: Config) -> None:
             f"{beyond.max() * 1000:.0f} mm outside limits.{_BOUNDS[int(beyond.argmax())]}: "
             "change one of the two"
         )
+
+
+def check_views(config: Config, dry_run: bool) -> None:
+    """ConfigError for a real arm with a view that does not show it; a dry run moves nothing."""
+    if config.rig.enabled or dry_run:
+        return
+    for view in config.video.views:
+        source = config.cameras[view].source
+        if source != "v4l2":
+            raise ConfigError(
+                f"cameras.{view}.source is {source}, which does not show the arm that would move: "
+                "give the view a camera, or add --dry-run"
+            )
 
 
 def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
@@ -112,6 +128,29 @@ def phase_tracker(config: Config) -> PhaseTracker:
 def smoothed_speed(config: Config) -> SmoothedSpeed:
     """v̄ and v̄_z of the measured TCP."""
     return SmoothedSpeed(config.policy.phases.smoothing_ms / 1000)
+
+
+def control_loop(
+    config: Config,
+    clock: Clock,
+    controller: Controller,
+    arm: Arm,
+    delay_ns: int,
+    signals: Signals,
+    hooks: ControlHooks,
+) -> ControlLoop:
+    """From hand to arm and on to the phase; `delay_ns` of the pictures."""
+    return ControlLoop(
+        clock,
+        config.control.rate_hz,
+        controller,
+        arm,
+        teleop(config, delay_ns),
+        phase_tracker(config),
+        smoothed_speed(config),
+        signals,
+        hooks,
+    )
 
 
 def policy(config: Config, capacity: Capacity) -> tuple[Policy, SenderBudget | None]:

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from hw.camera import Camera
-from tams_app.records import Frame
+from tams_app.records import Frame, ShownFrame
 
 _REMEMBERED = 300  # ten seconds of frames
 _WAIT_S = 0.2
@@ -30,6 +30,11 @@ class CaptureTimes:
         """Capture time [ns] of frame `index`, None if it is not remembered."""
         with self._lock:
             return self._times.get(index)
+
+    def age_ns(self, shown: ShownFrame | None, now_ns: int) -> int | None:
+        """Age of the picture on screen; None where there is none, and if nobody knows."""
+        capture_ns = None if shown is None else self.of(shown.index)
+        return None if capture_ns is None else now_ns - capture_ns
 
 
 class Capture:

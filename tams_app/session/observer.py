@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 from tams_app.clock import NS_PER_S
 from tams_app.records import ArmState
 from tams_app.session.control import describe
-from tams_app.session.guarding import Guarding
 from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard
 from tams_app.session.stops import StopWatch
@@ -19,6 +19,13 @@ from tams_app.teleop.safety import ArmingState, Reason
 CONFIRM_AGAIN_NS = NS_PER_S
 
 
+class Guard(Protocol):
+    """Watches over the arm while it is armed."""
+
+    def follow(self, arming: ArmingState, stopping: bool) -> None:
+        """The arm's arming; `stopping`: it does not stand yet."""
+
+
 class TickObserver:
     """Guard, supervisor, trial, stops, notes and console follow the arm's arming. Never blocks.
 
@@ -27,7 +34,7 @@ class TickObserver:
 
     def __init__(
         self,
-        guarding: Guarding,
+        guard: Guard,
         supervisor: ArmSupervisor,
         trial: Trial,
         stops: StopWatch,
@@ -36,7 +43,7 @@ class TickObserver:
         note: Callable[[str, str], None],
         arm_at_once: bool,
     ) -> None:
-        self._guarding = guarding
+        self._guard = guard
         self._supervisor = supervisor
         self._trial = trial
         self._stops = stops
@@ -49,7 +56,7 @@ class TickObserver:
 
     def observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         """Take in one tick; in the control thread."""
-        self._guarding.follow(output.arming, output.stop)
+        self._guard.follow(output.arming, output.stop)
         if output.stop:
             self._supervisor.stopped()
         if output.arming is ArmingState.ENGAGED:

@@ -22,7 +22,8 @@ class PolicyLoop:
         apply: Callable[[Allocation], None],
     ) -> None:
         self._clock = clock
-        self._period_s = 1.0 / rate_hz
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self.due_ns = clock.now_ns()  # of the next step, unless a phase begins before
         self._policy = policy
         self._before_step = before_step
         self._apply = apply
@@ -35,17 +36,19 @@ class PolicyLoop:
         self._woken.set()
 
     def run(self, stop: threading.Event) -> None:
-        due_ns = self._clock.now_ns()
+        self.due_ns = self._clock.now_ns()
         while not stop.is_set():
-            self.step()
-            due_ns = max(due_ns + round(self._period_s * NS_PER_S), self._clock.now_ns())
-            remaining_s = (due_ns - self._clock.now_ns()) / NS_PER_S
-            if self._woken.wait(remaining_s):
-                self._woken.clear()
-                due_ns = self._clock.now_ns()
+            self.step_if_due()
+            self._woken.wait((self.due_ns - self._clock.now_ns()) / NS_PER_S)
 
-    def step(self) -> None:
-        """One allocation for the newest phase."""
+    def step_if_due(self) -> None:
+        """One allocation, if its time has come or a phase has begun since the last."""
         now_ns = self._clock.now_ns()
+        if self._woken.is_set():
+            self._woken.clear()
+            self.due_ns = now_ns
+        if now_ns < self.due_ns:
+            return
+        self.due_ns = max(self.due_ns + self._period_ns, now_ns)
         self._before_step(now_ns)
         self._apply(self._policy.step(now_ns, self._phase))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Protocol
 
 from tams_app import __version__
 from tams_app.capacity import Capacity
@@ -19,35 +20,25 @@ LOG_NAME = "session.mcap"
 REFERENCE_NAME = "reference.mcap"
 
 
-class Recorders:
-    """The log and the reference recorder of one session; nothing here blocks but `close`."""
+class Log(Protocol):
+    """Keeps records; a frame's pixels are let go."""
 
-    def __init__(
-        self,
-        config: Config,
-        clock: Clock,
-        folder: Path,
-        on_failure: Callable[[str, BaseException], None],
-    ) -> None:
-        started_ns = clock.now_ns()
-        wall_offset_ns = time.time_ns() - started_ns
-        header = _header(config, started_ns, wall_offset_ns)
-        free_mb = config.recording.min_free_mb
+    def record(self, item: Recordable) -> None:
+        """Keep one record."""
+
+    def record_all(self, items: Iterable[Recordable]) -> None:
+        """Keep several records."""
+
+
+class SessionRecords:
+    """What a session tells its log: live (`Recorders`) and in virtual time."""
+
+    def __init__(self, clock: Clock, log: Log, reference: ReferenceRecorder | None = None) -> None:
         self._clock = clock
-        self._reference: ReferenceRecorder | None = None
-        with ExitStack() as stack:
-            self._log = Recorder(folder / LOG_NAME, header, clock, free_mb, on_failure)
-            stack.callback(self._log.close)
-            if config.recording.record_reference:
-                self._reference = ReferenceRecorder(
-                    folder / REFERENCE_NAME, wall_offset_ns, free_mb, on_failure
-                )
-                stack.callback(self._reference.close)
-                self._reference.start()
-            self._log.start()
-            self._stack = stack.pop_all()
+        self._log = log
+        self._reference = reference
         self._last_capacity_kbps: float | None = None
-        self._capacity_ns = started_ns
+        self._capacity_ns = clock.now_ns()
 
     def record(self, item: Recordable) -> None:
         """Keep one record in the log."""
@@ -79,12 +70,42 @@ class Recorders:
             self._last_capacity_kbps = kbps
             self._log.record(LinkCapacity(now_ns, kbps))
 
+
+class Recorders(SessionRecords):
+    """The log and the reference recorder of one session; nothing here blocks but `close`."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        folder: Path,
+        on_failure: Callable[[str, BaseException], None],
+    ) -> None:
+        started_ns = clock.now_ns()
+        wall_offset_ns = time.time_ns() - started_ns
+        header = session_header(config, started_ns, wall_offset_ns)
+        free_mb, bitstream = config.recording.min_free_mb, config.recording.bitstream
+        reference: ReferenceRecorder | None = None
+        with ExitStack() as stack:
+            log = Recorder(folder / LOG_NAME, header, clock, free_mb, on_failure, bitstream)
+            stack.callback(log.close)
+            if config.recording.record_reference:
+                reference = ReferenceRecorder(
+                    folder / REFERENCE_NAME, wall_offset_ns, free_mb, on_failure
+                )
+                stack.callback(reference.close)
+                reference.start()
+            log.start()
+            self._stack = stack.pop_all()
+        super().__init__(clock, log, reference)
+
     def close(self) -> None:
         """Write what is queued and finish the files."""
         self._stack.close()
 
 
-def _header(config: Config, started_ns: int, wall_offset_ns: int) -> Header:
+def session_header(config: Config, started_ns: int, wall_offset_ns: int) -> Header:
+    """The first message of a session's log."""
     return Header(
         version=__version__,
         name=config.name,

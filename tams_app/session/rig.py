@@ -13,16 +13,19 @@ from hw.controller import Controller
 from hw.lite6 import Lite6
 from hw.sim.camera import SimCamera
 from hw.sim.operator import Operator
+from hw.sim.operator_hand import operator_hand
 from hw.sim.perception import TruePerception
 from hw.sim.shared_block import new_memory_name, remove_memory
 from hw.sim.truth import TruthReader
 from hw.sim.virtual_controller import VirtualController
+from hw.sim.wiring import rig_wiring
 from hw.sim.world_memory import WorldWriter
 from tams_app.clock import Clock
 from tams_app.config import ArmConfig, Config
 from tams_app.process import HelperProcess
 from tams_app.records import SceneTruth
 from tams_app.session.devices import Note
+from tams_app.session.recorded_hand import recorded_hand
 
 LOOPBACK = "127.0.0.1"
 
@@ -88,13 +91,19 @@ class SimulatedRig:
         return Lite6(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
     def make_controller(self, note: Note) -> Controller:
-        """The virtual controller in the scripted operator's hand."""
+        """The virtual controller in the scripted operator's hand, or a recorded hand's."""
         config = self._config
+        if config.rig.hand_trajectory is not None:
+            return recorded_hand(Path(config.rig.hand_trajectory))
         perception = TruePerception(self._read_truth)
         operator = Operator(
-            config.hand, config.rig.operator, perception, config.seed, self._operator_confirms
+            operator_hand(config),
+            config.rig.operator,
+            perception,
+            config.seed,
+            self._operator_confirms,
         )
-        return VirtualController(operator, config.rig.operator, config.seed)
+        return VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
 
     def make_cameras(self, note: Note) -> list[Camera]:
         """One camera for each view."""

@@ -102,7 +102,7 @@ class Session:
         self._stack.callback(self._devices.close)
         self._devices.start()
         self._streaming = Streaming(
-            config, clock, self._recorders, self.board, self._on_worker_failure
+            config, clock, self._recorders, self.board, self._on_worker_failure, self.note
         )
         self._stack.callback(self._streaming.close)
         self._streaming.start(helper_logs)
@@ -164,7 +164,7 @@ class Session:
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
-        pids["relay"] = self._streaming.relay_pid
+        pids.update(self._streaming.helper_pids)
         return {name: pid for name, pid in pids.items() if pid is not None}
 
     def _build_control(self, arm: Arm, supervisor: ArmSupervisor) -> ControlLoop:
@@ -188,16 +188,9 @@ class Session:
             record=self._keep_tick,
             output=observer.observe,
         )
-        return ControlLoop(
-            self._clock,
-            config.control.rate_hz,
-            self._controller,
-            arm,
-            build.teleop(config, self._streaming.picture_delay_ns),
-            build.phase_tracker(config),
-            build.smoothed_speed(config),
-            self.signals,
-            hooks,
+        delay_ns = self._streaming.picture_delay_ns
+        return build.control_loop(
+            config, self._clock, self._controller, arm, delay_ns, self.signals, hooks
         )
 
     def _build_trial(self, arm: Arm, truth: Callable[[], SceneTruth | None]) -> TrialLoop:

@@ -53,6 +53,8 @@ class StatusSnapshot:
     link_kbps: float | None
     capacity_kbps: float | None
     queue_ms: float | None
+    primary_view: str = ""
+    live_ssim: float | None = None  # of the primary view, over its last scored frames
 
 
 class StatusBoard:

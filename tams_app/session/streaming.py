@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from hw.camera import Camera
@@ -13,8 +14,10 @@ from tams_app.config import Config
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Frame, PacketRecord, Phase, ShownFrame
 from tams_app.session import build
+from tams_app.session.allocating import Allocating
 from tams_app.session.captures import Capture
-from tams_app.session.policy_loop import PolicyLoop
+from tams_app.session.devices import Note
+from tams_app.session.quality import LiveQuality
 from tams_app.session.recorders import Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Uplink, UplinkRecords, primary_age_ns
@@ -33,36 +36,38 @@ class Streaming:
         recorders: Recorders,
         board: StatusBoard,
         on_failure: Callable[[str, BaseException], None],
+        note: Note,
     ) -> None:
         self._config = config
         self._clock = clock
         self._recorders = recorders
         self._board = board
         self._on_failure = on_failure
+        self._note = note
         self._stack = ExitStack()
         self._weights = WeightMatrix(config.policy.weights.matrix)
 
     def start(self, logs: Path) -> None:
-        """Start relay, senders and receivers; nothing is captured yet."""
-        config, clock = self._config, self._clock
+        """Start relay, senders, receivers and who compares pictures; nothing is captured yet."""
+        config, clock, record = self._config, self._clock, self._recorders.record
+        self._quality = LiveQuality(config.video, logs, record, self._note)
+        self._stack.callback(self._quality.close)
+        self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
         network = resolve_network(config, config.network)
         epoch_ns = clock.now_ns()
         self._capacity = network_capacity(network, epoch_ns)
-        self._policy, self._sender_budget = build.policy(config, self._capacity)
-        record = self._recorders.record
+        allocating = Allocating(config, self._capacity, self._recorders)
         records = UplinkRecords(
             encoded=record,
             dropped=record,
-            shown=record,
+            shown=self._on_shown,
             packets=self._on_packets,
             failed=self._on_failure,
         )
         self._uplink = Uplink(config, network, epoch_ns, clock, records, logs)
         self._stack.callback(self._uplink.close)
-        self._uplink.start(self._policy.step(epoch_ns, Phase.REACH).target_kbps)
-        self._policy_loop = PolicyLoop(
-            clock, config.policy.rate_hz, self._policy, self._before_policy, self._apply
-        )
+        self._uplink.start(allocating.start_kbps(epoch_ns))
+        self._policy_loop = allocating.loop(clock, self._uplink, self._on_allocation)
         self.picture_delay_ns = build.picture_delay_ns(network, self._uplink.rule)
 
     def run(self, cameras: list[Camera], run: Run) -> None:
@@ -72,13 +77,15 @@ class Streaming:
             camera.start()
             self._stack.callback(camera.close)
             times = self._uplink.times[camera.view]
-            capture = Capture(camera, times, [self._recorders.capture, self._push])
+            consumers: list[Callable[[Frame], None]]
+            consumers = [self._recorders.capture, self._quality.push_capture, self._push]
+            capture = Capture(camera, times, consumers)
             run(f"capture-{camera.view}", capture.run)
 
     @property
-    def relay_pid(self) -> int | None:
-        """The relay's process id; None before the start."""
-        return self._uplink.relay_pid
+    def helper_pids(self) -> dict[str, int | None]:
+        """Process ids of the relay and of who compares pictures; None where there is none."""
+        return {"relay": self._uplink.relay_pid, "quality": self._quality.pid}
 
     @property
     def primary_age_ns(self) -> Callable[[int, Phase], int]:
@@ -95,7 +102,10 @@ class Streaming:
 
     def snapshot(self, now_ns: int, elapsed_s: float) -> StatusSnapshot:
         """What the console shows at this moment."""
-        return self._board.snapshot(now_ns, elapsed_s, self._uplink, self._capacity)
+        snapshot = self._board.snapshot(now_ns, elapsed_s, self._uplink, self._capacity)
+        primary = self._weights.primary_view(self._board.phase)
+        live_ssim = self._quality.recent_live(primary, now_ns)
+        return replace(snapshot, primary_view=primary, live_ssim=live_ssim)
 
     def poll(self) -> str:
         """The first failure of any stream in one sentence, "" while all work."""
@@ -105,18 +115,15 @@ class Streaming:
         """Close cameras and streams; the threads of `run` must have ended."""
         self._stack.close()
 
+    def _on_shown(self, shown: ShownFrame) -> None:
+        self._recorders.record(shown)
+        self._quality.push_shown(shown)
+
     def _push(self, frame: Frame) -> None:
         self._uplink.push(frame)
 
-    def _before_policy(self, now_ns: int) -> None:
-        if self._sender_budget is not None:
-            self._sender_budget.observe(now_ns, self._uplink.wire_bytes())
-        self._recorders.capacity(now_ns, self._capacity)
-
-    def _apply(self, allocation: Allocation) -> None:
-        self._uplink.set_targets(allocation.target_kbps)
+    def _on_allocation(self, allocation: Allocation) -> None:
         self._board.allocation = allocation
-        self._recorders.record(allocation)
 
     def _on_packets(self, packets: list[PacketRecord]) -> None:
         self._board.packets(packets)

@@ -61,8 +61,12 @@ class ArmSupervisor:
 
     def run(self, stop: threading.Event) -> None:
         while not stop.is_set():
-            for request, stops in self._requests.take_all(_WAIT_S):
-                self.carry_out(request, stops)
+            self.serve(_WAIT_S)
+
+    def serve(self, wait_s: float = 0.0) -> None:
+        """Carry out what is queued, waiting up to `wait_s` for the first."""
+        for request, stops in self._requests.take_all(wait_s):
+            self.carry_out(request, stops)
 
     def carry_out(self, request: Request, stops: int) -> None:
         """Do what was requested when `stops` stops had been sent."""

@@ -35,10 +35,16 @@ class TrialLoop:
         rate = FixedRate(self._clock, RATE_HZ)
         while not stop.is_set():
             rate.wait()
-            scene = self._truth()
-            if scene is None:
-                continue
-            self._record(scene)
-            if self._judge.step(self._clock.now_ns(), scene, self._gripper_closed()):
-                self._ended()
+            if self.look():
                 return
+
+    def look(self) -> bool:
+        """Record where things are and ask the judge; True once the trial has ended."""
+        scene = self._truth()
+        if scene is None:
+            return False
+        self._record(scene)
+        if not self._judge.step(self._clock.now_ns(), scene, self._gripper_closed()):
+            return False
+        self._ended()
+        return True

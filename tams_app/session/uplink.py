@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from tams_app.clock import Clock
 from tams_app.config import Config, Network
@@ -120,11 +121,7 @@ class Uplink:
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         """Age of the picture shown of `view`; None before the first, and if nobody knows."""
-        shown = self.receivers[view].mailbox.latest()
-        if shown is None:
-            return None
-        capture_ns = self.times[view].of(shown.index)
-        return None if capture_ns is None else now_ns - capture_ns
+        return self.times[view].age_ns(self.receivers[view].mailbox.latest(), now_ns)
 
     def poll(self) -> str:
         """The first failure of any stream in one sentence, "" while all work."""
@@ -143,12 +140,21 @@ class Uplink:
                 stack.callback(sender.close)
 
 
-def primary_age_ns(uplink: Uplink, primary: Callable[[Phase], str]) -> Callable[[int, Phase], int]:
+class PictureAges(Protocol):
+    """Knows how old the shown pictures are."""
+
+    def age_ns(self, view: str, now_ns: int) -> int | None:
+        """Age of the picture shown of `view`; None before the first, and if nobody knows."""
+
+
+def primary_age_ns(
+    ages: PictureAges, primary: Callable[[Phase], str]
+) -> Callable[[int, Phase], int]:
     """Age of the shown primary view of a phase; endless before the first picture."""
     endless_ns = 1 << 62
 
     def age_ns(now_ns: int, phase: Phase) -> int:
-        age = uplink.age_ns(primary(phase), now_ns)
+        age = ages.age_ns(primary(phase), now_ns)
         return endless_ns if age is None else age
 
     return age_ns

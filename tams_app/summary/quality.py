@@ -1,8 +1,9 @@
 """How good the pictures were: SSIM of each view, and of the primary view by phase.
 
 From the log alone. A view's figures are means over the frames that were scored (`ssim_n` of them:
-the machine may not have had time for all). The primary view of a frame is the one with the largest
-weight in the phase at its capture, whatever the strategy; before the first phase there is none.
+the machine may not have had time for all; the sampled fraction is the share of the captured frames
+that have a score). The primary view of a frame is the one with the largest weight in the phase at
+its capture, whatever the strategy; before the first phase there is none.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, Phase
-from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean
+from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean, ratio
 from tams_app.video.damage import damaged_frames
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
@@ -26,22 +27,27 @@ class QualityTable:
     """Frames of several views as columns; scores by kind are NaN where there is none.
 
     `view` is the place in `header.views`, `phase` that in `Phase`, −1 before the first.
+    `captured` are view and phase of all frames that were captured, shape (n, 2).
     """
 
     view: Integers
     phase: Integers
     scores: dict[str, Floats]
+    captured: Integers
 
     @staticmethod
     def of(log: SessionLog) -> QualityTable:
         places = {view: place for place, view in enumerate(log.header.views)}
         frames = [one for one in log.quality if one.view in places]
-        captured = np.array([one.capture_ns for one in frames], dtype=np.int64)
         rows = np.array([_scores(one) for one in frames], dtype=np.float64)
+        captures = [(places.get(one.view, -1), one.capture_ns) for one in log.captured]
+        captured = np.array(captures, dtype=np.int64).reshape(len(captures), 2)
+        captured[:, 1] = _phase_at(log, captured[:, 1])
         return QualityTable(
             np.array([places[one.view] for one in frames], dtype=np.int64),
-            _phase_at(log, captured),
+            _phase_at(log, np.array([one.capture_ns for one in frames], dtype=np.int64)),
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
+            captured,
         )
 
     def means(self, chosen: Flags) -> dict[str, Number]:
@@ -52,13 +58,25 @@ class QualityTable:
         """How many of the chosen frames have a score of each kind."""
         return {kind: len(_known(score[chosen])) for kind, score in self.scores.items()}
 
+    def scored(self, chosen: Flags) -> int:
+        """How many of the chosen frames have a score of any kind."""
+        known = ~np.isnan(np.array(list(self.scores.values())))
+        return int(np.sum(np.any(known, axis=0) & chosen))
+
+    def captures(self, view: int, phase: int | None = None) -> int:
+        """How many frames of a view were captured, in one phase or altogether."""
+        mine = self.captured[self.captured[:, 0] == view, 1]
+        return len(mine) if phase is None else int(np.sum(mine == phase))
+
 
 def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, Any]:
     """The three means of one view, how many frames are behind each, how many were damaged."""
-    mine = table.view == log.header.views.index(view)
+    place = log.header.views.index(view)
+    mine = table.view == place
     return {
         **table.means(mine),
         "ssim_n": table.counts(mine),
+        "ssim_sampled_fraction": ratio(table.scored(mine), table.captures(place)),
         "frames_damaged": _count_damaged(log, view),
     }
 
@@ -72,17 +90,25 @@ def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
     weights = WeightMatrix(log.header.weights)
     by_phase: dict[str, dict[str, Any]] = {}
     frames: dict[str, int] = {}
+    scored = captured = 0
     for number, phase in enumerate(Phase):
         primary = log.header.views.index(weights.primary_view(phase))
         chosen = (table.phase == number) & (table.view == primary)
         counts = table.counts(chosen)
+        sampled = table.scored(chosen), table.captures(primary, number)
+        scored, captured = scored + sampled[0], captured + sampled[1]
         if any(counts.values()):
-            by_phase[phase.value] = {**table.means(chosen), "n": counts}
+            by_phase[phase.value] = {
+                **table.means(chosen),
+                "n": counts,
+                "sampled_fraction": ratio(*sampled),
+            }
             frames[phase.value] = int(np.sum(chosen))
     return {
         **{kind: _mean_of_phases(by_phase, kind, dict.fromkeys(frames, 1)) for kind in SSIM_KINDS},
         "time_weighted": {kind: _mean_of_phases(by_phase, kind, frames) for kind in SSIM_KINDS},
         "n": {kind: sum(one["n"][kind] for one in by_phase.values()) for kind in SSIM_KINDS},
+        "sampled_fraction": ratio(scored, captured),
         "missing_phases": [phase.value for phase in Phase if phase.value not in by_phase],
         "by_phase": by_phase,
     }

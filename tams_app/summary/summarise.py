@@ -11,6 +11,7 @@ from tams_app.clock import NS_PER_S
 from tams_app.recording import SessionLog
 from tams_app.summary.control import arm, control, phases
 from tams_app.summary.numbers import mean
+from tams_app.summary.operator import operator
 from tams_app.summary.quality import QualityTable, primary_quality
 from tams_app.summary.tables import PacketTable, Span, Targets
 from tams_app.summary.uplink import uplink
@@ -45,6 +46,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
             view: view_summary(log, view, packets, targets, quality, span) for view in header.views
         },
         "primary_view": primary_quality(log, quality),
+        "operator": operator(log),
         "system": _system(log),
     }
 

@@ -14,12 +14,11 @@ from tams_app.errors import HelperError
 from tams_app.process import READY_TIMEOUT_S, HelperProcess
 from tams_app.records import Frame, FrameQuality, ShownFrame
 from tams_app.shared_block import create_block, new_block_name, remove_block
+from tams_app.video.helper_stream import received
 from tams_app.video.picture_ring import CAPTURED, KINDS, SHOWN, PictureWriter, RingLayout
 from tams_app.worker import Worker
 
-_READ_TIMEOUT_S = 0.2
 _STOP_TIMEOUT_S = 9.0  # it may score for .7 s more, at the lowest priority
-_READ_BYTES = 1 << 16
 
 
 class QualityClient:
@@ -65,7 +64,6 @@ class QualityClient:
                 self._process.wait_ready()
                 remove_block(name)  # both have it: nothing is left behind however we end
                 self._connection, _ = listener.accept()
-            self._connection.settimeout(_READ_TIMEOUT_S)
             stack.callback(self._connection.close)
             self._reader.start()
             self._stack = stack.pop_all()
@@ -124,7 +122,7 @@ class QualityClient:
     def _read(self, stop: threading.Event) -> None:
         assert self._connection is not None
         unread = b""
-        while data := self._receive(self._connection, stop):
+        for data in received(self._connection, stop):
             *lines, unread = (unread + data).split(b"\n")
             for line in lines:
                 self._on_quality(FrameQuality(**json.loads(line)))
@@ -133,14 +131,3 @@ class QualityClient:
                 "the SSIM helper ended unasked, so pictures are no longer compared; "
                 "start a new session if you need their quality"
             )
-
-    def _receive(self, connection: socket.socket, stop: threading.Event) -> bytes:
-        """The next bytes; none when the helper hung up or, after a stop, has no more to say."""
-        while True:
-            try:
-                return connection.recv(_READ_BYTES)
-            except TimeoutError:
-                if stop.is_set():
-                    return b""
-            except ConnectionResetError:
-                return b""

@@ -14,13 +14,11 @@ from tams_app.config import Network
 from tams_app.errors import HelperError
 from tams_app.process import READY_TIMEOUT_S, HelperProcess
 from tams_app.records import PacketRecord
+from tams_app.video.helper_stream import received
 from tams_app.video.networks import network_capacity
 from tams_app.video.ports import ViewPorts
 from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
 from tams_app.worker import Worker
-
-_READ_TIMEOUT_S = 0.2
-_READ_BYTES = 1 << 16
 
 
 class RelayClient:
@@ -81,7 +79,6 @@ class RelayClient:
             except BaseException:
                 self.close()
                 raise
-        self._connection.settimeout(_READ_TIMEOUT_S)
         self.scheduler = str(ready["scheduler"])
         self._reader.start()
         return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
@@ -104,7 +101,7 @@ class RelayClient:
     def _read(self, stop: threading.Event) -> None:
         assert self._connection is not None
         decoder = BatchDecoder(tuple(self._exits))
-        while data := self._receive(self._connection, stop):
+        for data in received(self._connection, stop):
             for records, self.statistics in decoder.feed(data):
                 if records:
                     self._on_packets(records)
@@ -112,14 +109,3 @@ class RelayClient:
             raise HelperError(
                 "the link relay ended unasked, so no video arrives; end this session and start anew"
             )
-
-    def _receive(self, connection: socket.socket, stop: threading.Event) -> bytes:
-        """The next bytes; none when the relay hung up or, after a stop, has no more to say."""
-        while True:
-            try:
-                return connection.recv(_READ_BYTES)
-            except TimeoutError:
-                if stop.is_set():
-                    return b""
-            except ConnectionResetError:
-                return b""

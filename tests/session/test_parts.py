@@ -20,7 +20,7 @@ from tams_app.realtime import use_fifo
 from tams_app.records import ArmState, Frame, Phase, Pose, Twist
 from tams_app.session import build
 from tams_app.session.captures import Capture, CaptureTimes
-from tams_app.session.folder import create_session_folder
+from tams_app.session.folder import create_session_folder, furnish_session_folder
 from tams_app.session.load import LoadMonitor
 from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.signals import Signals
@@ -61,6 +61,16 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path):
     blocker.write_text("")
     with pytest.raises(LogError, match="no session folder can be made"):
         create_session_folder(config(blocker))
+
+
+def test_a_folder_that_is_there_already_is_furnished_like_one_of_ours(tmp_path):
+    settings = config(tmp_path, seed=6)
+    furnish_session_folder(settings, tmp_path)
+    assert load_config(tmp_path / "config.yaml") == settings
+    with pytest.raises(LogError, match="MB are free"):
+        furnish_session_folder(config(tmp_path, **{"recording.min_free_mb": 1e12}), tmp_path)
+    with pytest.raises(LogError):
+        furnish_session_folder(settings, tmp_path / "none")
 
 
 # --- signals ------------------------------------------------------------------------------------

@@ -1,0 +1,93 @@
+"""How good the pictures are while a session runs: measured beside it, never in its way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tams_app.clock import NS_PER_S
+from tams_app.config import VideoConfig
+from tams_app.errors import TamsError
+from tams_app.records import Frame, FrameQuality, ShownFrame
+from tams_app.session.devices import Note
+from tams_app.video.quality_client import QualityClient
+
+RECENT_SCORES = 15
+RECENT_NS = 3 * NS_PER_S  # a score comes up to a second after its frame
+
+
+class LiveQuality:
+    """The SSIM helper of one session; without a helper everything here does nothing.
+
+    Whatever happens to the helper is noted and nothing else: no failure of the measurement ends
+    a session or stops an arm.
+    """
+
+    def __init__(
+        self,
+        config: VideoConfig,
+        logs: Path,
+        record: Callable[[FrameQuality], None],
+        note: Note,
+    ) -> None:
+        """`record` gets one record per captured frame, in a thread of its own."""
+        self._wanted = config.quality.enabled
+        self._record = record
+        self._note = note
+        self._recent: dict[str, tuple[tuple[int, float], ...]] = {}  # capture [ns] and score
+        self._started = False
+        self._client = QualityClient(
+            config.views,
+            config.width,
+            config.height,
+            log_directory=logs,
+            on_quality=self._keep,
+            on_failure=lambda _name, failure: self._tell(failure),
+        )
+
+    def start(self) -> None:
+        """Start the helper, if it is wanted, and wait until it works."""
+        if not self._wanted:
+            return
+        try:
+            self._client.start()
+        except (TamsError, OSError) as failure:
+            self._tell(failure)
+        else:
+            self._started = True
+
+    @property
+    def pid(self) -> int | None:
+        """The helper's process id; None where there is none."""
+        process = self._client.process
+        return process.pid if process is not None and self._started else None
+
+    def push_capture(self, frame: Frame) -> None:
+        """Hand over a captured frame before it is sent; each view from one thread."""
+        self._client.push_capture(frame)
+
+    def push_shown(self, shown: ShownFrame) -> None:
+        """Hand over a picture that reached the screen; each view from one thread."""
+        self._client.push_shown(shown)
+
+    def recent_live(self, view: str, now_ns: int) -> float | None:
+        """Mean live SSIM of the last scored frames of `view`; None where there is none lately."""
+        scores = [score for t_ns, score in self._recent.get(view, ()) if now_ns - t_ns <= RECENT_NS]
+        return sum(scores) / len(scores) if scores else None
+
+    def close(self) -> None:
+        """Take the last results, when nobody pushes any more."""
+        try:
+            self._client.close()
+        except (TamsError, OSError) as failure:
+            self._tell(failure)
+
+    def _keep(self, quality: FrameQuality) -> None:
+        self._record(quality)
+        if quality.live is not None:
+            # replaced as a whole: the console reads it meanwhile
+            before = self._recent.get(quality.view, ())[1 - RECENT_SCORES :]
+            self._recent[quality.view] = (*before, (quality.capture_ns, quality.live))
+
+    def _tell(self, failure: BaseException) -> None:
+        self._note("warning", f"the pictures' quality is not measured: {failure}")

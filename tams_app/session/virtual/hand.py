@@ -1,0 +1,84 @@
+"""Who moves the controller in virtual time: the participant who sees, or a recorded hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from hw.controller import Controller
+from hw.sim.seeing import Pictures, Reliance
+from hw.sim.station import seat
+from hw.sim.task import Stage
+from tams_app.config import Config
+from tams_app.records import OperatorGlance
+from tams_app.session.recorded_hand import recorded_hand
+
+_TO_BLOCK = frozenset((Stage.REACH, Stage.TURN, Stage.DESCEND, Stage.CLOSE, Stage.LIFT))
+
+
+class Hand(Protocol):
+    """A controller, and what precedes each of its samples."""
+
+    controller: Controller
+
+    def prepare(self, now_ns: int) -> None:
+        """Called before each sample."""
+
+
+class SeeingHand:
+    """The simulated participant. He gets `pictures` and the feel of his controller."""
+
+    def __init__(
+        self,
+        config: Config,
+        participant_seed: int,
+        pictures: Pictures,
+        record: Callable[[OperatorGlance], None],
+    ) -> None:
+        """`record` keeps each of his glances."""
+        self._station = seat(config, participant_seed, pictures, self._tell)
+        self._record = record
+        self.controller: Controller = self._station.controller
+
+    def prepare(self, now_ns: int) -> None:
+        """Look, if it is time for a glance."""
+        self._station.eyes.watch(now_ns)
+
+    def _tell(self, told: Reliance) -> None:
+        stage = self._station.operator.stage
+        self._record(
+            OperatorGlance(
+                t_ns=told.t_ns,
+                stage=stage.value,
+                to_block=told.to_block,
+                to_container=told.to_container,
+                about_block=stage in _TO_BLOCK,
+                block_sigma=told.block_sigma,
+                container_sigma=told.container_sigma,
+                lag_ns=told.lag_ns,
+                hanging=told.hanging,
+            )
+        )
+
+
+class RecordedHand:
+    """The hand of an earlier session; it looks at nothing."""
+
+    def __init__(self, log: Path) -> None:
+        self.controller: Controller = recorded_hand(log)
+
+    def prepare(self, now_ns: int) -> None:
+        """It moves as it moved."""
+
+
+def make_hand(
+    config: Config,
+    participant_seed: int,
+    pictures: Pictures,
+    record: Callable[[OperatorGlance], None],
+) -> Hand:
+    """The hand of the configuration: `rig.hand_trajectory`, or else the participant's."""
+    if config.rig.hand_trajectory is not None:
+        return RecordedHand(Path(config.rig.hand_trajectory))
+    return SeeingHand(config, participant_seed, pictures, record)

@@ -1,0 +1,59 @@
+"""Which view the simulated operator relied on, beside what W says: a result, not an assumption."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tams_app.policy.weights import WeightMatrix
+from tams_app.recording import SessionLog
+from tams_app.records import OperatorGlance, Phase
+from tams_app.summary.numbers import ratio
+
+
+def operator(log: SessionLog) -> dict[str, Any]:
+    """`relied_on` is null where no glance was recorded: people do not say where they look.
+
+    `by_phase`: the mean share of each view over the glances in that phase which told something,
+    `n` of them; `agreement`: the fraction of these glances in which the view that told most was
+    the phase's primary view (argmax W).
+    """
+    return {"relied_on": _relied_on(log) if log.glances else None}
+
+
+def _relied_on(log: SessionLog) -> dict[str, Any]:
+    weights = WeightMatrix(log.header.weights)
+    found = _glances_by_phase(log)
+    agreeing = sum(
+        max(glance.relied_on, key=lambda view: glance.relied_on[view])
+        == weights.primary_view(phase)
+        for phase, glances in found.items()
+        for glance in glances
+    )
+    return {
+        "by_phase": {
+            phase.value: _mean_shares(glances, log.header.views) for phase, glances in found.items()
+        },
+        "n": {phase.value: len(glances) for phase, glances in found.items()},
+        "agreement": ratio(agreeing, sum(map(len, found.values()))),
+    }
+
+
+def _glances_by_phase(log: SessionLog) -> dict[Phase, list[OperatorGlance]]:
+    """The glances that told something, by the phase at their time; the rest are left out."""
+    changes = sorted(log.phases, key=lambda change: change.t_ns)
+    began_ns = np.array([change.t_ns for change in changes], dtype=np.int64)
+    found: dict[Phase, list[OperatorGlance]] = {}
+    for glance in log.glances:
+        place = int(np.searchsorted(began_ns, glance.t_ns, side="right")) - 1
+        if place >= 0 and glance.relied_on:
+            found.setdefault(changes[place].phase, []).append(glance)
+    return {phase: found[phase] for phase in Phase if phase in found}
+
+
+def _mean_shares(glances: list[OperatorGlance], views: tuple[str, ...]) -> dict[str, float]:
+    return {
+        view: round(float(np.mean([one.relied_on.get(view, 0.0) for one in glances])), 4)
+        for view in views
+    }

@@ -1,0 +1,172 @@
+"""The measurement of the pictures beside a session: what it tells, and that it never hurts."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config import VideoConfig
+from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.session.quality import RECENT_SCORES, LiveQuality
+
+WIDTH, HEIGHT = 160, 120
+FRAME_NS = 33 * NS_PER_MS
+
+
+class Session:
+    """What is recorded and noted."""
+
+    def __init__(self) -> None:
+        self.records: list[FrameQuality] = []
+        self.notes: list[tuple[str, str]] = []
+        self._changed = threading.Condition()
+
+    def record(self, quality: FrameQuality) -> None:
+        with self._changed:
+            self.records.append(quality)
+            self._changed.notify_all()
+
+    def note(self, level: str, text: str) -> None:
+        with self._changed:
+            self.notes.append((level, text))
+            self._changed.notify_all()
+
+    def wait(self, records: int = 0, notes: int = 0) -> bool:
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: len(self.records) >= records and len(self.notes) >= notes, 30
+            )
+
+
+def quality_of(session: Session, logs: Path, enabled: bool = True) -> LiveQuality:
+    config = VideoConfig.model_validate(
+        {"views": ["gt"], "width": WIDTH, "height": HEIGHT, "quality": {"enabled": enabled}}
+    )
+    return LiveQuality(config, logs, session.record, session.note)
+
+
+@pytest.fixture
+def session() -> Session:
+    return Session()
+
+
+@pytest.fixture
+def started(session: Session, tmp_path: Path) -> Iterator[LiveQuality]:
+    quality = quality_of(session, tmp_path)
+    quality.start()
+    yield quality
+    quality.close()
+
+
+def picture(index: int) -> Image:
+    coarse = np.random.default_rng(index).integers(0, 255, (12, 16, 3), dtype=np.uint8)
+    return np.asarray(cv2.resize(coarse, (WIDTH, HEIGHT)), np.uint8)
+
+
+def push(quality: LiveQuality, index: int) -> None:
+    quality.push_capture(Frame("gt", index, index * FRAME_NS, picture(index)))
+    shown = np.asarray(cv2.GaussianBlur(picture(index), (0, 0), 1), np.uint8)
+    quality.push_shown(ShownFrame("gt", index, index * FRAME_NS + NS_PER_MS, shown))
+
+
+def test_every_captured_frame_is_told_once_with_its_scores(
+    session: Session, started: LiveQuality
+) -> None:
+    for index in range(6):
+        push(started, index)
+        assert session.wait(records=index + 1)
+    started.close()
+    assert [one.index for one in session.records] == list(range(6))
+    assert all(one.received is not None and 0 < one.received < 1 for one in session.records)
+    assert session.notes == []
+
+
+def test_a_killed_helper_is_noted_once_and_its_scores_stay(
+    session: Session, started: LiveQuality
+) -> None:
+    push(started, 0)
+    assert session.wait(records=1)
+    assert started.pid is not None
+    os.kill(started.pid, signal.SIGKILL)
+    assert session.wait(notes=1)
+    push(started, 1)
+    started.close()
+    (note,) = session.notes
+    assert note[0] == "warning"
+    assert note[1].startswith("the pictures' quality is not measured: the SSIM helper ended")
+    assert [one.index for one in session.records] == [0]
+
+
+def test_a_helper_that_cannot_start_is_noted_and_the_session_goes_on_without(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    quality = quality_of(session, tmp_path)
+    quality.start()
+    assert quality.pid is None
+    push(quality, 0)
+    quality.close()
+    ((level, text),) = session.notes
+    assert level == "warning"
+    assert "quality could not be started" in text
+    assert session.records == []
+
+
+def test_no_memory_for_the_pictures_is_noted_and_the_session_goes_on_without(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(name: str, size: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tams_app.video.quality_client.create_block", full)
+    quality = quality_of(session, tmp_path)
+    quality.start()
+    push(quality, 0)
+    quality.close()
+    assert "No space left on device" in session.notes[0][1]
+
+
+def test_switched_off_there_is_no_helper(session: Session, tmp_path: Path) -> None:
+    quality = quality_of(session, tmp_path, enabled=False)
+    quality.start()
+    push(quality, 0)
+    quality.close()
+    assert quality.pid is None
+    assert list(tmp_path.iterdir()) == []
+    assert session.notes == []
+    assert session.records == []
+
+
+def scored(index: int, live: float | None, view: str = "gt") -> FrameQuality:
+    t_ns = index * FRAME_NS
+    return FrameQuality(view, index, t_ns, None, None, False, None, None, None, live)
+
+
+def test_the_console_gets_the_mean_of_the_last_scores_of_a_view(
+    session: Session, tmp_path: Path
+) -> None:
+    quality = quality_of(session, tmp_path)
+    assert quality.recent_live("gt", 0) is None
+    for index in range(40):
+        quality._keep(scored(index, index / 100))
+        quality._keep(scored(index, None))
+        quality._keep(scored(index, 0.9, "eih"))
+    last = [index / 100 for index in range(40 - RECENT_SCORES, 40)]
+    assert quality.recent_live("gt", 40 * FRAME_NS) == pytest.approx(np.mean(last))
+    assert quality.recent_live("eih", 40 * FRAME_NS) == pytest.approx(0.9)
+
+
+def test_old_scores_are_not_shown_as_if_they_were_new(session: Session, tmp_path: Path) -> None:
+    quality = quality_of(session, tmp_path)
+    quality._keep(scored(0, 0.9))
+    quality._keep(scored(1, 0.5))
+    assert quality.recent_live("gt", 3 * NS_PER_S + FRAME_NS) == pytest.approx(0.5)
+    assert quality.recent_live("gt", 3 * NS_PER_S + 2 * FRAME_NS) is None
