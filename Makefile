@@ -8,6 +8,7 @@ PY := .venv/bin/python
 run: $(READY)
 	$(PY) run_tams.py $(ARGS)
 
+# What computes runs side by side; what keeps time has the machine to itself (tests/untimed.py).
 test: $(READY)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
@@ -15,7 +16,8 @@ test: $(READY)
 ifdef ARGS
 	$(PY) -m pytest $(ARGS)
 else
-	$(PY) -m pytest --ignore=tests/teleop
+	$(PY) -m pytest --ignore=tests/teleop -m untimed -n logical --dist loadfile
+	$(PY) -m pytest --ignore=tests/teleop -m "not untimed"
 	$(PY) -m coverage run --branch --source=tams_app/teleop -m pytest tests/teleop
 	$(PY) -m coverage report --skip-covered --fail-under=100
 endif

@@ -299,11 +299,14 @@ class CommandSender:
             self._outbox.shut()
 
     def _lose(self, sentence: str) -> None:
-        """Nothing gets through: nothing may get through later either."""
-        if self._failure is _NO_FAILURE:
-            self._failure = (sentence, LinkFault.LOST)
+        """Nothing gets through: nothing may get through later either.
+
+        Told last: when the control loop stops the arm for it, what was sent is taken back already.
+        """
         self._outbox.shut()
         break_off(self._api)
+        if self._failure is _NO_FAILURE:
+            self._failure = (sentence, LinkFault.LOST)
 
     def _on_death(self, name: str, failure: BaseException) -> None:
         self._death = f"The thread {name} ended ({failure}); please report this error."

@@ -6,11 +6,27 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+from .untimed import is_untimed
+
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
 
 # `--hypothesis-profile=steady`: a mutant must die by a test, not by this run's luck.
 settings.register_profile("steady", derandomize=True, database=None, deadline=None)
+
+
+def pytest_ignore_collect(collection_path, config):
+    """What `-m untimed` leaves out need not be imported, nor what `-m "not untimed"` does."""
+    if not collection_path.name.startswith("test_"):
+        return None
+    unwanted = {"untimed": False, "not untimed": True}.get(config.option.markexpr)
+    return True if unwanted is is_untimed(collection_path) else None
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if is_untimed(item.path):
+            item.add_marker(pytest.mark.untimed)
 
 
 @pytest.fixture(autouse=True)

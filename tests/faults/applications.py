@@ -42,6 +42,7 @@ _MODULES = {
     "renderer": "hw.sim.renderer",
     "relay": "tams_app.video.relay",
     "guard": "hw.guard",
+    "quality": "tams_app.video.quality_process",
 }
 
 

@@ -18,7 +18,8 @@ from tams_app.session.uplink import Uplink, UplinkRecords
 from tams_app.teleop.safety import ArmingState
 from tams_app.worker import Worker
 
-from .bench import ACROSS, PERIOD_S, Bench
+from .bench import ACROSS, PERIOD_S
+from .virtual_bench import VirtualBench
 
 WIDTH, HEIGHT, FPS = 320, 240, 30
 VIEWS = ("eih", "gt", "gs")
@@ -126,12 +127,12 @@ class Chain:
         self.failures.append((name, failure))
 
 
-class LiveBench:
-    """A bench whose ticks pass in real time, its hand swinging to and fro; see `Bench`."""
+class StreamedBench:
+    """A virtual bench steered by streamed pictures, so in real time; its hand swings to and fro."""
 
-    def __init__(self, chain: Chain, log: Path) -> None:
+    def __init__(self, chain: Chain, folder: Path) -> None:
         self.chain = chain
-        self.bench = Bench(log=log, sight=chain)
+        self.bench = VirtualBench(folder=folder, sight=chain)
         self.bench.arm_it()
         self._engage()
 

@@ -1,4 +1,4 @@
-"""The benches of the arm's fault matrix: what is driven, and over what.
+"""The benches of the arm's fault matrix: in which servo, and over what.
 
 They are imported where they are made: the other half of the matrix needs no driver.
 """
@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from .arm_bench import ArmBench, LiveBench, MakeBench
+    from .bench import Bench
+    from .virtual_bench import VirtualBench
+    from .wired_bench import MakeBench, WiredBench
 
 
 @pytest.fixture
@@ -24,16 +26,25 @@ def frequent_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
 
 
+@pytest.fixture(params=["velocity", "pose"])
+def virtual_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[VirtualBench]:
+    """Virtual time, in each servo, with a log."""
+    from .virtual_bench import VirtualBench
+
+    bench = VirtualBench(request.param, tmp_path)
+    yield bench
+    bench.close()
+
+
 @pytest.fixture
 def make_bench(frequent_reports: None) -> Iterator[MakeBench]:
-    """Live benches with what the test asks for, closed at its end."""
-    from .arm_bench import LiveBench
-    from .bench import configuration
+    """Benches over the wire with what the test asks for, closed at its end."""
+    from .wired_bench import WiredBench
 
     with ExitStack() as stack:
 
-        def make(servo: str = "velocity", **others: object) -> LiveBench:
-            bench = LiveBench(configuration(servo), **others)  # type: ignore[arg-type]
+        def make(servo: str = "velocity", **others: object) -> WiredBench:
+            bench = WiredBench(servo, **others)  # type: ignore[arg-type]
             stack.callback(bench.close)
             return bench
 
@@ -41,35 +52,36 @@ def make_bench(frequent_reports: None) -> Iterator[MakeBench]:
 
 
 @pytest.fixture(params=["velocity", "pose"])
-def live_bench(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> LiveBench:
+def wired_bench(
+    request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
+) -> WiredBench:
     """The driver over TCP, in each servo, with a log."""
     return make_bench(request.param, folder=tmp_path)
 
 
-@pytest.fixture(params=["live velocity", "live pose", "virtual velocity", "virtual pose"])
-def arm_bench(
+@pytest.fixture(params=["wired velocity", "wired pose", "virtual velocity", "virtual pose"])
+def any_bench(
     request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
-) -> Iterator[ArmBench]:
+) -> Iterator[Bench]:
     """The driver over TCP and the in-process arm in virtual time, in each servo, with a log."""
     yield from _bench(request.param, tmp_path, make_bench)
 
 
-@pytest.fixture(params=["live velocity", "virtual pose"])
+@pytest.fixture(params=["wired velocity", "virtual pose"])
 def either_bench(
     request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
-) -> Iterator[ArmBench]:
+) -> Iterator[Bench]:
     """Each arm once: for what has nothing to do with the servo."""
     yield from _bench(request.param, tmp_path, make_bench)
 
 
-def _bench(what: str, folder: Path, make_bench: MakeBench) -> Iterator[ArmBench]:
-    from .arm_bench import VirtualBench
-    from .bench import configuration
+def _bench(what: str, folder: Path, make_bench: MakeBench) -> Iterator[Bench]:
+    from .virtual_bench import VirtualBench
 
     kind, servo = what.split()
-    if kind == "live":
+    if kind == "wired":
         yield make_bench(servo, folder=folder)
         return
-    bench = VirtualBench(configuration(servo), folder)
+    bench = VirtualBench(servo, folder)
     yield bench
     bench.close()

@@ -17,10 +17,10 @@ from tams_app.session.guarding import SILENCE_NS
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 
-from .arm_bench import SIDEWAYS, LiveBench, MakeBench
-from .arm_promises import is_logged, is_stopped, moving_connections, recovers, stands
 from .bench import PERIOD_NS
+from .promises import is_logged, is_stopped, moving_connections, recovers_from_fault, stands
 from .wire import Request
+from .wired_bench import SIDEWAYS, MakeBench, WiredBench
 
 PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
 TIMEOUT_MS = 100.0
@@ -29,7 +29,7 @@ STOPPED_TICKS = SILENCE_NS // PERIOD_NS + 2
 ATTEMPTS = 10
 
 
-def guard_pid(bench: LiveBench) -> int:
+def guard_pid(bench: WiredBench) -> int:
     assert bench.guarding is not None
     pid = bench.guarding.process.pid
     assert pid is not None
@@ -37,13 +37,13 @@ def guard_pid(bench: LiveBench) -> int:
 
 
 @pytest.fixture(params=["velocity", "pose"])
-def patient(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> LiveBench:
+def patient(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> WiredBench:
     bench = make_bench(request.param, folder=tmp_path)
     bench.add_guard(PATIENT_MS)
     return bench
 
 
-def test_a_killed_guard_stops_the_arm(patient: LiveBench) -> None:
+def test_a_killed_guard_stops_the_arm(patient: WiredBench) -> None:
     bench = patient
     bench.engage_and_move()
     os.kill(guard_pid(bench), signal.SIGKILL)
@@ -55,10 +55,10 @@ def test_a_killed_guard_stops_the_arm(patient: LiveBench) -> None:
     assert seen - since < KILLED_TICKS
     is_stopped(bench, seen, Reason.GUARD_LOST)
     stays(bench)
-    is_logged(bench, seen, Reason.GUARD_LOST)
+    is_logged(bench, Reason.GUARD_LOST)
 
 
-def test_a_guard_that_hangs_stops_the_arm(patient: LiveBench) -> None:
+def test_a_guard_that_hangs_stops_the_arm(patient: WiredBench) -> None:
     bench = patient
     bench.engage_and_move()
     os.kill(guard_pid(bench), signal.SIGSTOP)
@@ -72,11 +72,11 @@ def test_a_guard_that_hangs_stops_the_arm(patient: LiveBench) -> None:
     stays(bench)
 
 
-def stays(bench: LiveBench) -> None:
+def stays(bench: WiredBench) -> None:
     """The sentence asks for a new session: nothing else ends this fault."""
     assert "start the session again" in Reason.GUARD_LOST.sentence
     bench.hand.trigger = 0.0
-    bench.run(3)
+    bench.run_ticks(3)
     bench.signals.confirm()
     stands(bench, 30)
     assert bench.outputs[-1].arming is ArmingState.FAULT
@@ -85,7 +85,7 @@ def stays(bench: LiveBench) -> None:
 # --- the guard cannot reach the arm --------------------------------------------------------------
 
 
-def tells(bench: LiveBench, refusal: str) -> None:
+def tells(bench: WiredBench, refusal: str) -> None:
     """Confirm in each tick, the trigger held, until that is what the operator is told."""
 
     def told(output: TeleopOutput) -> bool:
@@ -93,12 +93,12 @@ def tells(bench: LiveBench, refusal: str) -> None:
         return output.refusal.startswith(refusal)
 
     bench.run_until(told)
-    bench.run(2)
+    bench.run_ticks(2)
     assert bench.outputs[-1].arming is ArmingState.FAULT
 
 
 def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
-    patient: LiveBench,
+    patient: WiredBench,
 ) -> None:
     bench = patient
     bench.engage_and_move()
@@ -116,8 +116,8 @@ def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
     tells(bench, "release the trigger")
     bench.reachable = True
     stands(bench)
-    recovers(bench)
-    is_logged(bench, seen, Reason.ARM_LINK_LOST)
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.ARM_LINK_LOST)
 
 
 def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
@@ -133,13 +133,13 @@ def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
     tells(bench, Reason.GUARD_BLIND.label)
     bench.server.is_cut = lambda frame: False
     tells(bench, "release the trigger")
-    recovers(bench)
-    is_logged(bench, seen, Reason.GUARD_BLIND)
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.GUARD_BLIND)
 
 
 # --- the control loop is held up ----------------------------------------------------------------
 
-Undisturbed = Callable[[], LiveBench]
+Undisturbed = Callable[[], WiredBench]
 
 
 @pytest.fixture(params=["velocity", "pose"])
@@ -148,7 +148,7 @@ def undisturbed(
 ) -> Undisturbed:
     """Makes a guarded arm that moves; anew if the machine held the loop up for too long."""
 
-    def make() -> LiveBench:
+    def make() -> WiredBench:
         for attempt in range(ATTEMPTS):
             folder = tmp_path / str(attempt)
             folder.mkdir()
@@ -166,7 +166,7 @@ def undisturbed(
     return make
 
 
-def stops_between(bench: LiveBench, first: int, after: int) -> list[Request]:
+def stops_between(bench: WiredBench, first: int, after: int) -> list[Request]:
     return [each for each in bench.requests(first) if each.is_stop and each.tick < after]
 
 
@@ -176,7 +176,7 @@ def test_a_short_stall_of_the_control_loop_changes_nothing(undisturbed: Undistur
         since = bench.next
         bench.longest_gap_s = 0.0
         bench.stall(0.050)
-        bench.run(20)
+        bench.run_ticks(20)
         if bench.longest_gap_s < 0.9 * TIMEOUT_MS / 1000:
             break
     assert {output.arming for output in bench.outputs[since:]} == {ArmingState.ENGAGED}
@@ -195,8 +195,8 @@ def test_the_guard_stops_the_arm_of_a_stalled_loop_which_then_knows_why(
     assert stop.connection not in connections, "the guard has one of its own"
     assert stop.connection not in moving_connections(bench)
     position = bench.position
-    bench.run(1)
+    bench.run_ticks(1)
     assert abs(bench.positions[-1] - position).max() < 1e-9, "at rest before the loop went on"
     is_stopped(bench, seen, Reason.GUARD_STOPPED)
-    recovers(bench)
-    is_logged(bench, seen, Reason.GUARD_STOPPED)
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.GUARD_STOPPED)

@@ -5,33 +5,35 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hw.lite6_sender import MISSES_UNTIL_FAILURE
 from hw.sim.controller_codes import Register
+from tams_app.config import ArmConfig
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason
 
-from .arm_bench import SIDEWAYS, ArmBench, LiveBench, MakeBench
-from .arm_promises import is_logged, is_stopped, only_stops, recovers, reengages, stands
+from .bench import PERIOD_S, Bench
+from .promises import is_logged, is_stopped, only_stops, recovers_from_fault, reengages, stands
+from .wired_bench import REPLY_TIMEOUT_S, SIDEWAYS, MakeBench, WiredBench
 
 STALE_TICKS = 13  # 100 ms, and the tick that sees it
 SILENT_TICKS = 121  # 1 s, and the tick that sees it
 TICKS_TO_REST = 12  # of the stop profile, from full speed
-REPLY_TIMEOUT_S = 0.1
 
 
 def lost(tick: Tick) -> bool:
     return tick.link.failure != ""
 
 
-def until_lost(bench: LiveBench) -> int:
+def until_lost(bench: WiredBench) -> int:
     """The tick that will be the first to see that the link has failed."""
     bench.until(lambda: bench.arm.link().failure != "")
     seen = bench.next
-    bench.run(1)
+    bench.run_ticks(1)
     assert lost(bench.ticks[seen])
     return seen
 
 
-def holds_first(bench: ArmBench, since: int, reason: Reason) -> int:
+def holds_first(bench: Bench, since: int, reason: Reason) -> int:
     """The tick, `since` or later, in which an engaged arm begins to hold, for `reason`."""
     held = bench.run_until_state(ArmingState.HOLDING)
     assert all(output.arming is ArmingState.ENGAGED for output in bench.outputs[since:held])
@@ -39,14 +41,14 @@ def holds_first(bench: ArmBench, since: int, reason: Reason) -> int:
     return held
 
 
-def brakes(bench: ArmBench, held: int) -> None:
+def brakes(bench: Bench, held: int) -> None:
     """From tick `held` on the loop asks for the stop profile and then for exactly zero."""
     speeds = [float(np.linalg.norm(tick.twist.linear)) for tick in bench.ticks[held:]]
     assert speeds == sorted(speeds, reverse=True)
     assert not any(speeds[TICKS_TO_REST:])
 
 
-def answer_again(bench: LiveBench) -> None:
+def answer_again(bench: WiredBench) -> None:
     bench.server.is_mute = lambda frame: False
     bench.server.reply_delay_s = 0.0
     bench.in_step = True
@@ -59,8 +61,8 @@ def answer_again(bench: LiveBench) -> None:
 def test_without_replies_the_arm_holds_and_then_is_stopped_until_it_answers(
     make_bench: MakeBench, servo: str
 ) -> None:
-    bench = make_bench(servo, reply_timeout_s=REPLY_TIMEOUT_S)
-    bench.engage_and_move()
+    bench = make_bench(servo)
+    bench.engage_and_move(SIDEWAYS / 4)  # the pose servo would refuse a step of 10 mm first
     bench.quiesce()
     bench.in_step = False
     bench.server.is_mute = lambda frame: True
@@ -72,18 +74,18 @@ def test_without_replies_the_arm_holds_and_then_is_stopped_until_it_answers(
     bench.run_until(lambda output: len(only_stops(bench, seen)) >= 3)  # nobody acknowledges
     is_stopped(bench, seen, Reason.ARM_LINK_LOST, "does not answer")
     brakes(bench, held)
-    recovers(bench, lambda: answer_again(bench))
+    recovers_from_fault(bench, lambda: answer_again(bench))
 
 
 def test_replies_later_than_a_period_are_counted_and_the_arm_goes_on(
-    live_bench: LiveBench,
+    wired_bench: WiredBench,
 ) -> None:
-    bench = live_bench
+    bench = wired_bench
     bench.engage_and_move()
     slow = bench.ticks[-1].link.slow
     bench.in_step = False
     bench.server.reply_delay_s = 0.025
-    bench.run(20)
+    bench.run_ticks(20)
     bench.server.reply_delay_s = 0.0
     assert bench.ticks[-1].link.slow > slow
     assert {output.arming for output in bench.outputs[-20:]} == {ArmingState.ENGAGED}
@@ -99,11 +101,11 @@ def test_replies_later_than_the_arm_may_be_blind_hold_it_until_the_trigger_was_r
     bench.in_step = False
     bench.server.reply_delay_s = 0.2
     held = holds_first(bench, bench.next, Reason.ARM_REPLY_LATE)
-    bench.run(2 * TICKS_TO_REST)
+    bench.run_ticks(2 * TICKS_TO_REST)
     brakes(bench, held)
     answer_again(bench)
     bench.run_until(lambda output: bench.ticks[-1].link.round_trip_ns < 50_000_000)
-    bench.run(3)
+    bench.run_ticks(3)
     assert bench.outputs[-1].arming is ArmingState.HOLDING
     stands(bench)
     bench.hand.trigger = 0.0
@@ -123,11 +125,11 @@ def test_the_pose_servo_does_not_leap_to_where_the_hand_went_while_a_reply_was_d
     seen = bench.run_until_state(ArmingState.FAULT)
     assert seen == bench.first_seen(lost, since)
     is_stopped(bench, seen, Reason.ARM_REFUSES, "step")
-    recovers(bench, lambda: answer_again(bench))
+    recovers_from_fault(bench, lambda: answer_again(bench))
 
 
 def test_replies_later_than_the_time_out_are_a_fault(make_bench: MakeBench) -> None:
-    bench = make_bench(reply_timeout_s=REPLY_TIMEOUT_S)
+    bench = make_bench()
     bench.engage_and_move()
     bench.quiesce()
     bench.in_step = False
@@ -136,44 +138,50 @@ def test_replies_later_than_the_time_out_are_a_fault(make_bench: MakeBench) -> N
     seen = bench.run_until_state(ArmingState.FAULT)
     assert seen == bench.first_seen(lost, since)
     is_stopped(bench, seen, Reason.ARM_LINK_LOST, "does not answer")
-    recovers(bench, lambda: answer_again(bench))
+    recovers_from_fault(bench, lambda: answer_again(bench))
+
+
+def test_an_arm_that_answers_no_more_is_stopped_within_100_ms() -> None:
+    """By default: the next command, its time-out, that of the one behind it, the tick that sees."""
+    arm = ArmConfig()
+    assert PERIOD_S + MISSES_UNTIL_FAILURE * arm.reply_timeout_s + PERIOD_S < 0.1
 
 
 # --- connections --------------------------------------------------------------------------------
 
 
-def test_a_reset_connection_stops_the_arm_over_a_new_one(live_bench: LiveBench) -> None:
-    bench = live_bench
+def test_a_reset_connection_stops_the_arm_over_a_new_one(wired_bench: WiredBench) -> None:
+    bench = wired_bench
     bench.engage_and_move()
     bench.quiesce()
     bench.server.drop_connections()
     seen = until_lost(bench)
-    bench.run(5)
+    bench.run_ticks(5)
     only_stops(bench, seen)
     stands(bench)
     assert {output.reason for output in bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
-    recovers(bench)
-    is_logged(bench, seen, Reason.ARM_LINK_LOST)
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.ARM_LINK_LOST)
 
 
-def test_a_command_connection_that_breaks_alone_stops_the_arm(live_bench: LiveBench) -> None:
-    bench = live_bench
+def test_a_command_connection_that_breaks_alone_stops_the_arm(wired_bench: WiredBench) -> None:
+    bench = wired_bench
     bench.engage_and_move()
     bench.quiesce()
     motions = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_SERVO_CARTESIAN_AA)
     bench.server.is_cut = lambda frame: frame.register in motions
-    bench.run(1)
+    bench.run_ticks(1)
     seen = until_lost(bench)
     bench.server.is_cut = lambda frame: False
     is_stopped(bench, seen, Reason.ARM_LINK_LOST, "connection to the arm is lost")
-    recovers(bench)
+    recovers_from_fault(bench)
 
 
 @pytest.mark.parametrize("ticks_away", [20, SILENT_TICKS + 20])
 def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
-    live_bench: LiveBench, ticks_away: int
+    wired_bench: WiredBench, ticks_away: int
 ) -> None:
-    bench = live_bench
+    bench = wired_bench
     bench.engage_and_move()
     bench.quiesce()
     settings = bench.model.settings
@@ -184,7 +192,7 @@ def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
     seen = until_lost(bench)
     with bench.lock:
         bench.model.power_cycle()
-    bench.run(ticks_away)
+    bench.run_ticks(ticks_away)
     assert bench.requests(seen) == []
     bench.server.refuse_connections = False
     bench.run_until(lambda output: bool(bench.requests(seen)))
@@ -192,7 +200,7 @@ def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
     stands(bench)
     assert {output.reason for output in bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
     bench.reachable = True
-    recovers(bench)
+    recovers_from_fault(bench)
     assert bench.model.settings.tcp_offset == pytest.approx(offset)
     assert bench.model.settings.collision_sensitivity == sensitivity
 
@@ -200,18 +208,18 @@ def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
 # --- reports ------------------------------------------------------------------------------------
 
 
-def test_frozen_reports_hold_the_arm_although_commands_succeed(arm_bench: ArmBench) -> None:
-    bench = arm_bench
+def test_frozen_reports_hold_the_arm_although_commands_succeed(any_bench: Bench) -> None:
+    bench = any_bench
     bench.engage_and_move()
     bench.model.reports_frozen = True
     since = bench.next
     held = holds_first(bench, since, Reason.ARM_STATE_STALE)
     assert held - since <= STALE_TICKS
-    bench.run(2 * TICKS_TO_REST)
+    bench.run_ticks(2 * TICKS_TO_REST)
     brakes(bench, held)
     assert bench.requests(held)[-1].is_motion, "it holds, and goes on commanding zero"
     bench.model.reports_frozen = False
-    bench.run(5)
+    bench.run_ticks(5)
     assert bench.outputs[-1].arming is ArmingState.HOLDING
     stands(bench)
     bench.hand.trigger = 0.0
@@ -219,17 +227,17 @@ def test_frozen_reports_hold_the_arm_although_commands_succeed(arm_bench: ArmBen
     reengages(bench)
 
 
-def test_reports_that_stay_frozen_are_a_fault(arm_bench: ArmBench) -> None:
-    bench = arm_bench
+def test_reports_that_stay_frozen_are_a_fault(any_bench: Bench) -> None:
+    bench = any_bench
     bench.engage_and_move(SIDEWAYS / 2)
     bench.model.reports_frozen = True
     since = bench.next
     seen = bench.run_until_state(ArmingState.FAULT)
     assert seen - since <= SILENT_TICKS
     assert bench.outputs[seen].reason is Reason.ARM_SILENT
-    bench.run(5)
+    bench.run_ticks(5)
     assert len(only_stops(bench, seen)) >= 5, "repeated until a report tells of it"
     bench.model.reports_frozen = False
     is_stopped(bench, seen, Reason.ARM_SILENT)
-    recovers(bench)
-    is_logged(bench, seen, Reason.ARM_SILENT, stopped_for=Reason.ARM_STATE_STALE)
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.ARM_SILENT, stopped_for=Reason.ARM_STATE_STALE)

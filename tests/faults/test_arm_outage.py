@@ -7,7 +7,6 @@ import shutil
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -26,6 +25,7 @@ from hw.sim.plant import IdealPlant
 from tams_app.clock import MonotonicClock
 from tams_app.config import ArmConfig
 from tams_app.records import LinkFault, Twist
+from tests.tcp_relay import TcpRelay
 
 from .wire import TappedModel
 
@@ -175,73 +175,11 @@ def test_no_motion_from_before_a_network_outage_reaches_the_arm_after_the_fault(
 # --- what every machine can show ------------------------------------------------------------------
 
 
-class Relay:
-    """Passes the control connections on; once it holds, what comes from the driver stays here."""
-
-    def __init__(self, port: int) -> None:
-        self._port = port
-        self._holding = threading.Event()
-        self._ended = threading.Event()
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.settimeout(0.05)
-        self.port: int = self._listener.getsockname()[1]
-        self.resets = 0
-        self._threads: list[threading.Thread] = []
-        self._start(self._accept)
-
-    def hold(self) -> None:
-        self._holding.set()
-
-    def pass_on(self) -> None:
-        self._holding.clear()
-
-    def close(self) -> None:
-        self._ended.set()
-        for thread in self._threads:
-            thread.join()
-        self._listener.close()
-
-    def _start(self, body: Callable[[], None]) -> None:
-        thread = threading.Thread(target=body)
-        self._threads.append(thread)
-        thread.start()
-
-    def _accept(self) -> None:
-        while not self._ended.is_set():
-            try:
-                driver, _ = self._listener.accept()
-            except TimeoutError:
-                continue
-            arm = socket.create_connection(("127.0.0.1", self._port), 5.0)
-            for one in (driver, arm):
-                one.settimeout(0.05)
-                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._start(partial(self._pass, driver, arm, True))
-            self._start(partial(self._pass, arm, driver, False))
-
-    def _pass(self, source: socket.socket, sink: socket.socket, from_driver: bool) -> None:
-        with source:
-            while not self._ended.is_set():
-                try:
-                    data = source.recv(4096)
-                    if not data:
-                        return
-                    if not (from_driver and self._holding.is_set()):
-                        sink.sendall(data)
-                except TimeoutError:
-                    continue
-                except ConnectionResetError:
-                    self.resets += from_driver
-                    return
-                except OSError:  # the other direction has ended
-                    return
-
-
 def test_a_lost_command_connection_is_reset_so_that_nothing_it_holds_can_follow(
     cleaning: ExitStack,
 ) -> None:
     model, server = served_model(cleaning, "127.0.0.1")
-    relay = Relay(server.ports.control)
+    relay = TcpRelay(server.ports.control)
     cleaning.callback(relay.close)
     config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
     arm = moving_arm(cleaning, config)
@@ -257,7 +195,7 @@ def test_a_command_unanswered_when_the_arm_is_stopped_is_taken_back_too(
     cleaning: ExitStack,
 ) -> None:
     model, server = served_model(cleaning, "127.0.0.1")
-    relay = Relay(server.ports.control)
+    relay = TcpRelay(server.ports.control)
     cleaning.callback(relay.close)
     config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
     arm = moving_arm(cleaning, config)

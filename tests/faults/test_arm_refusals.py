@@ -17,9 +17,10 @@ from tams_app.errors import DeviceError
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason
 
-from .arm_bench import ArmBench, FaultyServer, LiveBench, tapped_model
-from .arm_promises import is_logged, is_stopped, recovers, reengages
-from .wire import TappedModel
+from .bench import Bench
+from .promises import is_logged, is_stopped, recovers_from_fault, reengages
+from .wire import TappedModel, tapped_model
+from .wired_bench import FaultyServer, WiredBench
 
 MOTIONS = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_SERVO_CARTESIAN_AA)
 INVALID = bytes([ReplyBit.INVALID])
@@ -28,12 +29,12 @@ REFUSALS = 5
 OUTPUT_OPEN = struct.pack(">i", 0b01)  # of the tool: the gripper opens
 
 
-def refuse(bench: ArmBench, *registers: int, reply: bytes = INVALID) -> None:
+def refuse(bench: Bench, *registers: int, reply: bytes = INVALID) -> None:
     """From now on requests of these registers are answered with `reply` and not done."""
     bench.model.interpose = lambda register, _: reply if register in registers else None
 
 
-def obey(bench: ArmBench) -> None:
+def obey(bench: Bench) -> None:
     bench.model.interpose = lambda register, payload: None
 
 
@@ -50,25 +51,25 @@ def refused(tick: Tick) -> bool:
     ids=["invalid", "not ready"],
 )
 def test_a_refused_motion_command_stops_the_arm_in_the_tick_that_sees_it(
-    live_bench: LiveBench, reply: bytes, detail: str
+    wired_bench: WiredBench, reply: bytes, detail: str
 ) -> None:
-    bench = live_bench
+    bench = wired_bench
     bench.engage_and_move()
     bench.quiesce()
     refuse(bench, *MOTIONS, reply=reply)
     since = bench.next
-    bench.run(1)
+    bench.run_ticks(1)
     bench.until(lambda: bench.arm.link().failure != "")
-    bench.run(1)
+    bench.run_ticks(1)
     seen = bench.first_seen(refused, since)
     assert seen == since + 1
     is_stopped(bench, seen, Reason.ARM_REFUSES, detail)
-    recovers(bench, lambda: obey(bench))
-    is_logged(bench, seen, Reason.ARM_REFUSES)
+    recovers_from_fault(bench, lambda: obey(bench))
+    is_logged(bench, Reason.ARM_REFUSES)
 
 
-def test_a_refused_stop_is_repeated_until_it_is_acknowledged(live_bench: LiveBench) -> None:
-    bench = live_bench
+def test_a_refused_stop_is_repeated_until_it_is_acknowledged(wired_bench: WiredBench) -> None:
+    bench = wired_bench
     bench.engage_and_move()
     stops = 0
 
@@ -86,37 +87,37 @@ def test_a_refused_stop_is_repeated_until_it_is_acknowledged(live_bench: LiveBen
     assert stops > REFUSALS
     with bench.lock:
         assert bench.model.state == State.STOPPED
-    recovers(bench)
+    recovers_from_fault(bench)
 
 
 def test_an_arm_that_does_not_get_ready_stays_disarmed_and_stopped_and_says_why(
-    arm_bench: ArmBench,
+    any_bench: Bench,
 ) -> None:
-    bench = arm_bench
+    bench = any_bench
 
     def refuse_ready(register: int, payload: bytes) -> bytes | None:
         return INVALID if register == Register.SET_STATE and payload[0] == 0 else None
 
     bench.model.interpose = refuse_ready
-    bench.run(3)
+    bench.run_ticks(3)
     bench.signals.confirm()
     bench.run_until(lambda output: bool(bench.notes))
-    bench.run(20)
+    bench.run_ticks(20)
     assert "refused" in bench.notes[0]
     assert {output.arming for output in bench.outputs} == {ArmingState.DISARMED}
     assert not any(request.is_motion for request in bench.requests(0))
     with bench.lock:
         assert bench.model.state >= State.STOPPED
     obey(bench)
-    bench.make_ready()
+    bench.arm_it()
     reengages(bench)
 
 
 # --- gripper ------------------------------------------------------------------------------------
 
 
-def test_a_refused_gripper_command_stops_the_arm(arm_bench: ArmBench) -> None:
-    bench = arm_bench
+def test_a_refused_gripper_command_stops_the_arm(any_bench: Bench) -> None:
+    bench = any_bench
     bench.engage_and_move()
     bench.quiesce()
     refuse(bench, Register.TOOL_GPIO_WRITE)
@@ -129,14 +130,14 @@ def test_a_refused_gripper_command_stops_the_arm(arm_bench: ArmBench) -> None:
     is_stopped(bench, seen, Reason.GRIPPER_FAILED, "refused")
     assert bench.ticks[-1].arm is not None
     assert bench.ticks[-1].arm.gripper_closed is None, "what was refused is not what it does"
-    recovers(bench, lambda: obey(bench))
-    is_logged(bench, seen, Reason.GRIPPER_FAILED)
+    recovers_from_fault(bench, lambda: obey(bench))
+    is_logged(bench, Reason.GRIPPER_FAILED)
 
 
 def test_a_gripper_that_does_not_do_what_it_acknowledged_stops_the_arm(
-    live_bench: LiveBench,
+    wired_bench: WiredBench,
 ) -> None:
-    bench = live_bench
+    bench = wired_bench
     bench.engage_and_move()
     opened = bytes(1) + OUTPUT_OPEN
     refuse(bench, Register.TOOL_GPIO_READ, reply=opened)
@@ -148,7 +149,7 @@ def test_a_gripper_that_does_not_do_what_it_acknowledged_stops_the_arm(
     is_stopped(bench, seen, Reason.GRIPPER_FAILED, "not what was commanded")
     assert bench.ticks[-1].arm is not None
     assert bench.ticks[-1].arm.gripper_closed is False, "what was read back"
-    recovers(bench, lambda: obey(bench))
+    recovers_from_fault(bench, lambda: obey(bench))
 
 
 # --- an arm that is not fit ---------------------------------------------------------------------
@@ -177,7 +178,7 @@ class Connecting:
             self.server.close()
 
 
-@pytest.fixture(params=["live", "virtual"])
+@pytest.fixture(params=["wired", "virtual"])
 def kind(request: pytest.FixtureRequest, frequent_reports: None) -> str:
     return str(request.param)
 

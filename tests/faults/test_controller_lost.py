@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from tams_app.records import ControllerStatus
 from tams_app.teleop.safety import Reason
 
 from . import distortions
-from .bench import Bench
+from .braking import TICKS_TO_REST, holds
 from .hand import Distortion
-from .promises import (
-    TICKS_TO_REST,
-    faults,
-    holds,
-    is_logged,
-    recovers_from_fault,
-    recovers_from_hold,
-    stands,
-)
+from .promises import is_logged, is_stopped, recovers_from_fault, recovers_from_hold, stands
+from .virtual_bench import VirtualBench
 
 HOLDS = {
     "tracking lost": (
@@ -51,16 +41,14 @@ FAULTS = {
 }
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(request.param, log=tmp_path / "session.mcap")
-    yield made
-    made.close()
+@pytest.fixture
+def bench(virtual_bench: VirtualBench) -> VirtualBench:
+    return virtual_bench
 
 
 @pytest.mark.parametrize(("distortion", "reason"), HOLDS.values(), ids=HOLDS)
 def test_the_arm_brakes_in_the_tick_in_which_the_hand_is_lost(
-    bench: Bench, distortion: Distortion, reason: Reason
+    bench: VirtualBench, distortion: Distortion, reason: Reason
 ) -> None:
     bench.engage_and_move()
     lost = bench.next
@@ -76,25 +64,25 @@ def test_the_arm_brakes_in_the_tick_in_which_the_hand_is_lost(
 
 @pytest.mark.parametrize(("distortion", "reason"), FAULTS.values(), ids=FAULTS)
 def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
-    bench: Bench, distortion: Distortion, reason: Reason
+    bench: VirtualBench, distortion: Distortion, reason: Reason
 ) -> None:
     bench.engage_and_move()
     lost = bench.next
     bench.hand.distortion = distortion
     bench.run(0.5)
-    faults(bench, lost, reason)
+    is_stopped(bench, lost, reason)
     bench.signals.confirm()
     bench.hand.trigger = 0.0
     bench.run(0.5)
-    faults(bench, lost, reason)  # it cannot be confirmed away
+    is_stopped(bench, lost, reason)  # it cannot be confirmed away
     stands(bench)
     bench.hand.distortion = None
     bench.hand.velocity = 0.0 * bench.hand.velocity
     bench.hand.trigger = 1.0
     bench.run(3.5)  # a confirmation given too early does not count any more
-    faults(bench, lost, reason)
+    is_stopped(bench, lost, reason)
     if "start the session again" not in reason.sentence:
-        recovers_from_fault(bench, reason)
+        recovers_from_fault(bench)
     is_logged(bench, reason)
 
 
@@ -103,7 +91,7 @@ def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
 def test_a_lost_controller_cannot_engage_an_arm_that_waits(
     servo: str, distortion: Distortion
 ) -> None:
-    bench = Bench(servo)
+    bench = VirtualBench(servo)
     bench.arm_it()
     bench.hand.distortion = distortion
     bench.hand.trigger = 1.0

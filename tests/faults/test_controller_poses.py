@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,18 +11,11 @@ from tams_app.clock import NS_PER_MS
 from tams_app.teleop.safety import ArmingState, Reason
 
 from . import distortions
-from .bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S, Bench
+from .bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
+from .braking import TICKS_TO_REST, holds, keeps_stop_profile
 from .hand import Distortion
-from .promises import (
-    TICKS_TO_REST,
-    faults,
-    holds,
-    is_logged,
-    keeps_stop_profile,
-    recovers_from_fault,
-    recovers_from_hold,
-    stands,
-)
+from .promises import is_logged, is_stopped, recovers_from_fault, recovers_from_hold, stands
+from .virtual_bench import VirtualBench
 
 # Ticks from the first reading that shows the fault to the stop, at 120 Hz and the defaults.
 FROZEN_TICKS = 12  # 100 ms without a change (freshness.pose_frozen_ms)
@@ -32,47 +24,45 @@ REJECTED_TICKS = 6  # impossible poses in a row (hand.max_rejects)
 SLOWING_TICKS = 4  # 25 ms: an unchanged pose keeps its velocity no longer (freshness.hold_pose_ms)
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(request.param, log=tmp_path / "session.mcap")
-    yield made
-    made.close()
+@pytest.fixture
+def bench(virtual_bench: VirtualBench) -> VirtualBench:
+    return virtual_bench
 
 
-def speeds(bench: Bench, first: int) -> np.ndarray:
+def speeds(bench: VirtualBench, first: int) -> np.ndarray:
     """Commanded linear speeds [m/s] of the ticks from `first` on; 0 where nothing was sent."""
     return np.array(
         [0.0 if each is None else np.linalg.norm(each[:3]) for each in bench.commands(first)]
     )
 
 
-def is_smooth(bench: Bench, first: int) -> None:
+def is_smooth(bench: VirtualBench, first: int) -> None:
     """Every tick from `first` on commanded a motion, within the limits of speed and profiles."""
     keeps_stop_profile(bench, bench.velocities(first))
 
 
 @pytest.mark.parametrize("distortion", [distortions.frozen_pose, distortions.zero_pose])
 def test_a_pose_that_stops_changing_slows_the_arm_at_once_and_is_a_fault_after_100_ms(
-    bench: Bench, distortion: Distortion
+    bench: VirtualBench, distortion: Distortion
 ) -> None:
     bench.engage_and_move()
     frozen = bench.next
     bench.hand.distortion = distortion
     bench.run(0.5)
     first_unchanged = frozen + (distortion is distortions.zero_pose)  # its first one is a change
-    faults(bench, first_unchanged + FROZEN_TICKS, Reason.POSE_FROZEN)
+    is_stopped(bench, first_unchanged + FROZEN_TICKS, Reason.POSE_FROZEN)
     slowing = speeds(bench, frozen)[: first_unchanged - frozen + FROZEN_TICKS]
     assert slowing[SLOWING_TICKS + 2 :].max() < FULL_SPEED_M_S
     assert (np.diff(slowing) < 1e-3).all()
     stands(bench)
     bench.hand.distortion = None
     bench.hand.velocity = np.zeros(3)
-    recovers_from_fault(bench, Reason.POSE_FROZEN)
+    recovers_from_fault(bench)
     is_logged(bench, Reason.POSE_FROZEN)
 
 
 def test_buttons_that_are_not_read_any_more_release_the_deadman_after_100_ms(
-    bench: Bench,
+    bench: VirtualBench,
 ) -> None:
     bench.engage_and_move()
     stale = bench.next
@@ -94,7 +84,7 @@ def test_buttons_that_are_not_read_any_more_release_the_deadman_after_100_ms(
     ids=["duplicate", "out of order", "40 ms late"],
 )
 def test_poses_that_come_twice_disordered_or_a_little_late_neither_stop_nor_shake_the_arm(
-    bench: Bench, make: Callable[[], Distortion]
+    bench: VirtualBench, make: Callable[[], Distortion]
 ) -> None:
     bench.engage_and_move(0.5 * ACROSS)
     before = bench.next
@@ -110,18 +100,18 @@ def test_poses_that_come_twice_disordered_or_a_little_late_neither_stop_nor_shak
     assert speeds(bench, released)[TICKS_TO_REST:].max() == 0.0
 
 
-def test_poses_that_say_they_are_100_ms_old_are_a_fault_at_once(bench: Bench) -> None:
+def test_poses_that_say_they_are_100_ms_old_are_a_fault_at_once(bench: VirtualBench) -> None:
     bench.engage_and_move()
     late = bench.next
     bench.hand.distortion = distortions.old(100 * NS_PER_MS)
     bench.run(0.3)
-    faults(bench, late, Reason.POSE_FROZEN)
+    is_stopped(bench, late, Reason.POSE_FROZEN)
     bench.hand.distortion = None
     bench.hand.velocity = np.zeros(3)
-    recovers_from_fault(bench, Reason.POSE_FROZEN)
+    recovers_from_fault(bench)
 
 
-def test_poses_that_say_they_are_older_than_25_ms_move_nothing(bench: Bench) -> None:
+def test_poses_that_say_they_are_older_than_25_ms_move_nothing(bench: VirtualBench) -> None:
     bench.engage_and_move()
     late = bench.next
     bench.hand.distortion = distortions.old(40 * NS_PER_MS)
@@ -132,7 +122,7 @@ def test_poses_that_say_they_are_older_than_25_ms_move_nothing(bench: Bench) -> 
 
 @pytest.mark.parametrize("by_m", [0.05, 1.0], ids=["5 cm", "1 m"])
 def test_a_hand_found_elsewhere_moves_the_arm_on_as_if_it_had_not_jumped(
-    bench: Bench, by_m: float
+    bench: VirtualBench, by_m: float
 ) -> None:
     bench.engage_and_move(0.5 * ACROSS)
     jump = bench.next
@@ -147,26 +137,26 @@ def test_a_hand_found_elsewhere_moves_the_arm_on_as_if_it_had_not_jumped(
 
 @pytest.mark.parametrize("by_m", [0.05, 1.0], ids=["5 cm", "1 m"])
 def test_a_hand_that_jumps_about_is_a_fault_after_six_readings_and_never_moves_the_arm(
-    bench: Bench, by_m: float
+    bench: VirtualBench, by_m: float
 ) -> None:
     bench.engage_and_move()
     jumps = bench.next
     bench.hand.distortion = distortions.jump_about(by_m)
     bench.run(0.5)
-    faults(bench, jumps + REJECTED_TICKS, Reason.HAND_TOO_FAST)
+    is_stopped(bench, jumps + REJECTED_TICKS, Reason.HAND_TOO_FAST)
     moving = speeds(bench, jumps)[:REJECTED_TICKS]
     assert moving.max() <= FULL_SPEED_M_S * (1 + 1e-5)
     assert bench.travel_m(jumps) < FULL_SPEED_M_S * (REJECTED_TICKS + TICKS_TO_REST) * PERIOD_S
     stands(bench)
     bench.hand.distortion = None
     bench.hand.velocity = np.zeros(3)
-    recovers_from_fault(bench, Reason.HAND_TOO_FAST)
+    recovers_from_fault(bench)
     is_logged(bench, Reason.HAND_TOO_FAST)
 
 
 @pytest.mark.parametrize(("by_m", "ticks"), [(0.05, 2), (0.05, 4), (0.05, 8), (1.0, 35)], ids=str)
 def test_a_jump_slow_enough_for_a_hand_is_followed_within_all_limits(
-    bench: Bench, by_m: float, ticks: int
+    bench: VirtualBench, by_m: float, ticks: int
 ) -> None:
     bench.arm_it()
     bench.engage()

@@ -14,9 +14,11 @@ from hw.arm import ServoMode
 from tams_app.records import ControllerSample
 from tams_app.teleop.safety import ArmingState
 
-from .bench import ACROSS, PERIOD_S, Bench
+from .bench import ACROSS, PERIOD_S
+from .braking import TICKS_TO_REST, keeps_stop_profile
 from .hand import Distortion
-from .promises import TICKS_TO_REST, keeps_stop_profile, reengages
+from .promises import reengages
+from .virtual_bench import VirtualBench
 
 SERVOS = ("velocity", "pose")
 # Pose servo: a press takes the measured pose, which is a report behind, for the commanded one.
@@ -25,8 +27,8 @@ _ROUNDING_M_S = 1e-4
 
 
 @pytest.fixture(params=SERVOS)
-def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
-    made = Bench(request.param)
+def bench(request: pytest.FixtureRequest) -> Iterator[VirtualBench]:
+    made = VirtualBench(request.param)
     yield made
     made.close()
 
@@ -43,7 +45,7 @@ def chatter(values: list[float]) -> Distortion:
     return distort
 
 
-def moves_only_with_the_deadman(bench: Bench, first: int) -> None:
+def moves_only_with_the_deadman(bench: VirtualBench, first: int) -> None:
     """Judges every tick from `first` on by its record and by the wire.
 
     Without the deadman the arm brakes from the speed it had; an acceleration that was under way
@@ -71,7 +73,7 @@ def moves_only_with_the_deadman(bench: Bench, first: int) -> None:
             assert speeds[number] <= speeds[held_number] + dying_m_s, "braking"
 
 
-def test_within_its_hysteresis_the_trigger_stays_as_it_is(bench: Bench) -> None:
+def test_within_its_hysteresis_the_trigger_stays_as_it_is(bench: VirtualBench) -> None:
     bench.engage_and_move(0.4 * ACROSS)
     first = bench.next
     bench.hand.distortion = chatter([0.59, 0.41, 0.5, 0.401])
@@ -81,7 +83,7 @@ def test_within_its_hysteresis_the_trigger_stays_as_it_is(bench: Bench) -> None:
     assert np.linalg.norm(bench.velocities(bench.now)[0][:3]) > 0.09
 
 
-def test_within_its_hysteresis_a_free_trigger_never_engages(bench: Bench) -> None:
+def test_within_its_hysteresis_a_free_trigger_never_engages(bench: VirtualBench) -> None:
     bench.arm_it()
     first = bench.next
     bench.hand.velocity = ACROSS
@@ -93,7 +95,7 @@ def test_within_its_hysteresis_a_free_trigger_never_engages(bench: Bench) -> Non
 
 @pytest.mark.parametrize("free", [1, 2, 5])
 def test_a_trigger_that_flickers_brings_the_arm_to_rest_and_moves_it_no_more(
-    bench: Bench, free: int
+    bench: VirtualBench, free: int
 ) -> None:
     bench.engage_and_move()
     first = bench.next
@@ -117,7 +119,7 @@ def test_a_trigger_that_flickers_brings_the_arm_to_rest_and_moves_it_no_more(
 @pytest.mark.parametrize("held", [2, 5, 20])
 @pytest.mark.parametrize("free", [1, 5, 20])
 def test_slower_chatter_moves_the_arm_no_further_than_the_hand_went_with_the_trigger_held(
-    bench: Bench, free: int, held: int
+    bench: VirtualBench, free: int, held: int
 ) -> None:
     bench.arm_it()
     bench.run(0.1)
@@ -136,7 +138,7 @@ def test_slower_chatter_moves_the_arm_no_further_than_the_hand_went_with_the_tri
 def test_any_chatter_moves_the_arm_only_with_the_deadman_and_never_further_than_the_hand(
     servo: str, values: list[float]
 ) -> None:
-    bench = Bench(servo)
+    bench = VirtualBench(servo)
     bench.engage_and_move(0.4 * ACROSS, seconds=0.3)
     first, hand_m = bench.next, bench.hand.travelled_m
     bench.hand.distortion = chatter(values)

@@ -13,7 +13,8 @@ from tams_app.clock import NS_PER_S, MonotonicClock
 from tams_app.process import PROJECT_DIRECTORY
 from tams_app.teleop.safety import ArmingState
 
-from .bench import ACROSS, Bench
+from .bench import ACROSS
+from .virtual_bench import VirtualBench
 
 HOUR_S = 3600
 ROOMS = ("tams_app", "hw")
@@ -43,7 +44,7 @@ def wall(monkeypatch: pytest.MonkeyPatch) -> WallTime:
 
 def wire(servo: str, between: Callable[[], None]) -> list[tuple[int, int, int, bytes]]:
     """Everything said to the arm in a session in which `between` happens while the arm moves."""
-    bench = Bench(servo)
+    bench = VirtualBench(servo)
     bench.engage_and_move(0.4 * ACROSS)
     between()
     bench.run(0.3)
@@ -80,7 +81,7 @@ def test_the_clock_of_all_parts_does_not_follow_wall_time(wall: WallTime) -> Non
 
 
 def test_a_log_keeps_its_own_time_while_wall_time_jumps(tmp_path: Path, wall: WallTime) -> None:
-    bench = Bench(log=tmp_path / "session.mcap")
+    bench = VirtualBench(folder=tmp_path)
     bench.engage_and_move()
     wall.offset_s = -HOUR_S
     bench.run(0.5)

@@ -13,7 +13,7 @@ from hw.sim.virtual_controller import VirtualController
 from tams_app.console.app import run_session
 from tams_app.errors import TamsError
 from tams_app.policy.engine import Policy
-from tams_app.recording import SessionLog, disk, writer
+from tams_app.recording import SessionLog, disk
 from tams_app.recording.mcap_log import McapLog
 from tams_app.teleop.safety import ArmingState, Reason
 
@@ -123,7 +123,7 @@ def test_the_disk_is_nearly_full(
     """The recorder keeps a reserve, so that the log is finished in order."""
     whole = disk.free_mb
     monkeypatch.setattr(
-        writer, "free_mb", lambda path: 0.0 if observed.moving.is_set() else whole(path)
+        disk, "free_mb", lambda path: 0.0 if observed.moving.is_set() else whole(path)
     )
     ends_with(observed, tmp_path, "recording ended because only 0 MB are free")
     ended_in_fault(observed)

@@ -1,6 +1,6 @@
 """Processes stopped and killed while the arm moves, each seen from outside by the arm itself.
 
-That every helper killed ends the session is in tests/test_end_to_end.py.
+That every other helper killed ends the session is in tests/test_end_to_end.py.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason
 
 from .applications import Application, Witness, only_log, until
-from .promises import TICKS_TO_REST
+from .braking import TICKS_TO_REST
 
 ATTEMPTS = 10
 STOPPED_S = 2.0  # a picture is too old after one
@@ -103,6 +103,23 @@ def test_a_stopped_arm_is_a_fault_and_does_not_go_on_by_itself(
     assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[stopped:])
     shown = log.ticks[stopped].reason
     assert shown.split(":")[0] in {Reason.ARM_SILENT.label, Reason.ARM_LINK_LOST.label}
+
+
+def test_a_killed_measurement_of_the_pictures_is_told_and_neither_stops_the_arm_nor_the_session(
+    application: Application, witness: Witness
+) -> None:
+    before = len(application.lines)
+    application.helper("quality").kill()
+    application.says("the pictures' quality is not measured", before)
+    until(witness.moves, "the arm to move on")
+    assert not any(line.startswith("fault") for line in application.lines[before:])
+    log = application.interrupted()
+    assert log.quality
+    (told,) = (note for note in log.notes if "is not measured" in note.text)
+    assert told.level == "warning"
+    later = [tick for tick in log.ticks if tick.started_ns > told.t_ns]
+    assert any(tick.arming == ArmingState.ENGAGED and not tick.twist.is_zero for tick in later)
+    assert max(one.shown_ns for one in log.shown) > told.t_ns
 
 
 def test_a_stopped_application_is_stopped_by_the_guard_and_moves_nothing_when_it_goes_on(

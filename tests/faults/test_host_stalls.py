@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,30 +9,29 @@ from hw.arm import ServoMode
 from hw.guard import HeartbeatWatch, Watch
 from hw.guard_link import GuardMessage, Heartbeat
 from hw.sim.controller_codes import Register, State
-from hw.sim.joint_servo import VELOCITY_ACCELERATION_M_S2
+from hw.sim.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
 from tams_app.clock import NS_PER_MS, NS_PER_S, FixedRate, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason
 
-from .bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S, Bench
+from .bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
 from .promises import is_logged, recovers_from_fault, recovers_from_hold, stands
+from .virtual_bench import VirtualBench
 
 GUARD_POLL_NS = 10 * NS_PER_MS  # hw.guard.POLL_S
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(request.param, log=tmp_path / "session.mcap")
-    yield made
-    made.close()
+@pytest.fixture
+def bench(virtual_bench: VirtualBench) -> VirtualBench:
+    return virtual_bench
 
 
-def most_travel_m(bench: Bench) -> float:
+def most_travel_m(bench: VirtualBench) -> float:
     """How far an arm at full speed goes on without a new command: its deadman, then its brake."""
     held_s = bench.config.arm.velocity_deadman_s if bench.servo is ServoMode.VELOCITY else 0.0
     return FULL_SPEED_M_S * (held_s + PERIOD_S) + FULL_SPEED_M_S**2 / VELOCITY_ACCELERATION_M_S2
 
 
-def test_after_50_ms_the_arm_goes_on_without_a_jump(bench: Bench) -> None:
+def test_after_50_ms_the_arm_goes_on_without_a_jump(bench: VirtualBench) -> None:
     bench.engage_and_move()
     late = bench.next
     bench.tick(PERIOD_NS + 50 * NS_PER_MS)
@@ -45,14 +41,15 @@ def test_after_50_ms_the_arm_goes_on_without_a_jump(bench: Bench) -> None:
     allowed_m_s = bench.config.limits.motion.acceleration_m_s2 * (PERIOD_S + 0.05)
     assert np.linalg.norm(first - before) <= allowed_m_s * 1.01
     steps = np.diff(bench.positions[late - 1 : late + 1], axis=0)
-    assert np.linalg.norm(steps) <= FULL_SPEED_M_S * (PERIOD_S + 0.05)
+    # whole cycles of the controller fall between two ticks, one more or one less
+    assert np.linalg.norm(steps) <= FULL_SPEED_M_S * (PERIOD_S + 0.05 + CYCLE_NS / NS_PER_S)
     speeds = np.linalg.norm(bench.velocities(late)[:, :3], axis=1)
     assert max(speeds) <= FULL_SPEED_M_S * (1 + 1e-4)
 
 
 @pytest.mark.parametrize("stall_ms", [200, 1000])
 def test_after_a_longer_stall_the_arm_stands_and_the_first_command_is_zero(
-    bench: Bench, stall_ms: int
+    bench: VirtualBench, stall_ms: int
 ) -> None:
     bench.engage_and_move()
     late = bench.next
@@ -71,7 +68,7 @@ def test_after_a_longer_stall_the_arm_stands_and_the_first_command_is_zero(
 
 @pytest.mark.parametrize("stall_ms", [200, 1000])
 def test_the_guard_stops_the_arm_while_the_loop_is_held_up_and_the_loop_finds_it_so(
-    bench: Bench, stall_ms: int
+    bench: VirtualBench, stall_ms: int
 ) -> None:
     """The guard's own decision in virtual time; its process is in test_host_processes."""
     bench.engage_and_move()
@@ -80,7 +77,7 @@ def test_the_guard_stops_the_arm_while_the_loop_is_held_up_and_the_loop_finds_it
     began_ns = bench.clock.now_ns()
     stopped_ns = None
     while bench.clock.now_ns() - began_ns < stall_ms * NS_PER_MS:
-        bench.arm.advance(GUARD_POLL_NS)
+        bench.advance(GUARD_POLL_NS)
         if watch.lost(bench.clock.now_ns()):
             stopped_ns = bench.clock.now_ns()
             bench.model.handle(Register.SET_STATE, bytes([State.STOPPED]), stopped_ns)
@@ -95,11 +92,11 @@ def test_the_guard_stops_the_arm_while_the_loop_is_held_up_and_the_loop_finds_it
     assert not any(request.is_motion for request in bench.model.since(late))
     stands(bench)
     bench.hand.velocity = np.zeros(3)
-    recovers_from_fault(bench, Reason.GUARD_STOPPED)
+    recovers_from_fault(bench)
     is_logged(bench, Reason.GUARD_STOPPED)
 
 
-def test_a_loop_that_waits_does_nothing_at_all_after_a_stall(bench: Bench) -> None:
+def test_a_loop_that_waits_does_nothing_at_all_after_a_stall(bench: VirtualBench) -> None:
     bench.arm_it()
     bench.run(0.1)
     bench.tick(PERIOD_NS + NS_PER_S)
@@ -111,7 +108,7 @@ def test_a_loop_that_waits_does_nothing_at_all_after_a_stall(bench: Bench) -> No
     assert bench.travel_m(bench.next - 30) > 0.005
 
 
-def test_a_stream_of_short_stalls_neither_shakes_nor_stops_the_arm(bench: Bench) -> None:
+def test_a_stream_of_short_stalls_neither_shakes_nor_stops_the_arm(bench: VirtualBench) -> None:
     bench.engage_and_move(0.4 * ACROSS)
     first = bench.next
     for number in range(40):
@@ -138,7 +135,7 @@ def test_periods_that_were_missed_are_left_out_and_not_caught_up() -> None:
     assert rate.wait() > started_ns
 
 
-def test_a_stall_at_the_very_limit_counts_as_the_deadman_does(bench: Bench) -> None:
+def test_a_stall_at_the_very_limit_counts_as_the_deadman_does(bench: VirtualBench) -> None:
     """Up to `velocity_deadman_s` the arm still obeys the last command, beyond it has stopped."""
     bench.engage_and_move()
     bench.tick(100 * NS_PER_MS)

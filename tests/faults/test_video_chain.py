@@ -19,8 +19,9 @@ from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.video.traces import format_trace
 
 from .bench import NETWORK
-from .chain import Chain, LiveBench, until
-from .promises import TICKS_TO_REST, comes_to_rest, is_logged, recovers_from_hold
+from .braking import TICKS_TO_REST, comes_to_rest
+from .chain import Chain, StreamedBench, until
+from .promises import is_logged, recovers_from_hold
 from .test_video_freeze import HOLD_NS, expected_scale
 
 PRIMARY = "gt"  # in the phase REACH, in which the arm stays
@@ -45,14 +46,14 @@ def chain(shared: Chain) -> Chain:
     return shared
 
 
-def live(chain: Chain, folder: Path) -> LiveBench:
+def live(chain: Chain, folder: Path) -> StreamedBench:
     """An arm that moves to and fro."""
-    made = LiveBench(chain, folder / "session.mcap")
+    made = StreamedBench(chain, folder)
     made.run(0.3)
     return made
 
 
-def obeys_the_picture(chain: Chain, made: LiveBench) -> None:
+def obeys_the_picture(chain: Chain, made: StreamedBench) -> None:
     """Every tick while engaged was slowed by the age of its picture, and the first too old held.
 
     Whatever this machine's load made of the ages.
@@ -70,13 +71,13 @@ def obeys_the_picture(chain: Chain, made: LiveBench) -> None:
         assert output.speed_scale == pytest.approx(expected_scale(age_ns), abs=1e-6)
 
 
-def first_hold(made: LiveBench) -> int:
+def first_hold(made: StreamedBench) -> int:
     """The tick in which the arm began to hold."""
     armings = [output.arming for output in made.bench.outputs]
     return armings.index(ArmingState.HOLDING)
 
 
-def holds_then_recovers(chain: Chain, made: LiveBench) -> None:
+def holds_then_recovers(chain: Chain, made: StreamedBench) -> None:
     """Held for the video; once it is back the trigger must be released, and all is well."""
     bench = made.bench
     held = first_hold(made)
@@ -97,7 +98,7 @@ def holds_then_recovers(chain: Chain, made: LiveBench) -> None:
     bench.close()
 
 
-def is_held(made: LiveBench) -> bool:
+def is_held(made: StreamedBench) -> bool:
     return made.bench.outputs[-1].arming is ArmingState.HOLDING
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +11,11 @@ from tams_app.clock import NS_PER_MS
 from tams_app.records import Phase
 from tams_app.teleop.safety import ArmingState, Reason
 
-from .bench import ACROSS, DOWN, FULL_SPEED_M_S, PERIOD_NS, PICTURE_DELAY_NS, Bench
-from .promises import TICKS_TO_REST, holds, is_logged, recovers_from_hold, stands
+from .bench import ACROSS, DOWN, FULL_SPEED_M_S, PERIOD_NS
+from .braking import TICKS_TO_REST, holds
+from .pictures import PICTURE_DELAY_NS
+from .promises import is_logged, recovers_from_hold, stands
+from .virtual_bench import VirtualBench
 
 VIEWS = ("eih", "gt", "gs")
 # On s2: three times (40 ms one way + 132 ms in the jitter buffer), then video_hold_ms.
@@ -25,14 +26,12 @@ HOLD_TICKS = math.ceil((HOLD_NS - PICTURE_DELAY_NS) / PERIOD_NS) - 1
 PRIMARY = {Phase.REACH: "gt", Phase.ALIGN: "eih", Phase.TRANSPORT: "gs"}
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(request.param, log=tmp_path / "session.mcap")
-    yield made
-    made.close()
+@pytest.fixture
+def bench(virtual_bench: VirtualBench) -> VirtualBench:
+    return virtual_bench
 
 
-def move_in(bench: Bench, phase: Phase) -> None:
+def move_in(bench: VirtualBench, phase: Phase) -> None:
     """Bring the arm into a steady motion in `phase`."""
     bench.engage_and_move(0.1 * ACROSS, seconds=0.2)
     if phase is Phase.TRANSPORT:
@@ -54,7 +53,7 @@ def expected_scale(age_ns: int) -> float:
 @pytest.mark.parametrize("phase", PRIMARY, ids=str)
 @pytest.mark.parametrize("view", [*VIEWS, "all"])
 def test_a_frozen_view_holds_the_arm_exactly_if_it_is_the_primary_one(
-    bench: Bench, view: str, phase: Phase
+    bench: VirtualBench, view: str, phase: Phase
 ) -> None:
     move_in(bench, phase)
     frozen = bench.next
@@ -77,7 +76,7 @@ def test_a_frozen_view_holds_the_arm_exactly_if_it_is_the_primary_one(
     is_logged(bench, Reason.STALE_VIDEO)
 
 
-def test_the_older_the_picture_the_slower_the_arm(bench: Bench) -> None:
+def test_the_older_the_picture_the_slower_the_arm(bench: VirtualBench) -> None:
     bench.engage_and_move()
     bench.pictures.freeze(PRIMARY[Phase.REACH])
     frozen = bench.next
@@ -91,7 +90,7 @@ def test_the_older_the_picture_the_slower_the_arm(bench: Bench) -> None:
 
 
 def test_a_phase_that_begins_on_a_frozen_view_holds_the_arm_in_the_next_tick(
-    bench: Bench,
+    bench: VirtualBench,
 ) -> None:
     move_in(bench, Phase.REACH)
     bench.pictures.freeze("eih")
@@ -111,7 +110,7 @@ def test_a_phase_that_begins_on_a_frozen_view_holds_the_arm_in_the_next_tick(
 
 @pytest.mark.parametrize(("seconds", "held"), [(0.3, False), (1.0, True), (5.0, True)])
 def test_a_blackout_holds_the_arm_if_the_picture_grows_a_second_old(
-    bench: Bench, seconds: float, held: bool
+    bench: VirtualBench, seconds: float, held: bool
 ) -> None:
     bench.engage_and_move(0.1 * ACROSS, seconds=0.2)
     dark = bench.next
@@ -130,7 +129,7 @@ def test_a_blackout_holds_the_arm_if_the_picture_grows_a_second_old(
     recovers_from_hold(bench, Reason.STALE_VIDEO)
 
 
-def test_nothing_engages_before_the_first_picture(bench: Bench) -> None:
+def test_nothing_engages_before_the_first_picture(bench: VirtualBench) -> None:
     bench.arm_it()
     bench.pictures.freeze(*VIEWS)
     bench.run(1.1)

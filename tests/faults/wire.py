@@ -12,6 +12,8 @@ import numpy as np
 from hw.sim.controller_codes import Register, State
 from hw.sim.controller_model import ControllerModel
 from hw.sim.controller_settings import ControllerSettings
+from hw.sim.plant import IdealPlant
+from tams_app.config import ArmConfig
 from tams_app.records import Vector
 
 _MOTION = (
@@ -91,3 +93,11 @@ class TappedModel(ControllerModel):
     def since(self, tick: int) -> list[Request]:
         """Requests of control tick `tick` and later."""
         return [request for request in self.wire if request.tick >= tick]
+
+
+def tapped_model(firmware: str = "2.6.0") -> TappedModel:
+    """The controller of an arm at the ready pose, as yet before the first tick."""
+    joints = np.radians(np.array(ArmConfig().ready_joints_deg))
+    model = TappedModel(IdealPlant(), start_joints=joints, firmware=firmware)
+    model.tick = -1
+    return model

@@ -81,7 +81,8 @@ static int take(int *queue, int *count) {
     return first;
 }
 
-static void fill(struct opened *o, int index) {
+/* The time is when the picture was due: a kernel takes it as the data arrives, however busy we are. */
+static void fill(struct opened *o, int index, const struct timespec *due) {
     struct camera *c = o->camera;
     size_t bytes = picture_bytes(c);
     uint32_t number = c->behaviour == REPEATS ? 0 : o->sequence;
@@ -91,9 +92,7 @@ static void fill(struct opened *o, int index) {
     else
         for (size_t i = 0; i < bytes; i++) picture[i] = (i + number * 7) & 0xff;
     if (c->behaviour == DAMAGES && number % 2) memset(picture + bytes / 8, 0, bytes - bytes / 8);
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    int64_t us = now.tv_sec * 1000000LL + now.tv_nsec / 1000 - c->age_us;
+    int64_t us = due->tv_sec * 1000000LL + due->tv_nsec / 1000 - c->age_us;
     struct v4l2_buffer *state = &o->states[index];
     state->timestamp.tv_sec = us / 1000000;
     state->timestamp.tv_usec = us % 1000000;
@@ -117,7 +116,7 @@ static void *film(void *argument) {
         o->sequence++;
         if (go_on && !left_out && o->queued_count) {
             int index = take(o->queued, &o->queued_count);
-            fill(o, index);
+            fill(o, index, &due);
             o->ready[o->ready_count++] = index;
             o->camera->pictures++;
             eventfd_write(o->fd, 1);

@@ -7,7 +7,6 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 
 import pytest
 
@@ -15,6 +14,7 @@ from hw.sim.controller_codes import State
 from hw.stop_channel import StopChannel
 from hw.uxbus import GET_STATE, GET_VERSION, SET_STATE, UxbusClient
 from tams_app.errors import DeviceError
+from tests.tcp_relay import TcpRelay
 
 from .controller_rig import ControllerRig, controller, until
 
@@ -107,85 +107,34 @@ def test_an_idle_channel_that_would_not_work_says_so(
     assert until(lambda: channel.failure == "")
 
 
-class DeafToTheFirst:
-    """An arm whose first connection stays open and falls silent; later ones are answered."""
-
-    def __init__(self) -> None:
-        self.silent = threading.Event()
-        self.stops = 0
-        self._connections: list[socket.socket] = []
-        self._threads: list[threading.Thread] = []
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.settimeout(0.1)
-        self._ended = threading.Event()
-        self.port = self._listener.getsockname()[1]
-        self._start(self._accept)
-
-    def close(self) -> None:
-        self._ended.set()
-        for thread in self._threads:
-            thread.join()
-        for connection in self._connections:
-            connection.close()
-        self._listener.close()
-
-    def _start(self, body: Callable[[], None]) -> None:
-        thread = threading.Thread(target=body)
-        self._threads.append(thread)
-        thread.start()
-
-    def _accept(self) -> None:
-        while not self._ended.is_set():
-            try:
-                connection, _ = self._listener.accept()
-            except TimeoutError:
-                continue
-            connection.settimeout(0.1)
-            first = not self._connections
-            self._connections.append(connection)
-            self._start(partial(self._serve, connection, first))
-
-    def _serve(self, connection: socket.socket, first: bool) -> None:
-        while not self._ended.is_set():
-            try:
-                data = connection.recv(1024)
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-            if not data:
-                return
-            if first and self.silent.is_set():
-                continue
-            transaction, _, _ = struct.unpack_from(">HHH", data)
-            self.stops += data[6] == SET_STATE
-            connection.sendall(reply(transaction, data[6]))
-
-
 @pytest.fixture
-def deaf() -> Iterator[DeafToTheFirst]:
-    made = DeafToTheFirst()
+def relay(rig: ControllerRig) -> Iterator[TcpRelay]:
+    """Between the channel and the arm; what it holds stays open and falls silent."""
+    made = TcpRelay(rig.config().control_port)
     yield made
     made.close()
 
 
-def test_a_stop_gives_up_a_connection_that_is_open_but_silent(deaf: DeafToTheFirst) -> None:
-    channel = StopChannel("127.0.0.1", deaf.port, 0.1, "arm-stop")
+def test_a_stop_gives_up_a_connection_that_is_open_but_silent(
+    rig: ControllerRig, relay: TcpRelay
+) -> None:
+    make_ready(rig)
+    channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
     channel.start()
-    deaf.silent.set()
+    relay.hold_present()
     channel.request_stop()
     assert channel.wait_acknowledged(10.0)
-    assert deaf.stops == 1
+    assert is_stopped(rig)
     assert channel.failure == ""
     channel.close()
 
 
 def test_an_idle_channel_gives_up_a_connection_that_is_open_but_silent(
-    deaf: DeafToTheFirst,
+    rig: ControllerRig, relay: TcpRelay
 ) -> None:
-    channel = StopChannel("127.0.0.1", deaf.port, 0.1, "arm-stop")
+    channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
     channel.start()
-    deaf.silent.set()
+    relay.hold_present()
     assert until(lambda: "does not answer" in channel.failure)
     assert until(lambda: channel.failure == "")
     channel.close()

@@ -161,8 +161,9 @@ def test_damaged_pictures_do_not_end_the_stream(machine: Machine, open_camera: O
     webcam = machine.plug()
     webcam.behaviour = Behaviour.DAMAGES
     camera = open_camera()
-    indices = [next_of(camera).index for _ in range(15)]
-    assert indices[-1] < 60
+    for _ in range(15):
+        next_of(camera)
+    assert webcam.streams_started == 1
     assert camera.notes() == []
 
 

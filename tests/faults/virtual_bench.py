@@ -1,0 +1,106 @@
+"""The bench in virtual time: the in-process arm, exactly one motion command in every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hw.sim.controller_codes import Register
+from hw.sim.inprocess_arm import InProcessArm
+from tams_app.clock import NS_PER_S, VirtualClock
+from tams_app.records import ArmState, Vector
+from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import Request as ArmRequest
+
+from .bench import ACROSS, PERIOD_NS, RATE_HZ, Bench, Pace, configuration
+from .pictures import Sight
+from .wire import Request, tapped_model
+
+
+class VirtualBench(Bench):
+    """Time passes as the test says, and nothing waits."""
+
+    pace = Pace(cruise=ACROSS, cruise_s=0.45, rest_s=1.0, move_s=0.5, standing_ticks=30)
+
+    def __init__(
+        self, servo: str = "velocity", folder: Path | None = None, sight: Sight | None = None
+    ) -> None:
+        config, clock, model = configuration(servo), VirtualClock(), tapped_model()
+        self._virtual_arm = InProcessArm(config.arm, clock, model)
+        self._virtual_arm.connect()
+        self._stops = 0
+        super().__init__(config, clock, self._virtual_arm, model, folder, sight)
+
+    @property
+    def lock(self) -> AbstractContextManager[object]:
+        return nullcontext()
+
+    def advance(self, duration_ns: int) -> None:
+        """Let time pass for the arm without a tick."""
+        self._virtual_arm.advance(duration_ns)
+
+    # --- what was commanded ---------------------------------------------------------------------
+
+    def commands(self, first: int, last: int | None = None) -> list[Vector | None]:
+        """What each tick from `first` to before `last` (default: all) put on the wire.
+
+        Linear [m/s] and angular [rad/s] velocity, shape (6,); None where no motion was sent. Pose
+        servo: the way from the pose before, over the time between them.
+        """
+        found: dict[int, Vector] = {}
+        before: Request | None = None
+        for request in self.model.wire:
+            if not request.is_motion:
+                continue
+            assert request.tick not in found, f"two motion commands in tick {request.tick}"
+            found[request.tick] = _velocity(request, before)
+            before = request
+        return [found.get(tick) for tick in range(first, last or self.next)]
+
+    def velocities(self, first: int, last: int | None = None) -> Vector:
+        """As `commands`, where every tick sent a motion: shape (ticks, 6)."""
+        sent = self.commands(first, last)
+        assert all(velocity is not None for velocity in sent), "a tick without a motion command"
+        return np.array(sent)
+
+    # --- how time passes ------------------------------------------------------------------------
+
+    def _let_pass(self, duration_ns: int) -> None:
+        self.advance(duration_ns)
+
+    def _settle(self, output: TeleopOutput) -> None:
+        self._stops += output.stop
+
+    def quiesce(self) -> None:
+        """Every reply is there at once."""
+
+    def until_seen(self, sign: Callable[[ArmState], bool]) -> None:
+        for _ in range(RATE_HZ):
+            state = self.arm.state()
+            if state is not None and sign(state):
+                return
+            self.advance(PERIOD_NS // 4)
+        raise AssertionError("the arm does not report it")
+
+    def _ask(self, request: ArmRequest) -> None:
+        self.supervisor.request(request)
+        self.supervisor.carry_out(request, self._stops)
+
+
+def _velocity(request: Request, before: Request | None) -> Vector:
+    if request.register == Register.SET_CARTESIAN_VELOCITY:
+        return request.velocity
+    if before is None or before.payload == request.payload:
+        return np.zeros(6)
+    here, there = (
+        np.frombuffer(each.payload[:24], dtype="<f4").astype(np.float64)
+        for each in (before, request)
+    )
+    turn = Rotation.from_rotvec(there[3:]) * Rotation.from_rotvec(here[3:]).inv()
+    way = np.concatenate(((there[:3] - here[:3]) / 1000.0, turn.as_rotvec()))
+    velocity: Vector = way * NS_PER_S / (request.now_ns - before.now_ns)
+    return velocity

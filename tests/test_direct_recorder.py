@@ -1,0 +1,72 @@
+"""The log of virtual time: what the live recorder keeps, at once, and the same bytes every time."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+
+import pytest
+
+from tams_app.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.errors import LogError
+from tams_app.recording import Recorder, read_log, read_video
+from tams_app.recording import direct as direct_module
+from tams_app.recording.direct import DirectRecorder
+from tests.synthetic_session import START_NS, VIEWS, header, live_records
+
+
+def write(path, items, bitstream=True):
+    clock = VirtualClock(START_NS)
+    with closing(DirectRecorder(path, header(), clock, 0, bitstream)) as log:
+        for item in items:
+            log.record(item)
+            clock.advance_ns(NS_PER_S // 1000)
+    return path
+
+
+def never(*_):
+    raise AssertionError("the recorder failed")
+
+
+def test_it_keeps_what_the_live_recorder_keeps(tmp_path):
+    items = list(live_records(2.0))
+    live = Recorder(tmp_path / "live.mcap", header(), MonotonicClock(), 0, never)
+    live.start()
+    live.record_all(items)
+    live.close()
+    expected = read_log(tmp_path / "live.mcap")
+    found = read_log(write(tmp_path / "direct.mcap", items))
+    key = lambda packet: (packet.entered_ns, packet.view, packet.sequence)  # noqa: E731
+    assert sorted(found.packets, key=key) == sorted(expected.packets, key=key)
+    assert len(found.packets) > 0
+    for name in ("phases", "allocations", "captured", "sent", "shown", "quality", "stops"):
+        assert getattr(found, name) == getattr(expected, name)
+    assert [tick.started_ns for tick in found.ticks] == [tick.started_ns for tick in expected.ticks]
+    assert not found.truncated
+
+
+def test_the_same_records_make_the_same_bytes(tmp_path):
+    files = [write(tmp_path / name, live_records(2.0)) for name in ("one.mcap", "two.mcap")]
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_without_the_bitstream_only_the_frames_sizes_stay(tmp_path):
+    path = write(tmp_path / "session.mcap", live_records(2.0), bitstream=False)
+    assert all(not list(read_video(path, view)) for view in VIEWS)
+    whole = write(tmp_path / "whole.mcap", live_records(2.0))
+    assert read_log(path).sent == read_log(whole).sent != []
+
+
+def test_a_disk_that_fills_up_ends_it_in_one_sentence(tmp_path, monkeypatch):
+    clock = VirtualClock(START_NS)
+    item = next(iter(live_records(2.0)))
+    with closing(DirectRecorder(tmp_path / "session.mcap", header(), clock, 0)) as log:
+        monkeypatch.setattr(direct_module, "require_reserve", full)
+        clock.advance_ns(2 * NS_PER_S)
+        with pytest.raises(LogError, match="nearly full"):
+            log.record(item)
+    assert read_log(tmp_path / "session.mcap").header == replace(header())
+
+
+def full(*_):
+    raise LogError("the disk is nearly full")
