@@ -176,7 +176,5 @@ def weights(
     """The view weights W from people's ratings of clips of recorded sessions."""
     from calibration.weights.wizard import Options, run_weights
 
-    options = Options(
-        config, sim, tuple(log or ()), ratings, folder, panel, context_s, seed, yes
-    )
+    options = Options(config, sim, tuple(log or ()), ratings, folder, panel, context_s, seed, yes)
     raise typer.Exit(run_weights(options))

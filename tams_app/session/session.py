@@ -98,6 +98,8 @@ class Session:
         self._recorders = Recorders(config, clock, self.folder, self._on_worker_failure)
         self._stack.callback(self._recorders.close)
         self._record = self._recorders.record
+        if config.calibrated_by:
+            self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
         self._stack.callback(self._devices.close)
         self._devices.start()
