@@ -1,0 +1,128 @@
+"""The six phases as geometry: where tool, block and container are, and what the gripper was told.
+
+Independent of Algorithm 1: no speed and no dwell time occurs in it, and it looks ahead (what was
+reaching and what was aligning shows when the gripper closes). docs/calibration/phases.md has the
+definition in words and says what in it is a judgement.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats
+from tams_app.records import Phase
+
+Flags: TypeAlias = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelRules:
+    """The distances [m] of the definition."""
+
+    over_block: float = 0.020  # from tool to block, horizontally
+    goal_height: float = math.inf  # of the tool above block or container's floor, at most
+    lifted: float = 0.003  # above its rest: then the block has left the table (as in a trial)
+    held: float = 0.030  # from tool to block, at most, while it is carried
+    away: float = 0.010  # half the block's height: then the fingertips are clear of it
+
+
+DEFAULT_RULES = LabelRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """A trial over n ticks in the arm's base frame, z = 0 on the table.
+
+    `tool`, `block`: centres [m], shape (n, 3). `over_container`: the block is between the
+    container's walls, seen from above, shape (n,). `closed`: the gripper's last acknowledged
+    command, shape (n,). `block_rest_height`: of its centre on the table [m].
+    """
+
+    tool: Floats
+    block: Floats
+    over_container: Flags
+    closed: Flags
+    block_rest_height: float
+
+
+def geometric_labels(scene: Geometry, rules: LabelRules = DEFAULT_RULES) -> Codes:
+    """The true phase of every tick, NOT_COUNTED where the task knows none, shape (n,)."""
+    labels = np.full(len(scene.closed), NOT_COUNTED, np.int8)
+    for start, stop in _runs(scene.closed):
+        part = slice(start, stop)
+        if scene.closed[start]:
+            _label_closed(labels[part], _cut(scene, part), rules)
+        else:
+            _label_open(labels[part], _cut(scene, part), rules, start > 0, stop < len(labels))
+    return labels
+
+
+def _label_closed(labels: Codes, scene: Geometry, rules: LabelRules) -> None:
+    """Grasp until the block leaves the table or the tool has gone, then what carries it."""
+    gap = np.linalg.norm(scene.tool - scene.block, axis=1)
+    holds = gap <= rules.held
+    off_table = holds & (scene.block[:, 2] - scene.block_rest_height >= rules.lifted)
+    lifted = _first(off_table)
+    gone = _first(_moved(scene.tool) > rules.away)
+    labels[: min(lifted, gone)] = CODE[Phase.GRASP]
+    carried = holds & (np.arange(len(labels)) >= lifted)
+    labels[carried] = CODE[Phase.TRANSPORT]
+    low = scene.tool[:, 2] <= rules.goal_height
+    labels[_tail(carried & scene.over_container & low)] = CODE[Phase.PRE_RELEASE]
+
+
+def _label_open(
+    labels: Codes, scene: Geometry, rules: LabelRules, opened: bool, closes: bool
+) -> None:
+    """Release until the tool has gone, then reach, and align from when it is over the block."""
+    labels[:] = CODE[Phase.REACH]
+    sideways = np.linalg.norm((scene.tool - scene.block)[:, :2], axis=1)
+    above = scene.tool[:, 2] - scene.block[:, 2]
+    over = (sideways <= rules.over_block) & (above <= rules.goal_height)
+    if closes or not scene.over_container[-1]:  # a trial may end before the gripper closes
+        labels[_tail(over)] = CODE[Phase.ALIGN]
+    if opened:
+        gone = _first(_moved(scene.tool) > rules.away)
+        held_something = np.linalg.norm(scene.tool[0] - scene.block[0]) <= rules.held
+        labels[:gone] = CODE[Phase.RELEASE] if held_something else NOT_COUNTED
+
+
+def _moved(tool: Floats) -> Floats:
+    """How far from its first place [m], shape (n,)."""
+    distance: Floats = np.linalg.norm(tool - tool[0], axis=1)
+    return distance
+
+
+def _first(flags: Flags) -> int:
+    """The index of the first true, their number if there is none."""
+    return int(np.argmax(flags)) if flags.any() else len(flags)
+
+
+def _tail(flags: Flags) -> slice:
+    """The longest end of which all are true."""
+    false = np.flatnonzero(~flags)
+    return slice(int(false[-1]) + 1 if len(false) else 0, len(flags))
+
+
+def _runs(closed: Flags) -> Iterator[tuple[int, int]]:
+    """Start and stop of each stretch in which the gripper's command stays the same."""
+    edges = np.flatnonzero(np.diff(closed)) + 1
+    bounds = [0, *(int(edge) for edge in edges), len(closed)]
+    yield from pairwise(bounds)
+
+
+def _cut(scene: Geometry, part: slice) -> Geometry:
+    return Geometry(
+        scene.tool[part],
+        scene.block[part],
+        scene.over_container[part],
+        scene.closed[part],
+        scene.block_rest_height,
+    )

@@ -1,0 +1,168 @@
+"""What a search found, as sentences and tables for people and as figures for the file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console, RenderableType
+from rich.table import Table
+
+from calibration.phases.fit import SEARCHED, PhaseFit
+from calibration.phases.scores import Scores
+from calibration.phases.trials import PHASES
+from tams_app.config import PhasesConfig
+from tams_app.records import Phase
+
+POOR_RECALL = 0.5
+_WIDTH = 100
+
+
+def thresholds_table(found: PhaseFit) -> Table:
+    """Chosen against default, and how far they moved as each trial was left out."""
+    table = Table(box=None, padding=(0, 2))
+    for name in ("", "chosen", "default", "with one trial left out"):
+        table.add_column(name, justify="left" if not name else "right")
+    for name in SEARCHED:
+        folds = [getattr(fold.thresholds, name) for fold in found.folds]
+        table.add_row(
+            name,
+            f"{getattr(found.thresholds, name):g}",
+            f"{getattr(PhasesConfig(), name):g}",
+            f"{min(folds):g} to {max(folds):g}",
+        )
+    return table
+
+
+def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> Table:
+    """Frame-wise accuracies; `held_out`: chosen and default over trials nobody learned from."""
+    rows = {
+        "over the trials learned from": (found.in_sample, found.defaults),
+        "each trial with thresholds from the others": (found.left_out, found.defaults),
+    }
+    if held_out is not None:
+        rows["held-out trials"] = held_out
+    table = Table(box=None, padding=(0, 2))
+    table.add_column("frame-wise accuracy (mean recall of the phases)")
+    table.add_column("calibrated", justify="right")
+    table.add_column("defaults", justify="right")
+    for name, (calibrated, defaults) in rows.items():
+        table.add_row(name, _of(calibrated), _of(defaults))
+    return table
+
+
+def confusion_table(scores: Scores) -> Table:
+    """Counted ticks: a row for each true phase, a column for each inferred one."""
+    table = Table(box=None, padding=(0, 1))
+    table.add_column("true \\ inferred")
+    for phase in PHASES:
+        table.add_column(phase.value, justify="right")
+    table.add_column("recall", justify="right")
+    for phase, row in zip(PHASES, scores.confusion, strict=True):
+        cells = [str(count) if count else "·" for count in row]
+        table.add_row(phase.value, *cells, _part(scores.recall(phase)))
+    return table
+
+
+def switches_table(scores: Scores) -> Table:
+    """How late each phase is entered."""
+    table = Table(box=None, padding=(0, 2))
+    table.add_column("switch to")
+    for name in ("found", "missed", "spurious", "delay median [s]", "90 % [s]"):
+        table.add_column(name, justify="right")
+    for phase in PHASES:
+        switches = scores.switches[phase]
+        table.add_row(
+            phase.value,
+            str(len(switches.delays_s)),
+            str(switches.missed),
+            str(switches.spurious),
+            _seconds(switches.percentile_s(50)),
+            _seconds(switches.percentile_s(90)),
+        )
+    return table
+
+
+def remarks(found: PhaseFit) -> list[str]:
+    """What somebody should know before he takes the thresholds over."""
+    said = []
+    if found.left_out.accuracy <= found.defaults.accuracy:
+        said.append(
+            f"On a trial that they were not learned from such thresholds do no better than the "
+            f"defaults ({found.left_out.accuracy:.3f} against {found.defaults.accuracy:.3f}): "
+            "keep the defaults, or give more trials."
+        )
+    for phase in PHASES:
+        recall = found.left_out.recall(phase)
+        if recall is not None and recall < POOR_RECALL:
+            said.append(
+                f"{phase.value} is recognised in only {recall:.0%} of its time: the best overall "
+                "accuracy gives this phase up; look whether you want that."
+            )
+    for name in found.at_the_edge:
+        value = getattr(found.thresholds, name)
+        said.append(
+            f"{name} ended at {value:g}, an end of what is searched: no optimum in between."
+        )
+    return said
+
+
+def as_text(*parts: RenderableType) -> str:
+    """Tables as text, the same on every terminal and in a file."""
+    console = Console(width=_WIDTH, no_color=True, highlight=False)
+    with console.capture() as capture:
+        for part in parts:
+            console.print(part)
+    return "\n".join(line.rstrip() for line in capture.get().splitlines())
+
+
+def quality(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> dict[str, Any]:
+    """The figures to keep with the thresholds; those of phases are of the trials left out."""
+    figures: dict[str, Any] = {
+        "trials": len(found.folds),
+        "ticks": found.in_sample.ticks,
+        "accuracy_in_sample": round(found.in_sample.accuracy, 4),
+        "accuracy_leave_one_trial_out": round(found.left_out.accuracy, 4),
+        "accuracy_defaults": round(found.defaults.accuracy, 4),
+        "mean_recall_leave_one_trial_out": round(found.left_out.mean_recall, 4),
+        "mean_recall_defaults": round(found.defaults.mean_recall, 4),
+    }
+    if held_out is not None:
+        figures["held_out_ticks"] = held_out[0].ticks
+        figures["accuracy_held_out"] = round(held_out[0].accuracy, 4)
+        figures["accuracy_held_out_defaults"] = round(held_out[1].accuracy, 4)
+        figures["mean_recall_held_out"] = round(held_out[0].mean_recall, 4)
+        figures["mean_recall_held_out_defaults"] = round(held_out[1].mean_recall, 4)
+    figures["confusion_true_by_inferred"] = {
+        phase.value: [int(count) for count in row]
+        for phase, row in zip(PHASES, found.left_out.confusion, strict=True)
+    }
+    figures["recall"] = {p.value: _rounded(found.left_out.recall(p)) for p in PHASES}
+    figures["switches"] = {phase.value: _switches(found.left_out, phase) for phase in PHASES}
+    return figures
+
+
+def _switches(scores: Scores, phase: Phase) -> dict[str, float | int | None]:
+    switches = scores.switches[phase]
+    return {
+        "found": len(switches.delays_s),
+        "missed": switches.missed,
+        "spurious": switches.spurious,
+        "delay_median_s": _rounded(switches.percentile_s(50)),
+        "delay_p90_s": _rounded(switches.percentile_s(90)),
+    }
+
+
+def _of(scores: Scores) -> str:
+    return f"{scores.accuracy:.3f} ({scores.mean_recall:.3f})"
+
+
+def _part(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+def _seconds(value: float | None) -> str:
+    return "–" if value is None else f"{value:+.2f}"
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 4)

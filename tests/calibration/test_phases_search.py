@@ -1,0 +1,215 @@
+"""The search recovers thresholds that it is not told, and a trial left out has no say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calibration.phases.fit import PhaseFit, check_trials, evaluate, fit_thresholds, sensitivity
+from calibration.phases.search import (
+    DEFAULT_POINT,
+    LARGEST,
+    Point,
+    Search,
+    thresholds_at,
+)
+from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer, motion_of
+from tams_app.config import PhasesConfig
+from tams_app.errors import LogError, TamsError
+from tams_app.records import Phase
+from tests.calibration.phase_trials import WHOLE, motion, session, walk
+
+pytestmark = pytest.mark.timeout(600)  # searching takes its time on a busy machine
+SMOOTHING_MS = 100.0
+KNOWN = [  # v_ε, v_z^min, T_align, T_pre
+    PhasesConfig(v_eps_mm_s=8.0, vz_min_mm_s=22.0, align_dwell_s=0.25, pre_release_dwell_s=0.5),
+    PhasesConfig(v_eps_mm_s=3.0, vz_min_mm_s=9.0, align_dwell_s=0.6, pre_release_dwell_s=0.1),
+    PhasesConfig(v_eps_mm_s=16.0, vz_min_mm_s=34.0, align_dwell_s=0.1, pre_release_dwell_s=0.3),
+]
+
+
+def labelled(
+    truth: PhasesConfig, seeds: Sequence[int] = range(3), noise_mm_s: float = 0.0
+) -> list[Trial]:
+    """Trials that Algorithm 1 with thresholds `truth` has labelled."""
+    motions = [motion(seed, noise_mm_s) for seed in seeds]
+    return [Trial(each, infer(each, truth)) for each in motions]
+
+
+def ignore(_part: float) -> None:
+    """Nobody watches the progress."""
+
+
+def hidden(trials: Sequence[Trial], share: float) -> list[Trial]:
+    """The trials with a share of their labels changed at random."""
+    random = np.random.default_rng(5)
+    changed = []
+    for trial in trials:
+        labels = trial.labels.copy()
+        wrong = random.random(len(labels)) < share
+        labels[wrong] = random.integers(0, 6, np.count_nonzero(wrong))
+        changed.append(replace(trial, labels=labels))
+    return changed
+
+
+@cache
+def defaults_trials() -> tuple[Trial, ...]:
+    return tuple(labelled(PhasesConfig()))
+
+
+@cache
+def noisy_trials() -> tuple[Trial, ...]:
+    return tuple(hidden(labelled(KNOWN[1], noise_mm_s=2.0), 0.05))
+
+
+@cache
+def fitted_to(known: int) -> PhaseFit:
+    return fit_thresholds(labelled(KNOWN[known]), SMOOTHING_MS)
+
+
+@cache
+def fitted_to_noise() -> PhaseFit:
+    return fit_thresholds(noisy_trials(), SMOOTHING_MS)
+
+
+@pytest.mark.parametrize("known", range(len(KNOWN)))
+def test_without_noise_the_labels_are_met_exactly(known: int) -> None:
+    found = fitted_to(known)
+    assert found.in_sample.accuracy == 1.0
+    assert found.defaults.accuracy < 1.0
+
+
+def test_with_noise_it_does_at_least_as_well_as_the_thresholds_that_made_the_labels() -> None:
+    found = fitted_to_noise()
+    assert found.in_sample.accuracy >= evaluate(noisy_trials(), KNOWN[1]).accuracy
+    assert found.left_out.accuracy > found.defaults.accuracy
+
+
+def test_of_equally_good_thresholds_those_nearest_to_the_defaults_are_taken() -> None:
+    trials = defaults_trials()
+    assert thresholds_at(Search(trials).best([0, 1, 2], ignore), SMOOTHING_MS) == PhasesConfig()
+
+
+def test_a_dwell_of_zero_which_abolishes_a_phase_is_never_taken() -> None:
+    none = PhasesConfig(align_dwell_s=0.0, pre_release_dwell_s=0.0)
+    trials = labelled(none)
+    moving = [trial.labels[1:] for trial in trials]
+    assert not any((labels == CODE[Phase.TRANSPORT]).any() for labels in moving)
+    *_, align, pre = Search(trials).best([0, 1, 2], ignore)
+    assert min(align, pre) >= 1
+
+
+def test_a_trial_left_out_has_no_say_in_its_own_thresholds() -> None:
+    trials = labelled(KNOWN[0])
+    confused = replace(trials[1], labels=labelled(KNOWN[2])[1].labels)
+    before = fitted_to(0)
+    after = fit_thresholds([trials[0], confused, trials[2]], SMOOTHING_MS)
+    assert after.folds[1].thresholds == before.folds[1].thresholds
+    assert after.folds[1].accuracy < before.folds[1].accuracy
+    assert after.thresholds != before.thresholds
+
+
+def test_a_fold_looks_at_nothing_of_the_trial_left_out() -> None:
+    trials = labelled(KNOWN[0])
+    unreadable = replace(trials[2], motion=replace(trials[2].motion, inputs=((None,) * 4,)))
+    search = Search([*trials[:2], unreadable])
+    search.best([0, 1], ignore)
+    with pytest.raises(TypeError):
+        search.hits(DEFAULT_POINT, [2])
+
+
+def test_each_fold_has_the_thresholds_that_the_other_trials_alone_give() -> None:
+    others = [trial for place, trial in enumerate(noisy_trials()) if place != 1]
+    alone = thresholds_at(Search(others).best([0, 1], ignore), SMOOTHING_MS)
+    assert fitted_to_noise().folds[1].thresholds == alone
+
+
+def test_the_same_trials_give_the_same_thresholds_in_any_order() -> None:
+    backwards = Search(noisy_trials()[::-1]).best([0, 1, 2], ignore)
+    assert thresholds_at(backwards, SMOOTHING_MS) == fitted_to_noise().thresholds
+
+
+_POINTS = st.tuples(*(st.integers(0, largest) for largest in LARGEST))
+
+
+@given(point=_POINTS, seed=st.integers(0, 2))
+@settings(max_examples=50)
+def test_hits_counted_by_halves_are_those_of_algorithm_1_as_a_whole(
+    point: Point, seed: int
+) -> None:
+    trial = hidden([defaults_trials()[seed]], 0.3)[0]
+    whole = infer(trial.motion, thresholds_at(point, SMOOTHING_MS))
+    assert Search([trial]).hits(point, [0]) == np.count_nonzero(whole == trial.labels)
+
+
+def test_a_tick_that_is_not_counted_is_no_hit_whatever_is_inferred() -> None:
+    trial = defaults_trials()[0]
+    nothing = replace(trial, labels=np.full_like(trial.labels, NOT_COUNTED))
+    assert Search([nothing]).hits(DEFAULT_POINT, [0]) == 0
+
+
+def test_sensitivity_passes_through_the_chosen_point_and_shows_the_default() -> None:
+    trials = labelled(KNOWN[0])
+    curves = sensitivity(trials, KNOWN[0])
+    assert [curve.parameter for curve in curves] == [
+        "v_eps_mm_s",
+        "vz_min_mm_s",
+        "align_dwell_s",
+        "pre_release_dwell_s",
+    ]
+    for curve in curves:
+        assert curve.chosen == pytest.approx(getattr(KNOWN[0], curve.parameter))
+        assert curve.default == pytest.approx(getattr(PhasesConfig(), curve.parameter))
+        at = int(np.flatnonzero(np.isclose(curve.values, curve.chosen))[0])
+        assert curve.accuracy[at] == 1.0
+        assert curve.accuracy.min() < 1.0
+
+
+def test_a_threshold_at_an_end_of_the_range_is_named() -> None:
+    found = fitted_to(0)
+    assert found.at_the_edge == []
+    smallest = replace(found, thresholds=thresholds_at((20, 60, 1, 60), SMOOTHING_MS))
+    assert smallest.at_the_edge == ["align_dwell_s", "pre_release_dwell_s"]
+
+
+def test_two_trials_are_too_few() -> None:
+    with pytest.raises(TamsError, match=r"2 trials are too few .* give at least 3"):
+        check_trials(labelled(PhasesConfig(), range(2)))
+
+
+def test_a_phase_that_never_occurs_is_named() -> None:
+    trials = [
+        replace(t, labels=np.where(t.labels == CODE[Phase.RELEASE], NOT_COUNTED, t.labels))
+        for t in defaults_trials()
+    ]
+    with pytest.raises(TamsError, match="the phase RELEASE never occurs in the 3 trials"):
+        check_trials(trials)
+
+
+@pytest.mark.parametrize("code", [NOT_COUNTED, CODE[Phase.REACH]])
+def test_a_trial_with_one_label_throughout_is_named(code: int) -> None:
+    first, *others = defaults_trials()
+    flat = replace(first, labels=np.full_like(first.labels, code))
+    with pytest.raises(TamsError, match=r"made 0: is labelled .* throughout"):
+        check_trials([flat, *others])
+
+
+def test_labels_of_another_trial_are_noticed_when_the_gripper_never_closes() -> None:
+    first, *others = defaults_trials()
+    opened = tuple((v, vz, False, dt) for v, vz, _, dt in first.motion.inputs)
+    swapped = replace(first, motion=replace(first.motion, inputs=opened))
+    with pytest.raises(TamsError, match=r"made 0: .* its gripper never closes"):
+        check_trials([swapped, *others])
+
+
+def test_a_log_without_an_arm_state_is_refused() -> None:
+    ticks, _ = session(walk(WHOLE))
+    blind = [replace(tick, arm=None) for tick in ticks]
+    with pytest.raises(LogError, match="made blind: has no state of the arm in it"):
+        motion_of("made blind", blind, blind[0].started_ns, SMOOTHING_MS)
