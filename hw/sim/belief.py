@@ -3,7 +3,8 @@
 An extended Kalman filter over tool, block and container. What is seen enters by the inverse of its
 variance, whichever view it comes from; what is not seen becomes uncertain with time and with the
 hand's own motion. A block near the fingers may come along with them or stay: how much of the tool's
-motion it shares is learnt by looking.
+motion it shares is learnt by looking. Every view's errors that last are reckoned with, so that
+looking twice at the same picture is not knowing twice as much.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hw.sim.belief_motion import motion_noise
 from hw.sim.belief_state import (
     BLOCK,
     BLOCK_YAW,
@@ -23,11 +25,13 @@ from hw.sim.belief_state import (
     TOOL_YAW,
     TURN,
     Gap,
+    LastingErrors,
     largest_sigma,
     place_of,
     rest_height,
     swing,
 )
+from hw.sim.estimate import GaussianEstimate
 from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M
 from hw.sim.vision.detections import HeadingSighting, Sighting, Thing
 from hw.sim.vision.pinhole import Matrix, Pinhole
@@ -44,22 +48,18 @@ _START_SIGMA = np.array([0.03, 0.03, 0.03, 0.01, 0.01, 0.03, 0.10, 0.10, 0.003, 
 
 _ON_ITS_SIDE = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
 
-_ARM_UNCERTAIN = 0.25  # of the motion asked for: limits, clutch, a misjudged direction
-_DRIFT_M = 0.002  # in a second, unseen
-_TURN_UNCERTAIN = 0.15  # of the turn asked for
-_TILTS = 0.06  # of it: a turn about an axis that is not quite the vertical
-_DRIFT_RAD = 0.01
 _NEAR_M = 0.030  # of the TCP: it may be in the fingers
-_SLIPS = 0.10  # of the motion of what is carried
-_REST_DRIFT_M = 0.001
 _ON_TABLE_SIGMA_M = 0.0015
 _CLEARLY = 3.0  # standard deviations above it
-_LEAST_DOUBT = 0.06  # variance of whether it comes along
 _LEARNS = 0.35  # of each glance about whether the block comes along
 _TELLING_M = 0.0015  # the tool's motion between glances that shows it
 _SURPRISE = 25.0  # squared, in standard deviations of a pixel pair
 _SURPRISES = 3  # in a row: the thing is elsewhere
 _LOST_SIGMA_M = 0.05
+_LASTS_M = 0.05  # of motion in the picture, until a lasting error is another
+_LASTS_RAD = 0.3
+_NOT_AT_ONCE_S = 0.010  # views are up to a frame (33 ms) apart: 33 / sqrt(12)
+_FALLS = 0.5  # of its height over the table: how uncertain that is when the fingers move
 
 
 class Belief:
@@ -68,14 +68,31 @@ class Belief:
     def __init__(self, fixed: Mapping[str, Pinhole], wrist: Mapping[str, Pinhole]) -> None:
         """`fixed`: cameras in the base frame; `wrist`: cameras in the tool's frame."""
         self._fixed, self._wrist = fixed, wrist
-        self.state: Vector = _START.copy()
-        self.covariance: Matrix = np.diag(_START_SIGMA**2)
+        self._views = (*fixed, *wrist)
+        self._lasting = LastingErrors(self._views)
+        errors = self._lasting.size - SIZE
+        self.estimate = GaussianEstimate(
+            np.concatenate((_START, np.zeros(errors))),
+            np.concatenate((_START_SIGMA, np.ones(errors))),
+            SIZE,
+        )
+        self._velocity: Vector = np.zeros(self._lasting.size)  # of the state, as asked
         self.comes_along = 0.0  # the part of the tool's motion that the block shares
         self.lies = False  # the block, on its side
         self._tumbled = 0
         self.seen = dict.fromkeys(Thing, False)
         self._information: dict[str, Matrix] = {}
         self._surprises = dict.fromkeys(Thing, 0)
+
+    @property
+    def state(self) -> Vector:
+        """The things' numbers, where `hw.sim.belief_state` says; a view to read and write."""
+        return self.estimate.state[:SIZE]
+
+    @property
+    def covariance(self) -> Matrix:
+        """Of the things' numbers; a view to read and write."""
+        return self.estimate.covariance[:SIZE, :SIZE]
 
     @property
     def tcp(self) -> Vector:
@@ -112,7 +129,7 @@ class Belief:
         """How uncertain it is where `thing` appears in `view` [px]."""
         nowhere = Sighting(view, thing, np.zeros((1, 2)), np.zeros((1, 3)), 0.0)
         rows, _ = self._compare(nowhere)
-        return largest_sigma(rows @ self.covariance @ rows.T)
+        return largest_sigma(rows @ self.estimate.covariance @ rows.T)
 
     @property
     def block_axes(self) -> Matrix:
@@ -146,36 +163,37 @@ class Belief:
         """The tool was asked to move [m] and turn [rad], shape (3,), since the last glance."""
         self._information = {}
         along = self.comes_along if self._is_near() else 0.0
-        path, drift = math.sqrt(moved @ moved), math.sqrt(seconds)
+        self._note_velocity(moved, turned, along, seconds)
         self.state[TOOL] += moved
         self.state[TURN] += turned
-        turned_by = math.sqrt(turned @ turned)
+        self._renew_errors(math.sqrt(moved @ moved), math.sqrt(turned @ turned))
         self.state[BLOCK] += along * moved
         self.state[BLOCK_YAW] += along * turned[2]
-        noise = np.zeros(SIZE)
-        noise[TOOL] = (_ARM_UNCERTAIN * path) ** 2 + (_DRIFT_M * drift) ** 2
-        noise[TURN] = (_TILTS * turned_by) ** 2 + (_DRIFT_RAD * drift) ** 2
-        noise[TOOL_YAW] += (_TURN_UNCERTAIN * turned_by) ** 2
-        noise[BLOCK] = (_REST_DRIFT_M * drift) ** 2
-        noise[CONTAINER] = (_REST_DRIFT_M * drift) ** 2
-        noise[BLOCK_YAW] = (_DRIFT_RAD * drift) ** 2
-        self._carry(along, noise)
-        if self._is_near():
-            doubt = max(_LEAST_DOUBT, along * (1.0 - along))
-            noise[BLOCK] += doubt * path**2 + (_SLIPS * path) ** 2
-            noise[BLOCK_YAW] += (0.3 * turned_by) ** 2
-        self.covariance[np.diag_indices(SIZE)] += noise
+        self.covariance[:] += motion_noise(moved, turned, seconds, along, self._is_near())
 
-    def _carry(self, along: float, noise: Vector) -> None:
-        """What makes the tool uncertain makes what it carries uncertain with it."""
-        spread = noise[TOOL].copy()
-        self.covariance[TOOL, BLOCK] += along * np.diag(spread)
-        self.covariance[BLOCK, TOOL] += along * np.diag(spread)
-        noise[BLOCK] += along**2 * spread
+    def _note_velocity(self, moved: Vector, turned: Vector, along: float, seconds: float) -> None:
+        self._velocity[:SIZE] = 0.0
+        if seconds > 0.0:
+            self._velocity[TOOL], self._velocity[TURN] = moved / seconds, turned / seconds
+            self._velocity[BLOCK] = along * moved / seconds
+
+    def _renew_errors(self, path: float, turned_by: float) -> None:
+        """An error lasts as long as the picture of the thing does not change."""
+        part = math.exp(-path / _LASTS_M - turned_by / _LASTS_RAD)
+        kept = np.ones(self._lasting.size)
+        for view in self._views:
+            for thing in Thing:
+                at_tool = thing is Thing.TOOL or (thing is Thing.BLOCK and self._is_near())
+                if at_tool or view in self._wrist:
+                    self._lasting.keep(view, thing, part, kept)
+        self.estimate.fade(kept)
 
     def doubt_the_grip(self) -> None:
         """The fingers moved: a block near them may be in them now, or no longer."""
         self.comes_along = 0.5
+        if self._is_near():
+            height = max(0.0, float(self.state[BLOCK_Z]) - BLOCK_HEIGHT_M / 2)
+            self.covariance[BLOCK_Z, BLOCK_Z] += (_FALLS * height) ** 2
 
     def learn_whether_it_comes_along(self, before: Vector) -> None:
         """After a glance: did the block move as the tool did since the state `before`?"""
@@ -201,9 +219,9 @@ class Belief:
         known = self.covariance[BLOCK_Z, BLOCK_Z] + _ON_TABLE_SIGMA_M**2
         if self._is_near() or above**2 > _CLEARLY**2 * known:
             return
-        row = np.zeros((1, SIZE))
+        row = np.zeros((1, self._lasting.size))
         row[0, BLOCK_Z] = 1.0
-        self._update("", row, np.array([-above]), _ON_TABLE_SIGMA_M)
+        self.estimate.update(row, np.array([-above]), np.array([[_ON_TABLE_SIGMA_M**2]]))
 
     def _place(self, sighting: Sighting) -> None:
         """First sight of block or container: where the pixel's ray meets the table."""
@@ -211,9 +229,7 @@ class Belief:
         found = camera.ray_at_height(sighting.pixels[0], rest_height(sighting.thing))
         where = place_of(sighting.thing)
         self.state[where] = found[: where.stop - where.start]
-        for row in range(where.start, where.start + 2):
-            self.covariance[row, :] = self.covariance[:, row] = 0.0
-            self.covariance[row, row] = 0.01**2
+        self.estimate.forget(slice(where.start, where.start + 2), 0.01)
 
     def take(self, sightings: Sequence[Sighting]) -> None:
         """A glance's sightings enter; what no view expected only when it happens again and again.
@@ -236,9 +252,10 @@ class Belief:
             self._place(sighting)
         self.seen[sighting.thing] = True
         rows, gaps = self._compare(sighting)
-        if self._is_surprising(rows, gaps, sighting.sigma_px):
+        noise = self._noise(rows, sighting.sigma_px)
+        if self.estimate.surprise(rows, gaps, noise) > _SURPRISE * len(gaps) / 2:
             return False
-        self._update(sighting.view, rows, gaps, sighting.sigma_px)
+        self._update(sighting.view, rows, gaps, noise)
         return True
 
     def _think_again(self, thing: Thing, sightings: Sequence[Sighting]) -> None:
@@ -247,13 +264,16 @@ class Belief:
         where = place_of(thing)
         self.covariance[where, where] += np.eye(where.stop - where.start) * _LOST_SIGMA_M**2
         for sighting in sightings:
+            self.estimate.forget(self._lasting.of(sighting.view, thing, sighting.cue), 1.0)
             rows, gaps = self._compare(sighting)
-            self._update(sighting.view, rows, gaps, sighting.sigma_px)
+            self._update(sighting.view, rows, gaps, self._noise(rows, sighting.sigma_px))
 
     def take_heading(self, sighting: HeadingSighting) -> None:
         """The block's yaw against the tool's; a square looks the same after a quarter turn."""
-        row = np.zeros((1, SIZE))
+        row = np.zeros((1, self._lasting.size))
         row[0, BLOCK_YAW], row[0, TOOL_YAW] = 1.0, -1.0
+        error = self._lasting.of_heading(sighting.view)
+        row[0, error] = sighting.lasting
         if sighting.lying is not self.lies:
             self._tumble(sighting)
             return
@@ -261,7 +281,7 @@ class Belief:
         period = 2.0 * _QUARTER if self.lies else _QUARTER
         gap = sighting.heading - (self.block_yaw - self.tool_yaw)
         gap = (gap + period / 2) % period - period / 2
-        self._update(sighting.view, row, np.array([gap]), sighting.sigma)
+        self._update(sighting.view, row, np.array([gap]), np.array([[sighting.sigma**2]]))
 
     def _tumble(self, sighting: HeadingSighting) -> None:
         """The block seems to lie where it stood, or to stand: believed when it lasts."""
@@ -270,8 +290,8 @@ class Belief:
             return
         self._tumbled, self.lies = 0, sighting.lying
         self.state[BLOCK_YAW] = self.tool_yaw + sighting.heading
-        self.covariance[BLOCK_YAW, :] = self.covariance[:, BLOCK_YAW] = 0.0
-        self.covariance[BLOCK_YAW, BLOCK_YAW] = sighting.sigma**2
+        sigma = math.hypot(sighting.sigma, sighting.lasting)
+        self.estimate.forget(slice(BLOCK_YAW, BLOCK_YAW + 1), sigma)
 
     def shares(self, gap: Gap) -> dict[str, float]:
         """How much each view of the last glance contributed to knowing `gap`; they sum to 1.
@@ -279,7 +299,7 @@ class Belief:
         A view's part of the posterior covariance P: P I P, where I is the information it brought.
         Empty when none brought any.
         """
-        rows = gap.rows @ self.covariance
+        rows = gap.rows @ self.estimate.covariance[:SIZE]
         parts = {
             view: float(np.trace(rows @ information @ rows.T))
             for view, information in self._information.items()
@@ -288,14 +308,17 @@ class Belief:
         return {view: part / whole for view, part in parts.items()} if whole > 0.0 else {}
 
     def _compare(self, sighting: Sighting) -> tuple[Matrix, Vector]:
-        """Jacobian, shape (2n, SIZE), and what was seen minus what was expected [px]."""
+        """Jacobian, shape (2n, state), and what was seen minus what was expected [px]."""
         camera, thing = self.camera(sighting.view), sighting.thing
         turn = self.tool_axes if thing is Thing.TOOL else np.eye(3)
         centre = np.zeros(3)
         centre[: place_of(thing).stop - place_of(thing).start] = self.state[place_of(thing)]
         points = centre + sighting.points @ turn.T
+        errors = self._lasting.of(sighting.view, thing, sighting.cue)
+        slopes = self._lasting.slopes(sighting, errors)
         gaps = (sighting.pixels - camera.project(points)).ravel()
-        rows = np.zeros((len(gaps), SIZE))
+        rows = np.zeros((len(gaps), self._lasting.size))
+        rows[:, errors] = slopes
         for place, point in enumerate(points):
             slope = camera.jacobian(point)
             part = rows[2 * place : 2 * place + 2]
@@ -307,17 +330,12 @@ class Belief:
                 part[:, TURN] -= slope @ swing(point - self.tcp)
         return rows, gaps
 
-    def _is_surprising(self, rows: Matrix, gaps: Vector, sigma_px: float) -> bool:
-        spread = rows @ self.covariance @ rows.T + np.eye(len(gaps)) * sigma_px**2
-        return bool(gaps @ np.linalg.solve(spread, gaps) > _SURPRISE * len(gaps) / 2)
+    def _noise(self, rows: Matrix, sigma_px: float) -> Matrix:
+        """Covariance of what is seen [px²]: each coordinate's own, and what moved meanwhile."""
+        meanwhile = rows @ self._velocity * _NOT_AT_ONCE_S
+        return np.eye(len(rows)) * sigma_px**2 + np.outer(meanwhile, meanwhile)
 
-    def _update(self, view: str, rows: Matrix, gaps: Vector, sigma: float) -> None:
-        weighted = rows @ self.covariance
-        spread = weighted @ rows.T + np.eye(len(gaps)) * sigma**2
-        gain = np.linalg.solve(spread, weighted).T
-        self.state = self.state + gain @ gaps
-        covariance = self.covariance - gain @ weighted
-        self.covariance = (covariance + covariance.T) / 2
-        if view:
-            brought = rows.T @ rows / sigma**2
-            self._information[view] = self._information.get(view, 0.0) + brought
+    def _update(self, view: str, rows: Matrix, gaps: Vector, noise: Matrix) -> None:
+        self.estimate.update(rows, gaps, noise)
+        brought = rows.T @ np.linalg.solve(noise, rows)
+        self._information[view] = self._information.get(view, 0.0) + brought

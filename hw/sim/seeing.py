@@ -76,7 +76,8 @@ class SeeingPerception:
         self._delay_ns = round(delay_s * NS_PER_S)
         self._tell = tell
         wrist = {"eih": wrist_camera()}
-        self._belief = Belief(fixed_cameras(), wrist)
+        self.belief = Belief(fixed_cameras(), wrist)  # others may read it
+        self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
         self._looker = Looker(wrist)
         self._lag = LagEstimator()
         self._stillness: dict[str, StillnessWatch] = {}
@@ -95,7 +96,7 @@ class SeeingPerception:
         if not pictures:
             return False
         lag_ns = self._lag.lag_ns
-        before = self._belief.state.copy()
+        before = self.belief.state.copy()
         moved = self._advance(now_ns, lag_ns)
         hanging = tuple(
             view
@@ -106,10 +107,10 @@ class SeeingPerception:
             del pictures[view]
         if pictures:
             self._view_ns = max(self._view_ns, now_ns - lag_ns + FOLLOW_LAG_NS)
-        glance = self._looker.look(pictures, self._belief)
+        glance = self._looker.look(pictures, self.belief)
         self._take_in(now_ns, glance)
-        self._belief.learn_whether_it_comes_along(before)
-        if self._belief.seen[Thing.TOOL]:
+        self.belief.learn_whether_it_comes_along(before)
+        if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
         self._tell(self._reliance(now_ns, lag_ns, hanging))
         return True
@@ -123,7 +124,7 @@ class SeeingPerception:
     @property
     def gap_to_block(self) -> Vector:
         """From tool to block [m], shape (3,), as the last glance left him believing."""
-        return self._belief.block - self._belief.tcp
+        return self.belief.block - self.belief.tcp
 
     def _advance(self, now_ns: int, lag_ns: int) -> float:
         """Take his own motion into account as far as it can show; how far that was [m]."""
@@ -131,12 +132,14 @@ class SeeingPerception:
         moved, self._shown = shown - self._shown, shown
         last_ns, self._last_ns = self._last_ns, now_ns
         seconds = 0.0 if last_ns is None else min(_LONGEST_S, (now_ns - last_ns) / NS_PER_S)
-        self._belief.predict(moved[:3], moved[3:], seconds)
-        self._belief.lay_on_table()
-        return math.sqrt(moved[:3] @ moved[:3])
+        self.belief.predict(moved[:3], moved[3:], seconds)
+        self.belief.lay_on_table()
+        path = math.sqrt(moved[:3] @ moved[:3])
+        self.asked_speed_m_s = path / seconds if seconds > 0.0 else 0.0
+        return path
 
     def _take_in(self, now_ns: int, glance: Glance) -> None:
-        belief = self._belief
+        belief = self.belief
         self._watch_fingers(glance.fingers_opening)
         for sighting in glance.sightings:
             if sighting.thing is Thing.TOOL and belief.seen[Thing.TOOL]:
@@ -152,11 +155,11 @@ class SeeingPerception:
         if opening is None:
             return
         if self._opening is not None and abs(opening - self._opening) > _FINGERS_MOVED_M:
-            self._belief.doubt_the_grip()
+            self.belief.doubt_the_grip()
         self._opening = opening
 
     def _to_percept(self, glance: Glance) -> Percept:
-        belief = self._belief
+        belief = self.belief
         tool = Rotation.from_matrix(belief.tool_axes)
         block = Rotation.from_matrix(belief.block_axes)
         return Percept(
@@ -181,7 +184,7 @@ class SeeingPerception:
         )
 
     def _reliance(self, now_ns: int, lag_ns: int, hanging: tuple[str, ...]) -> Reliance:
-        belief, block, container = self._belief, Gap.to_block(), Gap.to_container()
+        belief, block, container = self.belief, Gap.to_block(), Gap.to_container()
         return Reliance(
             now_ns,
             belief.shares(block),

@@ -34,7 +34,8 @@ _GRASP_SURE_M = 0.001  # the open fingers leave 2 mm on either side
 _PLACE_SURE_M = 0.015  # the container leaves 39 mm
 _TURN_SURE_RAD = math.radians(4.0)
 _IMPATIENT_PART = 0.25  # of his speed
-_NO_IDEA = 6.0  # times what is needed: then there is nothing to go by, and he waits
+_NO_IDEA = 6.0  # times what is needed: then there is nothing to go by, and he waits longer
+_LONGER = 4.0  # times his patience; nobody waits for ever
 
 _REACH_TOLERANCE_M = 0.004
 _GRASP_TOLERANCE_M = 0.0015
@@ -300,13 +301,13 @@ class PickAndPlace:
     def _dare(self, now_ns: int, sigma: float, needed: float) -> float:
         """The part of his speed he dares; out of patience, some of it however he sees."""
         dared = care(sigma, needed)
-        if dared >= _IMPATIENT_PART or sigma > _NO_IDEA * needed:
+        if dared >= _IMPATIENT_PART:
             self._waits_since_ns = None
             return dared
         if self._waits_since_ns is None:
             self._waits_since_ns = now_ns
-        waited = now_ns - self._waits_since_ns >= self._patience_ns
-        return _IMPATIENT_PART if waited else dared
+        patience_ns = self._patience_ns * (_LONGER if sigma > _NO_IDEA * needed else 1.0)
+        return _IMPATIENT_PART if now_ns - self._waits_since_ns >= patience_ns else dared
 
 
 def _norm(vector: Vector) -> float:

@@ -25,6 +25,7 @@ _TOP_PART = 0.25  # of the expected area shows the full strength, even when blur
 _SMALLEST_PART = 0.12  # of the largest patch: smaller ones are specks
 _SOFT_EDGE_PX = 3
 _EDGE_JUDGEMENT = 0.10  # of an edge's width: how well its middle is judged
+_STEADY_PX = 0.10  # from glance to glance, of what stands still on lossless pictures
 _SAMPLING_PX = 0.20  # what is left of a perfect edge on a pixel grid
 
 
@@ -74,10 +75,14 @@ class Blob:
 
     @property
     def sigma_px(self) -> float:
-        """How uncertain its middle is [px]: noise averages out along the edge, blur does not."""
+        """How uncertain its middle is [px] from one glance to the next: noise along the edge."""
         places = max(1.0, math.sqrt(max(self.area, 1.0)) * 4.0 / self.edge_px)
-        noisy = self.edge_px * self.noise * math.sqrt(2.0 / places)
-        return math.hypot(_SAMPLING_PX, self.edge_px * _EDGE_JUDGEMENT, noisy)
+        return math.hypot(_STEADY_PX, self.edge_px * self.noise * math.sqrt(2.0 / places))
+
+    @property
+    def lasting_px(self) -> float:
+        """How far its middle is off for as long as it looks like this [px]: sampling and blur."""
+        return math.hypot(_SAMPLING_PX, self.edge_px * _EDGE_JUDGEMENT)
 
 
 def strength(patch: Image, colour: int) -> Image:
@@ -104,16 +109,28 @@ def find_blobs(window: Window, colour: int, expected_area: float) -> list[Blob]:
         return []
     inside = np.asarray(cv2.threshold(strong, _FROM * top, 255, cv2.THRESH_BINARY)[1], np.uint8)
     noise = _noise(strong, inside) / top
-    count, labels, statistics, _ = cv2.connectedComponentsWithStats(inside, connectivity=8)
+    count, *parts = cv2.connectedComponentsWithStats(inside, connectivity=8)
+    labels, statistics = np.asarray(parts[0], np.int32), np.asarray(parts[1], np.int32)
     areas = statistics[1:count, cv2.CC_STAT_AREA]
     if not areas.size or 3.0 * noise > 1.0 - _FROM:
         return []
     order = np.argsort(areas, kind="stable")[::-1]
     wanted = [place + 1 for place in order if areas[place] >= _SMALLEST_PART * areas.max()]
-    slopes = _slopes(strong)
-    return [
-        _measure(window, strong, slopes, _mask(labels == label), top, noise) for label in wanted[:3]
-    ]
+    blobs = []
+    for label in wanted[:3]:
+        rows, columns = _frame(statistics[label])
+        corner = window.corner + np.array((columns.start, rows.start))
+        core = _mask(labels[rows, columns] == label)
+        blobs.append(_measure(corner, strong[rows, columns], core, top, noise))
+    return blobs
+
+
+def _frame(statistics: NDArray[np.int32]) -> tuple[slice, slice]:
+    """Rows and columns that hold a patch, its soft edge, and what its slopes are made of."""
+    left, upper, width, height = (int(number) for number in statistics[:4])
+    margin = _SOFT_EDGE_PX + 1
+    rows = slice(max(0, upper - margin), upper + height + margin)
+    return rows, slice(max(0, left - margin), left + width + margin)
 
 
 def _top_strength(strong: Image, expected_area: float) -> float:
@@ -125,10 +142,10 @@ def _top_strength(strong: Image, expected_area: float) -> float:
 
 
 def _noise(strong: Image, inside: Image) -> float:
-    """Root mean square of the strength well outside, in grey levels."""
+    """Root mean square of the strength well outside, in grey levels; all of it without outside."""
     outside = cv2.bitwise_not(cv2.dilate(inside, _disc(_SOFT_EDGE_PX + 1)))
     if not cv2.countNonZero(outside):
-        return 0.0
+        return 255.0
     mean, deviation = cv2.meanStdDev(strong, mask=outside)
     return float(math.hypot(mean[0, 0], deviation[0, 0]))
 
@@ -140,28 +157,15 @@ def _slopes(strong: Image) -> NDArray[np.int32]:
     return np.asarray(across * across + down * down, np.int32)
 
 
-def _measure(
-    window: Window,
-    strong: Image,
-    slopes: NDArray[np.int32],
-    inside: Image,
-    top: float,
-    noise: float,
-) -> Blob:
-    left, upper, width, height = cv2.boundingRect(inside)
-    margin = _SOFT_EDGE_PX + 1
-    rows = slice(max(0, upper - margin), upper + height + margin)
-    columns = slice(max(0, left - margin), left + width + margin)
-    core = inside[rows, columns]
+def _measure(corner: Vector, strong: Image, core: Image, top: float, noise: float) -> Blob:
     soft = cv2.dilate(core, _disc(_SOFT_EDGE_PX))
     # No more than half strength counts, so that a dim side weighs as much as a bright one.
     full = _FULL * top
-    weight = cv2.bitwise_and(np.minimum(strong[rows, columns], np.uint8(round(full))), soft)
+    weight = cv2.bitwise_and(np.minimum(strong, np.uint8(round(full))), soft)
     moments = cv2.moments(weight)
-    corner = window.corner + np.array((columns.start, rows.start))
     middle = corner + np.array((moments["m10"], moments["m01"])) / moments["m00"]
     edge = cv2.bitwise_xor(soft, cv2.erode(core, _disc(1)))
-    steep = slopes[rows, columns][edge > 0]
+    steep = _slopes(strong)[edge > 0]
     # One of them, not their mean: partition leaves an order that is not the same every time.
     count = max(1, steep.size // 14)
     steepest = math.sqrt(float(np.partition(steep, -count)[-count])) / 8 if steep.size else 0.0

@@ -10,12 +10,15 @@ import numpy as np
 
 from hw.sim.lite6_model import TCP_OFFSET_M
 from hw.sim.vision.blobs import Window
+from hw.sim.vision.detections import Cue
 from hw.sim.vision.pinhole import Matrix
-from tams_app.records import Image
+from tams_app.records import Image, Vector
 
 GRIPPER_MARKER, CONTAINER_MARKER = 3, 2
+FACES = (Cue.MARKER_AHEAD, Cue.MARKER_LEFT, Cue.MARKER_RIGHT)
 _CORNER_PX = 0.15  # of a sharp corner at its best
-_EDGE_JUDGEMENT = 0.10  # of an edge's width, as in hw.sim.vision.blobs
+EDGE_JUDGEMENT = 0.10  # of an edge's width, as in hw.sim.vision.blobs
+_SHRINKS = 0.25  # of an edge's width: how far blur draws corners inwards, measured
 _SHIFT_COSTS = 0.1  # a face that lies far off must fit that much better
 _ORDERS = np.array(
     [np.roll(order, turn) for order in ((0, 1, 2, 3), (3, 2, 1, 0)) for turn in range(4)]
@@ -30,6 +33,15 @@ class Marker:
 
     identity: int
     corners: Matrix
+
+    @property
+    def middle(self) -> Vector:
+        """Where its diagonals cross [px]: its middle however oblique the view."""
+        one, other = self.corners[2] - self.corners[0], self.corners[3] - self.corners[1]
+        apart = self.corners[1] - self.corners[0]
+        crossed = one[0] * other[1] - one[1] * other[0]
+        along = (apart[0] * other[1] - apart[1] * other[0]) / crossed
+        return np.asarray(self.corners[0] + along * one)
 
 
 class MarkerFinder:
@@ -69,7 +81,10 @@ def _edge_width(grey: Image) -> float:
 
 
 def gripper_faces() -> list[Matrix]:
-    """Corners of the three gripper markers in the tool's frame [m], four (4, 3), in turn."""
+    """Corners of the three gripper markers in the tool's frame [m], shape (4, 3) each.
+
+    In the order of `FACES`.
+    """
     half = _HALF_MARKER_M
     square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
     faces = [np.column_stack((np.full(4, _PLATE_X_M), square[:, 0], _PLATE_Z_M + square[:, 1]))]
@@ -80,11 +95,18 @@ def gripper_faces() -> list[Matrix]:
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A marker's corners paired with points of a face, and the uncertainty of each corner."""
+    """A marker's corners paired with points of a face, and the uncertainty of each corner.
 
+    In the next glances too: `lasting_px`, what blur shifts all four by, and `warp_px`, how far it
+    or a turn not expected stretches and shears the whole.
+    """
+
+    face: Cue
     pixels: Matrix
     points: Matrix
     sigma_px: float
+    lasting_px: float
+    warp_px: float
     misfit_px: float  # how far the whole lies from where it was expected
 
 
@@ -103,5 +125,13 @@ def match_face(
     shifted = np.hypot(shifts[..., 0], shifts[..., 1])
     face, order = np.unravel_index(np.argmin(left + _SHIFT_COSTS * shifted), left.shape)
     misfit, away = float(left[face, order]), float(shifted[face, order])
-    sigma_px = math.hypot(_CORNER_PX, misfit, _EDGE_JUDGEMENT * edge_px)
-    return Match(found[order], faces[face], sigma_px, away)
+    blurred = EDGE_JUDGEMENT * edge_px
+    return Match(
+        FACES[face],
+        found[order],
+        faces[face],
+        math.hypot(_CORNER_PX, blurred),
+        blurred,
+        math.hypot(misfit, _SHRINKS * edge_px),
+        away,
+    )

@@ -20,7 +20,9 @@ _STEP_RAD = math.radians(2.5)
 QUARTER_TURN: Vector = np.arange(-18.0, 18.0) * _STEP_RAD  # all yaws of what has a square outline
 HALF_TURN: Vector = np.arange(-36.0, 36.0) * _STEP_RAD  # and of what has an oblong one
 _NOT_A_BLOCK_PX = 3.0
-_LEAST_SIGMA_RAD = math.radians(1.0)
+_LEAST_SIGMA_RAD = math.radians(0.3)
+_PER_CORNER = _DIRECTIONS / 6  # a box's outline has six corners: so many directions err alike
+_FITTED = 4  # yaw, place and growth
 _ANGLES = np.arange(_DIRECTIONS) * (2.0 * math.pi / _DIRECTIONS)
 _NORMALS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)))
 _BASIS = np.linalg.qr(np.column_stack((*_NORMALS, np.ones(_DIRECTIONS))))[0]
@@ -28,10 +30,14 @@ _BASIS = np.linalg.qr(np.column_stack((*_NORMALS, np.ones(_DIRECTIONS))))[0]
 
 @dataclass(frozen=True, slots=True)
 class YawFit:
-    """Yaw and its standard deviation [rad], and what the best drawing leaves over [px]."""
+    """Yaw and its standard deviation [rad], and what the best drawing leaves over [px].
+
+    `lasting`: the part of the standard deviation that the next glances at the same picture repeat.
+    """
 
     yaw: float
     sigma: float
+    lasting: float
     misfit_px: float
 
 
@@ -62,6 +68,8 @@ def fit_yaw(
     if bend <= 0.0:
         return None
     yaw = float(yaws[best] + 0.5 * (before - after) / bend * _STEP_RAD)
-    left = max(edge_sigma_px**2, float(costs[best]) / (_DIRECTIONS - 4))
-    sigma = math.sqrt(2.0 * left / bend) * _STEP_RAD
-    return YawFit(yaw, math.hypot(sigma, _LEAST_SIGMA_RAD), misfit_px)
+    left = max(edge_sigma_px**2, float(costs[best]) / (_DIRECTIONS - _PER_CORNER * _FITTED))
+    variance = _PER_CORNER * 2.0 * left / bend * _STEP_RAD**2
+    # Half of it is there again in the next glance: measured, sharp, blurred and blocked alike.
+    half = math.sqrt(variance / 2.0)
+    return YawFit(yaw, math.hypot(half, _LEAST_SIGMA_RAD), half, misfit_px)

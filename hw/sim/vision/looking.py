@@ -16,9 +16,10 @@ from hw.sim.belief import Belief
 from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX
 from hw.sim.vision.blobs import Blob, Window, find_blobs
-from hw.sim.vision.detections import Glance, HeadingSighting, Sighting, Thing
+from hw.sim.vision.detections import Cue, Glance, HeadingSighting, Sighting, Thing
 from hw.sim.vision.fiducials import (
     CONTAINER_MARKER,
+    EDGE_JUDGEMENT,
     GRIPPER_MARKER,
     MarkerFinder,
     gripper_faces,
@@ -50,12 +51,14 @@ _SIZE_TELLS = 0.30  # shift of the middle per side length, of a part missing or 
 _WHOLE = (0.7, 1.5)
 _OTHER_WAY = 0.6  # of the misfit: then a block believed to stand lies, or the other way about
 _SKETCH_SIGMA_PX = 0.4  # a gripper drawn from boxes is no better
-_HIDDEN_SIGMA_PX = 2.5  # where the housing cuts the fingers off is known no better
+_HIDDEN_SIGMA_PX = 2.5  # where one thing cuts off another is known no better
 _THING_RADIUS_M = {Thing.TOOL: 0.030, Thing.BLOCK: 0.014, Thing.CONTAINER: 0.060}
 _MARKERS_RADIUS_M = 0.050
 _CONTAINER_SURE_M = 0.002
 _CONTAINER_EVERY = 6  # glances; what stands still needs no more
 _CONTAINER_SKETCH_SIGMA_PX = 1.0
+_MARKER_CENTRE_PX = 0.2
+_FLOOR = np.array([(0.0, 0.0, 0.002)])  # the container's, which carries its marker [m]
 _CONTAINER_AREA_PX = 9000.0  # about, in the fixed views
 _SEARCH_PX = 2.0  # a thing just found is not yet looked at closely
 _WORK_X_M, _WORK_Y_M = (0.18, 0.45), (-0.30, 0.32)
@@ -86,7 +89,7 @@ class Looker:
                 sightings += self._see_tool(view, picture, belief, boxes)
             sightings += self._see_block(view, picture, belief, boxes, headings)
             if self._wants_container(belief, view):
-                sightings += self._see_container(view, picture, belief)
+                sightings += self._see_container(view, picture, belief, boxes)
         self._opening = self._opening if opening is None else opening
         return Glance(tuple(sightings), tuple(headings), opening)
 
@@ -109,12 +112,11 @@ class Looker:
             return found
         area = sum(blob.area for blob in blobs)
         centre = sum((blob.area * blob.middle for blob in blobs), np.zeros(2)) / area
-        sigma = _judged_sigma(blobs[0], area, expected)
-        if sigma is not None:
-            sigma = math.hypot(sigma, _SKETCH_SIGMA_PX, _HIDDEN_SIGMA_PX * (1.0 - expected.visible))
-            found.append(
-                _centre_sighting(view, Thing.TOOL, centre - expected.middle + middle, sigma)
-            )
+        judged = _judged(blobs[0], area, expected)
+        if judged is not None:
+            pixel = centre - expected.middle + middle
+            sigma, lasting = judged[0], math.hypot(judged[1], _SKETCH_SIGMA_PX)
+            found.append(_centre_sighting(view, Thing.TOOL, pixel, sigma, lasting))
         return found
 
     def _see_gripper_markers(
@@ -131,7 +133,16 @@ class Looker:
                 match = match_face(marker, self._faces, expected, self._markers.edge_px)
                 if match.misfit_px < spread:
                     found.append(
-                        Sighting(view, Thing.TOOL, match.pixels, match.points, match.sigma_px)
+                        Sighting(
+                            view,
+                            Thing.TOOL,
+                            match.pixels,
+                            match.points,
+                            match.sigma_px,
+                            match.lasting_px,
+                            match.warp_px,
+                            match.face,
+                        )
                     )
         return found
 
@@ -160,12 +171,13 @@ class Looker:
         if expected.visible < _HIDDEN or not blobs:
             return []
         blob = min(blobs, key=lambda one: _distance(one.middle, expected.middle) / one.area)
-        sigma = _judged_sigma(blob, blob.area, expected)
-        if sigma is None or not window.holds(blob):
+        judged = _judged(blob, blob.area, expected)
+        if judged is None or not window.holds(blob):
             return []
         if view in self._wrist_views and expected.visible > _WHOLE[0]:
             headings += _heading(view, blob, camera, belief, blob.area / expected.area)
-        return [_centre_sighting(view, Thing.BLOCK, blob.middle - expected.middle + middle, sigma)]
+        pixel = blob.middle - expected.middle + middle
+        return [_centre_sighting(view, Thing.BLOCK, pixel, *judged)]
 
     def _search_block(self, view: str, picture: Image, camera: Pinhole) -> list[Sighting]:
         """Anywhere on the mat; the size must be about right."""
@@ -177,8 +189,8 @@ class Looker:
         for blob in find_blobs(window, ORANGE, expected_area):
             on_mat = _is_on_mat(camera.ray_at_height(blob.middle, BLOCK_HEIGHT_M / 2))
             if on_mat and 0.3 < blob.area / expected_area < 4.0:
-                sigma = blob.sigma_px + _SEARCH_PX
-                return [_centre_sighting(view, Thing.BLOCK, blob.middle, sigma)]
+                lasting = blob.lasting_px + _SEARCH_PX
+                return [_centre_sighting(view, Thing.BLOCK, blob.middle, blob.sigma_px, lasting)]
         return []
 
     # --- the container --------------------------------------------------------------------------
@@ -191,7 +203,9 @@ class Looker:
         turn = _CONTAINER_EVERY // len(views)
         return self._glances % _CONTAINER_EVERY == turn * views.index(view)
 
-    def _see_container(self, view: str, picture: Image, belief: Belief) -> list[Sighting]:
+    def _see_container(
+        self, view: str, picture: Image, belief: Belief, boxes: list[Box]
+    ) -> list[Sighting]:
         camera, place = belief.camera(view), belief.container
         spread = _SEARCH_SIGMAS * belief.pixel_sigma(view, Thing.CONTAINER) + _MARGIN_PX
         if not belief.seen[Thing.CONTAINER] or spread > _EVERYWHERE_PX:
@@ -204,13 +218,16 @@ class Looker:
         found = self._read_container_marker(view, window)
         if found or view in self._wrist_views:
             return found
-        expected = sketch(camera, [container_box(place[0], place[1])], BLUE, middle, radius)
+        drawn = [*boxes, container_box(place[0], place[1])]
+        expected = sketch(camera, drawn, BLUE, middle, radius)
+        if expected.visible < _HIDDEN:
+            return []
         for blob in find_blobs(window, BLUE, expected.area)[:1]:
-            sigma = _judged_sigma(blob, blob.area, expected)
-            if sigma is not None:
+            judged = _judged(blob, blob.area, expected)
+            if judged is not None:
                 pixel = blob.middle - expected.middle + middle
-                sigma = math.hypot(sigma, _CONTAINER_SKETCH_SIGMA_PX)
-                return [_centre_sighting(view, Thing.CONTAINER, pixel, sigma)]
+                sigma, lasting = judged[0], math.hypot(judged[1], _CONTAINER_SKETCH_SIGMA_PX)
+                return [_centre_sighting(view, Thing.CONTAINER, pixel, sigma, lasting)]
         return []
 
     def _search_container(self, view: str, picture: Image, camera: Pinhole) -> list[Sighting]:
@@ -225,17 +242,28 @@ class Looker:
         for blob in find_blobs(window, BLUE, _CONTAINER_AREA_PX):
             place = camera.ray_at_height(blob.middle, 0.0)
             expected = sketch(camera, [container_box(place[0], place[1])], BLUE, middle, radius)
-            sigma = _judged_sigma(blob, blob.area, expected)
-            if _is_on_mat(place) and sigma is not None:
-                return [_centre_sighting(view, Thing.CONTAINER, blob.middle, sigma + _SEARCH_PX)]
+            judged = _judged(blob, blob.area, expected)
+            if _is_on_mat(place) and judged is not None:
+                sigma, lasting = judged[0], judged[1] + _SEARCH_PX
+                return [_centre_sighting(view, Thing.CONTAINER, blob.middle, sigma, lasting)]
         return []
 
     def _read_container_marker(self, view: str, window: Window) -> list[Sighting]:
         for marker in self._markers.find(window):
             if marker.identity == CONTAINER_MARKER:
-                centre = marker.corners.mean(axis=0)
-                sigma = math.hypot(0.3, 0.1 * self._markers.edge_px)
-                return [_centre_sighting(view, Thing.CONTAINER, centre, sigma)]
+                centre = marker.middle[None]
+                blurred = math.hypot(_MARKER_CENTRE_PX, EDGE_JUDGEMENT * self._markers.edge_px)
+                return [
+                    Sighting(
+                        view,
+                        Thing.CONTAINER,
+                        centre,
+                        _FLOOR,
+                        _MARKER_CENTRE_PX,
+                        blurred,
+                        cue=Cue.MARKER,
+                    )
+                ]
         return []
 
 
@@ -251,14 +279,20 @@ def _radius(camera: Pinhole, place: Vector, thing: Thing) -> float:
     return min(_EVERYWHERE_PX, camera.focal_px * _THING_RADIUS_M[thing] / depth)
 
 
-def _judged_sigma(blob: Blob, area: float, expected: Outline) -> float | None:
-    """A patch's own uncertainty and that from what is missing of it or too much [px]."""
+def _judged(blob: Blob, area: float, expected: Outline) -> tuple[float, float] | None:
+    """Standard deviations of a patch's middle [px], of one glance and lasting.
+
+    Its own, and those from what is hidden, missing of it or too much. Where one thing cuts off
+    another jumps with the noise as much as it stays.
+    """
     if expected.area <= 0.0:
         return None
     size = area / expected.area
     if not _ODD_SIZE[0] < size < _ODD_SIZE[1]:
         return None
-    return math.hypot(blob.sigma_px, _SIZE_TELLS * abs(1.0 - size) * math.sqrt(expected.area))
+    odd = _SIZE_TELLS * abs(1.0 - size) * math.sqrt(expected.area)
+    hidden = _HIDDEN_SIGMA_PX * (1.0 - expected.visible) / math.sqrt(2.0)
+    return math.hypot(blob.sigma_px, hidden), math.hypot(blob.lasting_px, odd, hidden)
 
 
 def _heading(
@@ -281,12 +315,14 @@ def _heading(
     usual, other = fits.get(belief.lies), fits.get(not belief.lies)
     if usual is None or (other is not None and other.misfit_px < _OTHER_WAY * usual.misfit_px):
         assert other is not None, "one of the two fits"
-        return [HeadingSighting(view, other.yaw, other.sigma, not belief.lies)]
-    return [HeadingSighting(view, usual.yaw, usual.sigma, belief.lies)]
+        return [HeadingSighting(view, other.yaw, other.sigma, not belief.lies, other.lasting)]
+    return [HeadingSighting(view, usual.yaw, usual.sigma, belief.lies, usual.lasting)]
 
 
-def _centre_sighting(view: str, thing: Thing, pixel: Vector, sigma_px: float) -> Sighting:
-    return Sighting(view, thing, pixel[None], np.zeros((1, 3)), sigma_px)
+def _centre_sighting(
+    view: str, thing: Thing, pixel: Vector, sigma_px: float, lasting_px: float
+) -> Sighting:
+    return Sighting(view, thing, pixel[None], np.zeros((1, 3)), sigma_px, lasting_px)
 
 
 def _distance(one: Vector, other: Vector) -> float:

@@ -1,12 +1,13 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hw.sim.belief import Belief
-from hw.sim.belief_state import BLOCK, TOOL, TURN, Gap
+from hw.sim.belief_state import BLOCK, BLOCK_Z, TOOL, TURN, Gap
 from hw.sim.seeing import fixed_cameras, wrist_camera
-from hw.sim.vision.detections import HeadingSighting, Sighting, Thing
+from hw.sim.vision.detections import Cue, HeadingSighting, Sighting, Thing
 
 BLOCK_PLACE = np.array([0.33, -0.12, 0.01])
 TCP = np.array([0.34, -0.11, 0.10])
@@ -88,6 +89,66 @@ def test_one_view_against_the_other_is_not_believed_but_both_are():
     for _ in range(8):
         _look(belief, block=elsewhere)
     assert belief.block == pytest.approx(elsewhere, abs=0.002)
+
+
+def _stare(belief, glances, moved=0.0, **errors):
+    """Look at the block in one view again and again, the picture being the same."""
+    for _ in range(glances):
+        belief.predict(np.zeros(3) + moved, np.zeros(3), 0.0)
+        seen = _sighting(belief, "gt", Thing.BLOCK, BLOCK_PLACE, 0.1)
+        belief.take([replace(seen, **errors)])
+    return belief.sigma_of(Thing.BLOCK)
+
+
+def test_looking_again_at_the_same_picture_does_not_make_him_surer_of_what_lasts():
+    once, often = (_stare(_settled_far(), glances, lasting_px=2.0) for glances in (3, 300))
+    pixel_m = 1.0 / np.linalg.norm(_settled().camera("gt").jacobian(BLOCK_PLACE), axis=1).max()
+    assert often > 0.95 * once
+    assert often > 1.5 * pixel_m
+    assert _stare(_settled_far(), 300) < 0.1 * often
+
+
+def test_an_error_that_lasts_is_another_once_the_picture_has_changed():
+    belief = _settled()
+    place = belief._lasting.of("gt", Thing.TOOL, Cue.COLOUR)
+    belief.covariance[TOOL, TOOL] = np.eye(3) * 0.01**2
+    belief.take([replace(_sighting(belief, "gt", Thing.TOOL, TCP), lasting_px=3.0)])
+
+    def shared():
+        return np.abs(belief.estimate.covariance[place, TOOL]).max()
+
+    at_first = shared()
+    belief.predict(np.zeros(3), np.zeros(3), 10.0)
+    assert shared() == at_first > 0.0
+    belief.predict(np.array([0.0, 0.2, 0.0]), np.zeros(3), 0.1)
+    assert shared() < 0.05 * at_first
+    assert belief.estimate.covariance[place, place] == pytest.approx(np.eye(2))
+
+
+def test_views_that_move_while_they_are_drawn_count_for_less():
+    def sigma_after(moved):
+        belief = _settled()
+        belief.covariance[TOOL, TOOL] = np.eye(3) * 0.01**2
+        belief.predict(moved, np.zeros(3), 0.08)
+        belief.covariance[TOOL, TOOL] = np.eye(3) * 0.01**2
+        belief.take([_sighting(belief, view, Thing.TOOL, belief.tcp) for view in ("gt", "gs")])
+        return belief.sigma_of(Thing.TOOL)
+
+    assert sigma_after(np.array([0.008, 0.0, 0.0])) > 2.0 * sigma_after(np.zeros(3))
+
+
+def test_a_block_high_in_opening_fingers_may_have_fallen():
+    belief = _settled()
+    belief.state[BLOCK] = belief.tcp
+    belief.doubt_the_grip()
+    assert math.sqrt(belief.covariance[BLOCK_Z, BLOCK_Z]) > 0.4 * (TCP[2] - 0.01)
+
+
+def _settled_far():
+    """One who has lost sight of where the block is."""
+    belief = _settled()
+    belief.covariance[BLOCK, BLOCK] += np.diag((0.05, 0.05, 0.0)) ** 2
+    return belief
 
 
 @pytest.mark.parametrize("carried", [True, False])
@@ -174,6 +235,6 @@ def test_jacobians_are_the_slopes_of_what_is_expected(view, thing):
     rows, gaps = belief._compare(seen)
     state, step = belief.state.copy(), 1e-6
     for place in range(len(state)):
-        belief.state = state + step * np.eye(len(state))[place]
+        belief.state[:] = state + step * np.eye(len(state))[place]
         slope = (gaps - belief._compare(seen)[1]) / step
         assert rows[:, place] == pytest.approx(slope, rel=0.02, abs=1.0), place

@@ -163,7 +163,7 @@ def test_pictures_that_hang_are_noticed_by_the_moving_hand_and_grow_old(station)
     percept = station.eyes.look(station.now_ns)
     assert set(station.told[-1].hanging) == {"eih", "gt", "gs"}
     assert station.now_ns - percept.t_ns > 400 * NS_PER_MS
-    assert percept.gaps.block > 3.0 * before.gaps.block
+    assert percept.gaps.block > 2.0 * before.gaps.block
     station.run(1.0)
     assert station.eyes.look(station.now_ns).t_ns == percept.t_ns
 

@@ -128,9 +128,13 @@ def test_out_of_patience_he_goes_on_slowly_with_what_he_has():
     assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
 
 
-def test_without_any_idea_he_waits_however_impatient():
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=0.2)
-    assert not any(intent.linear.any() for intent in _run(hasty, _uncertain(0.5), 0, 2.0))
+def test_without_any_idea_he_waits_longer_but_not_for_ever():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=0.5)
+    intents = _run(hasty, _uncertain(0.5), 0, 3.0)
+    moving = [intent.linear.any() for intent in intents]
+    assert not any(moving[: len(moving) * 2 // 3])
+    assert moving[-1]
+    assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
 
 
 def test_a_view_that_clears_gives_the_patience_back():

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import cv2
@@ -28,6 +29,10 @@ def _find(picture, edge=14.0):
     return find_blobs(Window(0, 0, picture), ORANGE, edge**2)
 
 
+def _sigma(blob):
+    return math.hypot(blob.sigma_px, blob.lasting_px)
+
+
 @pytest.mark.parametrize("middle", [(50.0, 45.0), (50.25, 44.5), (49.5, 45.375)])
 def test_the_middle_is_found_to_a_fraction_of_a_pixel(middle):
     (blob,) = _find(_picture(middle))
@@ -38,7 +43,7 @@ def test_the_middle_is_found_to_a_fraction_of_a_pixel(middle):
 def test_blur_is_measured_and_makes_the_middle_less_certain():
     blobs = [_find(_picture(blur=blur))[0] for blur in (0.8, 2.0, 4.0)]
     widths = [blob.edge_px for blob in blobs]
-    sigmas = [blob.sigma_px for blob in blobs]
+    sigmas = [_sigma(blob) for blob in blobs]
     assert widths[0] < 0.7 * widths[1] < 0.5 * widths[2]
     assert sigmas[0] < sigmas[1] < sigmas[2]
     assert blobs[2].middle == pytest.approx((50.0, 45.0), abs=sigmas[2])
@@ -60,9 +65,17 @@ def test_errors_are_as_large_as_the_uncertainty_says():
             middle = tuple(45.0 + np.random.default_rng([seed, 1]).uniform(0, 1, 2))
             (blob,) = _find(_picture(middle, blur=blur, noise=noise, seed=seed))
             errors.append(blob.middle - middle)
-            sigmas.append(blob.sigma_px)
+            sigmas.append(_sigma(blob))
         rms = float(np.sqrt(np.mean(np.square(errors))))
         assert rms < 2.0 * np.mean(sigmas)
+
+
+def test_noise_is_anew_in_every_glance_and_blur_is_not():
+    (sharp,), (blurred,) = _find(_picture()), _find(_picture(blur=3.0))
+    assert blurred.lasting_px > 1.5 * sharp.lasting_px
+    (noisy,) = _find(_picture(noise=15.0))
+    assert noisy.sigma_px > sharp.sigma_px
+    assert noisy.lasting_px < 1.3 * sharp.lasting_px
 
 
 def test_a_picture_without_the_colour_shows_nothing():
@@ -70,6 +83,12 @@ def test_a_picture_without_the_colour_shows_nothing():
     assert _find(grey) == []
     assert find_blobs(Window(0, 0, _picture()), GREEN, 196) == []
     assert find_blobs(Window(0, 0, _picture()), BLUE, 196) == []
+
+
+def test_what_fills_the_window_does_not_stand_out():
+    dots = np.zeros((100, 100, 3), np.uint8)
+    dots[::4, ::4, 2] = 255
+    assert _find(dots, edge=6.0) == []
 
 
 def test_a_blob_blurred_into_nothing_is_not_seen():

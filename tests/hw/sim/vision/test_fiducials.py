@@ -33,6 +33,14 @@ def test_blurred_markers_have_wider_edges_and_at_last_are_none():
     assert finder.find(Window(0, 0, _picture(blur=8.0))) == []
 
 
+def test_the_middle_of_an_oblique_marker_is_where_its_diagonals_cross():
+    half, depth, slant = 1.0, 4.0, 1.0
+    corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
+    seen = np.array([(x / (depth + slant * y), y / (depth + slant * y)) for x, y in corners])
+    assert Marker(2, 100.0 * seen).middle == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert abs(100.0 * seen.mean(axis=0)[1]) > 1.0
+
+
 def _flat(face):
     return 1000.0 * face[:, 1:] + 100.0 * face[:, :1]
 
@@ -57,5 +65,5 @@ def test_what_the_corners_leave_over_is_their_uncertainty():
     rough = match_face(Marker(3, expected[0] + wobble), faces, expected, 1.0)
     blurred = match_face(Marker(3, expected[0]), faces, expected, 8.0)
     assert sharp.sigma_px < 0.3
-    assert rough.sigma_px > 2.0 * sharp.sigma_px
+    assert rough.warp_px > 2.0 * sharp.warp_px
     assert blurred.sigma_px > 2.0 * sharp.sigma_px

@@ -23,7 +23,7 @@ def test_the_yaw_is_read_off_the_outline(degrees):
     fitted = fit_yaw(outline, 0.3, _draw)
     off = (math.degrees(fitted.yaw) - degrees + 45) % 90 - 45
     assert abs(off) < 1.0
-    assert math.radians(0.9) < fitted.sigma < math.radians(5)
+    assert math.radians(0.6) < math.hypot(fitted.sigma, fitted.lasting) < math.radians(5)
 
 
 @pytest.mark.parametrize("degrees", [-80, -30, 10, 60])
@@ -45,7 +45,7 @@ def test_neither_place_nor_blur_of_the_outline_matter():
 
 def test_rougher_edges_leave_more_doubt():
     (outline,) = _draw(np.radians([20]))
-    assert fit_yaw(outline, 1.5, _draw).sigma > 1.5 * fit_yaw(outline, 0.3, _draw).sigma
+    assert fit_yaw(outline, 1.5, _draw).lasting > 1.5 * fit_yaw(outline, 0.3, _draw).lasting
 
 
 def test_what_is_no_block_has_no_yaw():

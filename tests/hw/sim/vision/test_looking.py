@@ -18,7 +18,7 @@ from hw.sim.plant import GripperDrive
 from hw.sim.scene import VIEWS
 from hw.sim.scene_renderer import SceneRenderer
 from hw.sim.seeing import fixed_cameras, wrist_camera
-from hw.sim.vision.detections import Glance, Thing
+from hw.sim.vision.detections import Glance, Sighting, Thing
 from hw.sim.vision.fingers import FingerGauge
 from hw.sim.vision.looking import Looker
 from hw.sim.world import World
@@ -59,7 +59,7 @@ def _belief(truth: SceneTruth) -> Belief:
     belief.state[BLOCK] = truth.block.position
     belief.state[BLOCK_YAW] = LAYOUT.block.yaw
     belief.state[CONTAINER] = truth.container.position[:2]
-    belief.covariance = np.diag(
+    belief.covariance[:] = np.diag(
         np.array([0.005] * 3 + [0.01] * 3 + [0.005] * 3 + [0.3, 0.01, 0.01]) ** 2
     )
     belief.seen = dict.fromkeys(Thing, True)
@@ -76,6 +76,10 @@ def _look(scene: Scene, blur: float = 0.0) -> Glance:
     return looker.look(scene.pictures(blur), _belief(scene.truth))
 
 
+def _sigma(seen: Sighting) -> float:
+    return math.hypot(seen.sigma_px, seen.lasting_px)
+
+
 def _errors(glance: Glance, truth: SceneTruth) -> list[tuple[str, str, float, float]]:
     """View, thing, distance [px] from where the thing truly shows, and its sigma."""
     belief, errors = _belief(truth), []
@@ -88,7 +92,7 @@ def _errors(glance: Glance, truth: SceneTruth) -> list[tuple[str, str, float, fl
         turn = truth.tcp.rotation.as_matrix() if seen.thing is Thing.TOOL else np.eye(3)
         points = centres[seen.thing] + seen.points @ turn.T
         off = (seen.pixels - belief.camera(seen.view).project(points)).mean(axis=0)
-        errors.append((seen.view, seen.thing.value, float(np.linalg.norm(off)), seen.sigma_px))
+        errors.append((seen.view, seen.thing.value, float(np.linalg.norm(off)), _sigma(seen)))
     return errors
 
 
@@ -125,7 +129,7 @@ def test_blur_costs_certainty_and_at_last_the_marker(scene):
     mean = []
     for blur in (0.0, 1.5, 3.0, 5.0):
         glance = _look(scene, blur)
-        blocks = [seen.sigma_px for seen in glance.sightings if seen.thing is Thing.BLOCK]
+        blocks = [_sigma(seen) for seen in glance.sightings if seen.thing is Thing.BLOCK]
         mean.append(float(np.mean(blocks)) if blocks else math.inf)
     assert mean[0] < 0.7 * mean[1] < 0.7 * mean[2] <= mean[3]
     assert all(len(seen.pixels) == 1 for seen in glance.sightings if seen.view == "gs")
