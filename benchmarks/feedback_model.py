@@ -2,7 +2,7 @@
 
 `python -m benchmarks.feedback_model` runs both under the stepped clock over the same link with the
 same seeds, three views each, and prints what repair asked for, got and cost. Each run is a process
-of its own.
+of its own. `--networks` measures some networks anew and leaves the results of the others.
 """
 
 from __future__ import annotations
@@ -12,22 +12,21 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.arrivals import Arrivals, NotingLink
 from benchmarks.moving_pictures import picture
 from benchmarks.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.clock import NS_PER_S
 from tams_app.config import Config, Network, load_config
-from tams_app.records import Frame, PacketFate, PacketKind, PacketRecord
-from tams_app.video.link import Link
+from tams_app.records import Frame, PacketRecord
 from tams_app.video.lockstep.agenda import Agenda
 from tams_app.video.lockstep.quiescence import Quiescence
 from tams_app.video.lockstep.shared import ProcessingTimes, VideoRecords
@@ -41,6 +40,7 @@ START_NS = NS_PER_S
 AFTER_NS = NS_PER_S  # the last packets and their repair
 RESULTS = Path(__file__).parent / "results" / "feedback_model.json"
 ROWS = (
+    "first_arrivals_us",
     "packets_lost",
     "nacks_sent",
     "nacks_arrived",
@@ -57,7 +57,8 @@ ROWS = (
 def main() -> None:
     parser = argparse.ArgumentParser(prog="feedback_model", description=__doc__)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--seconds", type=int, default=20)
+    parser.add_argument("--seconds", type=int, default=15)
+    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=NETWORKS)
     parser.add_argument("--rtx", action="store_true", help="repair by RTX on every network")
     parser.add_argument("--json", type=Path, default=RESULTS)
     parser.add_argument("--one", nargs=3, metavar=("KIND", "NETWORK", "SEED"))
@@ -66,22 +67,25 @@ def main() -> None:
         kind, network, seed = options.one
         print(json.dumps(run(kind, network, int(seed), options.seconds, options.rtx)))
         return
-    results = measure(options.seeds, options.seconds, options.rtx)
-    console = Console()
-    for network in NETWORKS:
-        console.print(table(network, results[network], options))
+    results = measure(options.networks, options.seeds, options.seconds, options.rtx)
     setting = {"seeds": options.seeds, "seconds": options.seconds, "rtx_everywhere": options.rtx}
-    content = json.dumps({**setting, "networks": results}, indent=2)
+    content = json.loads(options.json.read_text("utf-8")) if options.json.exists() else {}
+    console = Console()
+    for network in options.networks:
+        console.print(table(network, results[network], options))
+        content[network] = {**setting, **results[network]}
     options.json.parent.mkdir(parents=True, exist_ok=True)
-    options.json.write_text(content + "\n", encoding="utf-8")
+    options.json.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def measure(seeds: int, seconds: int, rtx: bool) -> dict[str, dict[str, dict[str, int]]]:
+def measure(
+    networks: Sequence[str], seeds: int, seconds: int, rtx: bool
+) -> dict[str, dict[str, dict[str, int]]]:
     """Sums over all seeds by network, then by kind of run."""
-    results: dict[str, dict[str, dict[str, int]]] = {name: {} for name in NETWORKS}
+    results: dict[str, dict[str, dict[str, int]]] = {name: {} for name in networks}
     jobs = [
         (name, kind, seed)
-        for name in NETWORKS
+        for name in networks
         for kind in ("model", "rtpsession")
         for seed in range(1, seeds + 1)
     ]
@@ -121,9 +125,11 @@ def run_model(
 ) -> Counter[str]:
     """The feedback model, as a trial in virtual time uses it."""
     counts: Counter[str] = Counter()
+    arrivals = Arrivals(START_NS)
 
     def note(records: list[PacketRecord]) -> None:
-        counts["packets_lost"] += sum(_is_lost_media(record) for record in records)
+        for record in records:
+            arrivals.note(record)
 
     video = LockstepVideo(
         config.video,
@@ -142,6 +148,7 @@ def run_model(
             repair, stats = video.counts(view), video.stats(view)
             counts.update({row: getattr(repair, row) for row in ROWS if hasattr(repair, row)})
             counts.update(lost_after_repair=stats.packets_lost, frames_shown=stats.frames_shown)
+    counts.update(arrivals.counts())
     return counts
 
 
@@ -153,7 +160,8 @@ def run_rtpsession(
     clock, agenda, quiescence = SteppedClock(START_NS), Agenda(), Quiescence()
     clock.become_default()
     capacity = network_capacity(network, START_NS)
-    link = _CountingLink(network, capacity, config.video.views, seed)
+    arrivals = Arrivals(START_NS)
+    link = NotingLink(arrivals, network, capacity, config.video.views, seed)
     targets = _targets(config, network)
     views = {
         view: RtpSessionView(view, config.video, rule, targets[view], link, agenda, clock)
@@ -185,11 +193,9 @@ def run_rtpsession(
 
     for each in views.values():
         each.start()
-        quiescence.wait()
-        each.prime()
-        settle()
+    settle()
     _drive(config, seconds, push, advance_to)
-    counts: Counter[str] = Counter(packets_lost=link.lost)
+    counts = Counter(arrivals.counts())
     for each in views.values():
         counts.update(each.counts)
         stats = each.stats()
@@ -204,23 +210,8 @@ def run_rtpsession(
     return counts
 
 
-class _CountingLink(Link):
-    """A link that counts the media packets it does not deliver."""
-
-    lost = 0
-
-    def offer(self, *arguments: Any, **others: Any) -> PacketRecord:
-        record = super().offer(*arguments, **others)
-        self.lost += _is_lost_media(record)
-        return record
-
-
 def _ignore(_: object) -> None:
     """Nothing of it is measured here."""
-
-
-def _is_lost_media(record: PacketRecord) -> bool:
-    return record.kind is PacketKind.MEDIA and record.fate is not PacketFate.DELIVERED
 
 
 def _targets(config: Config, network: Network) -> dict[str, float]:

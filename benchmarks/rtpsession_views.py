@@ -33,7 +33,6 @@ from tams_app.video.view_encoder import ViewEncoder
 
 _SOURCE = "appsrc name={} is-live=true format=time caps={}"
 _SINK = "appsink name={} async=false sync=false"
-_PRIMER = bytes(8)  # no RTCP: dropped, but it starts the session's timer thread
 
 
 class RtpSessionView:
@@ -99,14 +98,15 @@ class RtpSessionView:
         self._pictures.attach(self._receiver)
 
     def start(self) -> None:
-        """Let both pipelines play; their timer threads start with the next `prime`."""
+        """Let both pipelines play.
+
+        Their sessions stay silent until their first packet, as live. Woken before it they send a
+        report at once (a session without members has an interval of 0), which meets the first
+        frame on the link: its jitter holds that frame up, and the jitter buffer, whose patience
+        counts from the first arrival, stays that much more patient to the end of the run.
+        """
         gst.set_playing(self._sender, "the sender")
         gst.set_playing(self._receiver, "the receiver")
-
-    def prime(self) -> None:
-        """Start the sessions' timers."""
-        self._enter(self._sender, "feedback_in", _PRIMER)
-        self._enter(self._receiver, "reports_in", _PRIMER)
 
     def push(self, frame: Frame) -> None:
         buffer = self._frames.admit(frame, self._wire_bytes)

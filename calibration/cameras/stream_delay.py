@@ -29,7 +29,8 @@ def stream_delays_ms(
     in the receiver's mailbox: the window's and the display's own time come on top. TamsError if
     the chain fails.
     """
-    rule = repair_rule(resolve_network(config, "none"), config.video.pli_min_interval_ms)
+    network, wanted = resolve_network(config, "none"), config.video.repair
+    rule = repair_rule(network, config.video.pli_min_interval_ms, wanted)
     captured: dict[int, int] = {}
     shown: list[ShownFrame] = []
     video = config.video.model_copy(update={"first_port": 0, "bind_host": "127.0.0.1"})

@@ -14,7 +14,14 @@ from tams_app.config.motion import (
     stop_time_s,
 )
 from tams_app.config.reader import CONFIG_DIRECTORY, DEFAULT_CONFIG, dump_config, load_config
-from tams_app.config.streaming import BudgetConfig, Network, PhasesConfig, PolicyConfig, VideoConfig
+from tams_app.config.streaming import (
+    BudgetConfig,
+    Network,
+    PhasesConfig,
+    PolicyConfig,
+    RepairConfig,
+    VideoConfig,
+)
 from tams_app.config.whole import Config, OperatorConfig, StudyConfig, TrialConfig
 
 __all__ = [
@@ -38,6 +45,7 @@ __all__ = [
     "PhasesConfig",
     "PolicyConfig",
     "ProfileConfig",
+    "RepairConfig",
     "StudyConfig",
     "TrialConfig",
     "VideoConfig",

@@ -88,6 +88,13 @@ class QualityConfig(Section):
     enabled: bool = True
 
 
+class RepairConfig(Section):
+    """How lost packets are repaired, the same for all views (`video/repair.py` has the rule)."""
+
+    rtx: Literal["auto", "on", "off"] = "auto"  # auto: where a resend is in time, within 200 ms
+    pli: bool = True  # ask for a keyframe where a packet stays lost
+
+
 class VideoConfig(Section):
     """The same settings for all views and strategies."""
 
@@ -102,6 +109,7 @@ class VideoConfig(Section):
     decoder: str = "avdec_h264"  # or auto, or any GStreamer H.264 decoder element
     bind_host: str = "127.0.0.1"
     first_port: Port = 0  # 0: any free ports; else three per view from here on
+    repair: RepairConfig = RepairConfig()
     pli_min_interval_ms: Positive = 300.0
     quality: QualityConfig = QualityConfig()
 

@@ -55,7 +55,8 @@ class Uplink:
         self._epoch_ns = epoch_ns
         self._clock = clock
         self._records = records
-        self.rule: RepairRule = repair_rule(network, config.video.pli_min_interval_ms)
+        video = config.video
+        self.rule: RepairRule = repair_rule(network, video.pli_min_interval_ms, video.repair)
         self.times = {view: CaptureTimes() for view in config.video.views}
         self.receivers: dict[str, VideoReceiver] = {}
         self._senders: dict[str, VideoSender] = {}

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tams_app.clock import NS_PER_MS
-from tams_app.config import Network
+from tams_app.config import Network, RepairConfig
 
 _RTX_WORTH_MS = 200.0  # beyond this a resent packet comes too late for the operator
 _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
@@ -19,18 +19,28 @@ class RepairRule:
     rtx: bool
     latency_ms: int  # of the jitter buffer; spent only while waiting for a gap
     pli_interval_ms: float  # at most one PLI per view in this time
+    pli: bool = True
 
 
-def repair_rule(network: Network, pli_min_interval_ms: float) -> RepairRule:
-    """RTX while a resend fits into 200 ms: 1.2·RTT + 2·jitter + 20 ms; else 2·jitter + 20 ms."""
+_AS_THE_RULE_SAYS = RepairConfig()
+
+
+def repair_rule(
+    network: Network, pli_min_interval_ms: float, wanted: RepairConfig = _AS_THE_RULE_SAYS
+) -> RepairRule:
+    """RTX while a resend fits into 200 ms: 1.2·RTT + 2·jitter + 20 ms; else 2·jitter + 20 ms.
+
+    `wanted` may have RTX on or off whatever a resend takes, and do without PLI.
+    """
     round_trip_ms = 2.0 * network.latency_ms
     without_rtx_ms = 2.0 * network.jitter_ms + _MARGIN_MS
     with_rtx_ms = 1.2 * round_trip_ms + without_rtx_ms
-    rtx = with_rtx_ms <= _RTX_WORTH_MS
+    rtx = with_rtx_ms <= _RTX_WORTH_MS if wanted.rtx == "auto" else wanted.rtx == "on"
     return RepairRule(
         rtx=rtx,
         latency_ms=math.ceil(with_rtx_ms if rtx else without_rtx_ms),
         pli_interval_ms=max(round_trip_ms, pli_min_interval_ms),
+        pli=wanted.pli,
     )
 
 

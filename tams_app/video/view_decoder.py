@@ -64,6 +64,7 @@ class ViewDecoder:
         self._identity: FrameIdentity | None = None
         self._requests = KeyframeRequests(rule.pli_interval_ms)
         self._requests_lock = threading.Lock()
+        self._asks_for_keyframes = rule.pli
         self._start_request_is_idle = False
         self._shown = 0
 
@@ -124,7 +125,7 @@ class ViewDecoder:
         results = modules.Gst.PadProbeReturn
         if not modules.GstVideo.video_event_is_force_key_unit(probe.get_event()):
             return results.OK
-        if self._start_request_is_idle:
+        if self._start_request_is_idle or not self._asks_for_keyframes:
             self._start_request_is_idle = False
             return results.DROP
         with self._requests_lock:

@@ -25,7 +25,7 @@ from tams_app.policy.phases import PhaseParameters
 from tams_app.records import Phase
 from tests.calibration.phase_trials import PICK, PLACE, WHOLE, Leg, record, session, walk
 
-pytestmark = pytest.mark.timeout(900)  # searching takes its time on a busy machine
+pytestmark = pytest.mark.timeout(1800)  # searching takes its time on a busy machine
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 STAMP = "20261121T120000Z"
 AWAY = Leg(0.7, (0.35, -0.15, 0.22))

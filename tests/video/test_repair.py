@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.clock import NS_PER_MS
-from tams_app.config import Network
+from tams_app.config import Network, RepairConfig
 from tams_app.video.repair import KeyframeRequests, RepairRule, repair_rule
 
 
@@ -25,6 +25,20 @@ from tams_app.video.repair import KeyframeRequests, RepairRule, repair_rule
 )
 def test_the_paper_networks_get_their_rule(network: Network, rule: RepairRule) -> None:
     assert repair_rule(network, 300.0) == rule
+
+
+@pytest.mark.parametrize(
+    ("latency_ms", "wanted", "rule"),
+    [
+        (40, RepairConfig(rtx="off"), RepairRule(False, 36, 300.0)),
+        (80, RepairConfig(rtx="on"), RepairRule(True, 228, 300.0)),
+        (40, RepairConfig(pli=False), RepairRule(True, 132, 300.0, pli=False)),
+    ],
+)
+def test_repair_can_be_switched_whatever_the_rule_says(
+    latency_ms: float, wanted: RepairConfig, rule: RepairRule
+) -> None:
+    assert repair_rule(Network(latency_ms=latency_ms, jitter_ms=8), 300.0, wanted) == rule
 
 
 @given(st.floats(0, 500), st.floats(0, 100))

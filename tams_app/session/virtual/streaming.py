@@ -33,7 +33,7 @@ class VirtualStreaming:
         """Start the chains; SetupError if GStreamer lacks something. `watch` sees what is shown."""
         video, epoch_ns = config.video, clock.now_ns()
         network = resolve_network(config, config.network)
-        rule = repair_rule(network, video.pli_min_interval_ms)
+        rule = repair_rule(network, video.pli_min_interval_ms, video.repair)
         allocating = Allocating(config, network_capacity(network, epoch_ns), records)
         self._records = records
         self._watch = watch

@@ -157,6 +157,15 @@ def test_an_unrepaired_loss_brings_a_keyframe_and_a_whole_picture() -> None:
     assert any(index in whole for index in keyframes[1:])
 
 
+def test_no_report_enters_the_link_before_the_first_frame() -> None:
+    run = run_whole(NETWORKS["s2"], 3, ("eih", "gt"))
+    kinds = [packet.kind for packet in run.packets]
+    media = [packet for packet in run.packets if packet.kind is PacketKind.MEDIA]
+    of_first_frame = [packet for packet in media if packet.rtp_timestamp == 0]
+    assert {packet.view for packet in of_first_frame} == {"eih", "gt"}
+    assert kinds.index(PacketKind.RTCP) >= len(of_first_frame) > 2
+
+
 def test_sender_reports_cross_the_link_and_are_few() -> None:
     run = run_whole(CLEAN, 60)
     reports = [packet for packet in run.packets if packet.kind is PacketKind.RTCP]

@@ -1,0 +1,69 @@
+"""Trials in virtual time for the benchmarks: one process each, and what encoding cost in it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from tams_app.config import Config
+from tams_app.records import Frame
+from tams_app.session.virtual.trial import run_virtual_trial
+from tams_app.study.runner import SUMMARY_NAME, TrialSpec
+from tams_app.study.trial_process import Job
+from tams_app.video.lockstep.video import LockstepVideo
+
+ENCODING_NAME = "encoding.json"
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualRuns:
+    """Runs the configuration that belongs to a trial's id; a `TrialRunner`."""
+
+    configs: Mapping[str, Config]
+
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        cv2.setNumThreads(1)
+        costs = _time_encoding()
+        run_virtual_trial(self.configs[spec.trial_id], spec.seed, folder, time.time_ns())
+        text = json.dumps({"frames": len(costs), "cpu_ms_per_frame": float(np.median(costs))})
+        (folder / ENCODING_NAME).write_text(text + "\n", encoding="utf-8")
+
+    def job(self, trial_id: str, out: Path) -> Job:
+        """The trial `trial_id` with a new folder of its name in `out`."""
+        config, folder = self.configs[trial_id], out / trial_id
+        folder.mkdir()
+        names = (config.strategy, config.network)
+        return Job(TrialSpec(trial_id, "", *names, 1, False, config.seed, config.seed), folder)
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """summary.json of a trial that ran."""
+    content: dict[str, Any] = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
+    return content
+
+
+def read_encoding_ms(folder: Path) -> float:
+    """Processor time per frame [ms], median: colour conversion, x264, packetising, one thread."""
+    content = json.loads((folder / ENCODING_NAME).read_text(encoding="utf-8"))
+    return float(content["cpu_ms_per_frame"])
+
+
+def _time_encoding() -> list[float]:
+    """Note what each push into an encoder costs from now on: it returns once it has encoded."""
+    costs: list[float] = []
+    push: Callable[[LockstepVideo, Frame], None] = LockstepVideo.push
+
+    def timed(video: LockstepVideo, frame: Frame) -> None:
+        began_s = time.process_time()
+        push(video, frame)
+        costs.append((time.process_time() - began_s) * 1e3)
+
+    LockstepVideo.push = timed  # type: ignore[method-assign, assignment]
+    return costs
