@@ -37,6 +37,7 @@ class Calibration:
     changes: Mapping[str, Any]  # a part of the configuration, nested as there
     source: str  # what it was made from, in words
     quality: Mapping[str, float | int | str | list[Any] | dict[str, Any] | None]  # units in keys
+    simulated: bool = False  # a simulated person, rig or log of one had a part in it
 
 
 class CalibrationSet:
@@ -70,6 +71,7 @@ class CalibrationSet:
 
         `yes`: write without asking. Where nobody can be asked nothing is written.
         """
+        self._refuse_simulated(calibration)
         before = self.in_force(calibration.kind)
         desk.say(
             f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}"
@@ -95,6 +97,7 @@ class CalibrationSet:
         kind = calibration.kind
         if key := overstepping_key(calibration.changes, kind):
             raise ConfigError(f"{key}: is not for a {kind} calibration to set")
+        self._refuse_simulated(calibration)
         before = files_in_force(self.folder, read_yaml)
         made = self._now()
         content = {
@@ -117,6 +120,14 @@ class CalibrationSet:
             raise TamsError(f"{self.folder}: cannot be written: {error.strerror}") from error
         self._check(path, before)
         return path
+
+    def _refuse_simulated(self, calibration: Calibration) -> None:
+        """A real arm does not move by what a simulated hand did."""
+        if calibration.simulated and not load_config(self._config_path).rig.enabled:
+            raise ConfigError(
+                f"{self._config_path}: has real devices, and this was measured on the simulated "
+                "rig: nothing is written; use a configuration of the rig, or measure here"
+            )
 
     def _new_file(self, kind: str, made: datetime, text: str) -> Path:
         """A file that did not exist before, even if two are made within a second."""

@@ -304,9 +304,11 @@ class CommandSender:
         Told last: when the control loop stops the arm for it, what was sent is taken back already.
         """
         self._outbox.shut()
-        break_off(self._api)
-        if self._failure is _NO_FAILURE:
-            self._failure = (sentence, LinkFault.LOST)
+        try:
+            break_off(self._api)
+        finally:  # the loop hears of it however this ends
+            if self._failure is _NO_FAILURE:
+                self._failure = (sentence, LinkFault.LOST)
 
     def _on_death(self, name: str, failure: BaseException) -> None:
         self._death = f"The thread {name} ended ({failure}); please report this error."

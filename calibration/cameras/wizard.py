@@ -186,7 +186,7 @@ def _keep(
             each.intrinsics_file = intrinsics_step.file_name(each, made)
     changes = {"cameras": {each.view: camera_keys(bench, config, each) for each in found}}
     quality: dict[str, Any] = {each.view: each.quality() for each in found}
-    calibration = Calibration("cameras", changes, bench.source, quality)
+    calibration = Calibration("cameras", changes, bench.source, quality, options.sim)
     store = CalibrationSet.of(config_path, config)
     written = store.propose(desk, calibration, options.yes)
     if written is None:

@@ -12,7 +12,7 @@ from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.stroke import AXES, Stroke
 from tams_app.config import Config
 from tams_app.errors import LogError
-from tams_app.recording import read_ticks
+from tams_app.recording import read_log, read_ticks
 from tams_app.records import Tick
 from tams_app.session.recorders import LOG_NAME
 from tams_app.teleop.safety import ArmingState
@@ -22,10 +22,12 @@ MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke
 
 def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
     """The strokes in a session's log, +x, +y, +z over and over; LogError or RefusedError."""
-    path = folder / LOG_NAME if folder.is_dir() else folder
-    if not path.is_file():
-        raise LogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
-    return find_strokes(read_ticks(path), config)
+    return find_strokes(read_ticks(_log_of(folder)), config)
+
+
+def was_simulated(folder: Path) -> bool:
+    """Whether the session ran on the simulated rig, and so in its tracking frame."""
+    return bool(read_log(_log_of(folder)).header.config["rig"]["enabled"])
 
 
 def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
@@ -53,6 +55,13 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
             "of three: +x, +y, +z, in this order, once or more often.",
         )
     return [Stroke(n % len(AXES), held.positions) for n, held in enumerate(found)]
+
+
+def _log_of(folder: Path) -> Path:
+    path = folder / LOG_NAME if folder.is_dir() else folder
+    if not path.is_file():
+        raise LogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
+    return path
 
 
 def travel_m(held: Held) -> float:

@@ -89,7 +89,12 @@ def doubt(frame: FrameFit | TouchFit) -> str:
 
 
 def calibration(
-    config: Config, outcome: Outcome, hand: HandConfig, before: Path | None, source: str
+    config: Config,
+    outcome: Outcome,
+    hand: HandConfig,
+    before: Path | None,
+    source: str,
+    simulated: bool,
 ) -> Calibration:
     """What is written. A part that was not measured now stays as `before`, the file in force."""
     changes: dict[str, Any] = {}
@@ -103,7 +108,7 @@ def calibration(
     if buttons is not None and (buttons.wrong or config.controller.mapping):
         mapping = changes.setdefault("controller", {}).setdefault("mapping", {})
         mapping[buttons.controller_type] = dict(buttons.paths)
-    return Calibration(KIND, changes, source, _quality(config, outcome))
+    return Calibration(KIND, changes, source, _quality(config, outcome), simulated)
 
 
 def _section(changes: dict[str, Any], key: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from calibration.frame.picture import save_picture
 from calibration.frame.points import read_points
 from calibration.frame.prompts import SIX_WAYS, Move
 from calibration.frame.reasons import Reason, RefusedError
-from calibration.frame.recorded import strokes_of_log
+from calibration.frame.recorded import strokes_of_log, was_simulated
 from calibration.frame.result import Outcome
 from calibration.frame.sources import HandSource, LiveSetup, Setup, SimulatedSetup
 from calibration.frame.stroke import AXES, Stroke
@@ -84,7 +84,8 @@ def run_frame(desk: Desk, config_path: Path | None, options: Options) -> int:
             desk.say("Nothing is written.")
             return 1
         before = store.in_force(result.KIND)
-        found = result.calibration(config, outcome, hand, before, source)
+        simulated = options.sim or any(was_simulated(log) for log in options.logs)
+        found = result.calibration(config, outcome, hand, before, source, simulated)
         return 0 if store.propose(desk, found, options.yes) else 1
 
 

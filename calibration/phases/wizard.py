@@ -93,6 +93,7 @@ def run_phases(
             {"policy": {"phases": {name: getattr(found.thresholds, name) for name in SEARCHED}}},
             _source(options, trials),
             report.quality(found, unseen) | {"picture": picture},
+            simulated=options.sim,
         )
         somebody_decides = desk.attended
         path = kept.propose(desk, calibration, options.yes)

@@ -96,6 +96,7 @@ def calibration_of(
             "rule": _RULE,
             "clips": {name: _session_quality(cut) for name, cut in sessions.items()},
         },
+        simulated=assessment.simulated > 0,
     )
 
 

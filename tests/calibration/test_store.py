@@ -147,3 +147,17 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(store):
     store.folder.parent.write_text("in the way")
     with pytest.raises(TamsError, match="cannot be written"):
         store.write(frame())
+
+
+def test_what_was_simulated_is_never_put_in_force_for_real_devices(tmp_path):
+    path = tmp_path / "lab.yaml"
+    path.write_text("version: 1\ninclude: [lite6.yaml]\n")
+    store = CalibrationSet.of(path, load_config(path, {"rig.enabled": True}), lambda: NOON)
+    turned = Calibration("frame", frame().changes, "a simulated person", {}, simulated=True)
+    with pytest.raises(ConfigError, match="has real devices"):
+        store.propose(PlayedDesk(["y"]), turned, yes=True)
+    with pytest.raises(ConfigError, match="has real devices"):
+        store.write(turned)
+    assert not store.folder.exists()
+    store.write(frame())  # measured there
+    assert load_config(path).hand.rotation == TURNED

@@ -158,15 +158,42 @@ def test_nothing_is_written_unless_asked_for(rig):
     assert files(path) == []
 
 
-def test_a_recorded_session_gives_the_frame(rig, tmp_path):
+def recorded(tmp_path, on_the_rig):
+    """A session's folder with two rounds of strokes."""
     folder = tmp_path / "logs"
     folder.mkdir()
-    log = McapLog(folder / "session.mcap", header())
+    config = {"rig": {"enabled": on_the_rig}}
+    log = McapLog(folder / "session.mcap", replace(header(), config=config))
     for tick in session(*rounds(2, np.random.default_rng(0))):
         log.write(tick, tick.finished_ns)
     log.close()
+    return folder
+
+
+@pytest.mark.parametrize("on_the_rig", [True, False])
+def test_strokes_recorded_on_the_rig_never_turn_a_real_arms_frame(tmp_path, on_the_rig):
+    path = tmp_path / "lab.yaml"
+    path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
+    logs = (recorded(tmp_path, on_the_rig),)
+    if on_the_rig:
+        with pytest.raises(ConfigError, match="has real devices"):
+            calibrate(path, sim=False, logs=logs)
+    else:
+        assert calibrate(path, sim=False, logs=logs)[0] == 0
+    assert len(files(path)) == (0 if on_the_rig else 1)
+
+
+def test_a_simulated_person_never_turns_a_real_arms_frame(tmp_path):
+    path = tmp_path / "lab.yaml"
+    path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
+    with pytest.raises(ConfigError, match="has real devices"):
+        calibrate(path)
+    assert files(path) == []
+
+
+def test_a_recorded_session_gives_the_frame(rig, tmp_path):
     path = rig()
-    code, desk = calibrate(path, sim=False, logs=(folder,))
+    code, desk = calibrate(path, sim=False, logs=(recorded(tmp_path, on_the_rig=True),))
     assert code == 0
     assert turn_deg(np.array(load_config(path).hand.rotation), TRUTH) < 1.0
     assert any("cannot be tried out" in text for text in desk.said)
