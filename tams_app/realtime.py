@@ -8,10 +8,14 @@
 | link relay | FIFO 20 | its delays are what it is for |
 | all other threads of the application | round robin 1 | see below |
 | the rig's world | FIFO 5 | simulated time must keep up with the wall's |
-| renderer | round robin 1, else nice | else woken threads push it off its core |
+| renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
+| quality | idle | it takes what nobody else wants |
 
 The application's threads share the GIL: one that is pushed off its core while it holds the GIL
 holds up the control loop, whatever that one's priority. So none of them runs below real time.
+What can fill a core must not run above ordinary processes: where these starve, the kernel takes
+the cores from everything real-time for 50 ms of every second (sched_rt_runtime_us; since Linux 6.8
+the fair server), and whoever holds the GIL then stands still.
 """
 
 from __future__ import annotations
@@ -24,7 +28,9 @@ GUARD_PRIORITY = 60
 RELAY_PRIORITY = 20
 APPLICATION_PRIORITY = 1
 RIG_PRIORITY = 5
-RENDERER_PRIORITY = 1
+RENDERER_NICE = -10
+
+_LOWEST_NICE = 19
 
 NOT_ASKED_FOR = "other: not asked for"
 NOT_KNOWN = "other: this system has no real-time policies"
@@ -42,6 +48,23 @@ def use_fifo(priority: int, thread_id: int = 0) -> str:
 def use_round_robin(priority: int) -> str:
     """Put the calling thread, and all it will start, under SCHED_RR; see `use_fifo`."""
     return _use("SCHED_RR", "rr", priority, 0)
+
+
+def use_nice(wanted: int, otherwise: int) -> int:
+    """Give the calling process the niceness `wanted`, or where that is refused `otherwise`."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, wanted)
+    except PermissionError:
+        os.setpriority(os.PRIO_PROCESS, 0, otherwise)
+    return os.getpriority(os.PRIO_PROCESS, 0)
+
+
+def use_idle() -> None:
+    """Run the calling process only where a core is free; lowering oneself is always allowed."""
+    if hasattr(os, "SCHED_IDLE"):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+    else:
+        os.nice(_LOWEST_NICE)
 
 
 def copy_scheduling(from_thread_id: int, to_thread_ids: Iterable[int]) -> None:

@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -218,6 +219,15 @@ class Running:
         (found,) = (child for child in self.children if HELPERS[name] in child.cmdline())
         return found
 
+    def wait_for_ticks(self, wanted):
+        """How many ticks the log on disk holds, once they are `wanted`."""
+        (path,) = self.out.glob("*/session.mcap")
+        deadline = time.monotonic() + 60
+        while (logged := len(read_log(path).ticks)) < wanted:
+            assert time.monotonic() < deadline, f"only {logged} ticks on disk"
+            time.sleep(0.2)
+        return logged
+
     def end(self):
         """Exit code, words on stderr and the log, once everything has ended."""
         _, words = self.process.communicate(timeout=60)
@@ -278,9 +288,10 @@ def test_a_killed_helper_stops_the_arm_and_ends_the_session_with_a_sentence(runn
 
 
 def test_a_killed_session_leaves_a_readable_log_and_no_process(running):
+    logged = running.wait_for_ticks(100)
     running.process.kill()
     code, _, log = running.end()
     assert code == -signal.SIGKILL
     assert not list(Path("/dev/shm").glob(f"tams-{running.process.pid}-*"))
     assert log.truncated
-    assert len(log.ticks) > 100
+    assert len(log.ticks) >= logged

@@ -1,13 +1,12 @@
-"""The renderer of the simulated cameras, a helper process of low priority.
+"""The renderer of the simulated cameras, a helper process below everything real-time.
 
-Specification: memory_name, seed, views fps, nice, noise_sigma. Ready facts: memory_name.
+Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name.
 Each view has a fixed time grid, a third of a period apart from the next view's; an instant that
 passes before the renderer gets to it, up to the next, is left out: a gap in the index.
 """
 
 from __future__ import annotations
 
-import os
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +20,7 @@ from hw.sim.world_memory import WorldReader, WorldSnapshot
 from tams_app.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
 from tams_app.errors import TamsError
 from tams_app.process import HelperSide
-from tams_app.realtime import RENDERER_PRIORITY, use_round_robin
+from tams_app.realtime import RENDERER_NICE, use_nice
 
 _START_DELAY_NS = 50 * NS_PER_MS
 _STALE_NS = 200 * NS_PER_MS  # a world that has stopped has cameras that have stopped
@@ -36,6 +35,7 @@ class _Camera:
     grid: FrameGrid
     next_index: int
     skipped: int = 0
+    taken_ns: int = 0  # instant of the last picture
 
     @property
     def due_ns(self) -> int:
@@ -48,9 +48,17 @@ class _Camera:
             self.next_index += missed
             self.skipped += missed
 
+    def taken(self) -> None:
+        """Go on to the next instant."""
+        self.taken_ns = self.due_ns
+        self.next_index += 1
+
 
 class CameraSchedule:
-    """Which view is due next; the grids of `writer` are taken over after a restart."""
+    """Which view is due next; the grids of `writer` are taken over after a restart.
+
+    Where there is no time for all, the views take turns: none misses more pictures than another.
+    """
 
     def __init__(self, writer: FrameWriter, fps: int, now_ns: int) -> None:
         period_ns = NS_PER_S // fps
@@ -66,9 +74,15 @@ class CameraSchedule:
             self._cameras.append(_Camera(view, grid, next_index))
 
     def next(self, now_ns: int) -> _Camera:
-        """The camera whose instant comes first, instants long past left out."""
+        """Of the cameras that are due the one that waits longest, else the one due first.
+
+        Instants that a later one has followed are left out.
+        """
         for camera in self._cameras:
             camera.drop_missed(now_ns)
+        due = [camera for camera in self._cameras if camera.due_ns <= now_ns]
+        if due:
+            return min(due, key=lambda camera: (camera.taken_ns, camera.due_ns))
         return min(self._cameras, key=lambda camera: camera.due_ns)
 
 
@@ -91,7 +105,7 @@ def run(
             continue
         image = pictures.take(camera.view, camera.next_index, snapshot.state.qpos)
         writer.publish(camera.view, camera.next_index, snapshot.t_ns, image, camera.skipped)
-        camera.next_index += 1
+        camera.taken()
 
 
 def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> WorldSnapshot | None:
@@ -107,8 +121,7 @@ def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> W
 def main() -> None:
     side = HelperSide()
     specification: dict[str, Any] = side.specification
-    if use_round_robin(RENDERER_PRIORITY) != "rr":
-        os.nice(int(specification["nice"]))
+    use_nice(RENDERER_NICE, int(specification["nice"]))
     try:
         _serve(side, specification)
     except TamsError as error:

@@ -80,9 +80,10 @@ class PolicyConfig(Section):
 class QualityConfig(Section):
     """Whether a session compares the pictures shown with those captured while it runs (SSIM).
 
-    A process at the lowest priority (nice 19, up to half a core, 220 MB) that scores as many
-    pictures as it has time for; the application's threads pay .1 ms for each picture captured or
-    shown. Where that is too much, switch it off: the SSIM keys of summary.json are null then.
+    A process of idle priority (220 MB) that takes up to half a core where cores are idle, and
+    hardly anything where they are not; how many pictures it scores is reported. The application's
+    threads pay .1 ms for each picture captured or shown. Where that is too much, switch it off: the
+    SSIM keys of summary.json are null then.
     """
 
     enabled: bool = True

@@ -1,14 +1,13 @@
 """The helper process that compares shown pictures with captured ones, with the time left over.
 
 Specification: memory_name, views, width, height, results_port. It tells every captured frame's fate
-as one line of JSON over TCP (FrameQuality's fields); with scores where it had time, each view in
-turn, so that what is left out is spread evenly.
+as one line of JSON over TCP (FrameQuality's fields); with scores where there was time to spare
+(`spare_pace`), each view in turn, so that what is left out is spread evenly.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import socket
 import threading
 from collections import deque
@@ -17,15 +16,17 @@ from dataclasses import asdict
 from typing import Any
 
 import cv2
+import psutil
 
 from tams_app.clock import NS_PER_MS, Clock, MonotonicClock
 from tams_app.process import HelperSide
+from tams_app.realtime import use_idle
 from tams_app.records import FrameQuality
 from tams_app.shared_block import open_block
 from tams_app.video.picture_ring import CAPTURED, SHOWN, PictureReader, RingLayout
 from tams_app.video.quality import Fate, Scorer, ViewQuality, record_of
+from tams_app.video.spare_pace import SparePace
 
-LOWEST_PRIORITY = 19
 WAITING_FATES = 15  # per view: half a second; older ones go out without scores
 _POLL_S = 0.01
 _FINISH_NS = 700 * NS_PER_MS  # for what is left at the end
@@ -86,12 +87,17 @@ class ViewScores:
             self._report(record_of(self._waiting.popleft()))
 
 
-def run(views: list[ViewScores], clock: Clock, stop: threading.Event) -> None:
+def run(views: list[ViewScores], clock: Clock, pace: SparePace, stop: threading.Event) -> None:
     """Score until `stop` is set, then what is left for a moment."""
+    resting_until_ns = 0
     while not stop.is_set():
         for view in views:
             view.take_in()
-        if not _score_one_each(views):
+        began_ns = clock.now_ns()
+        if began_ns >= resting_until_ns and _score_one_each(views):
+            ended_ns = clock.now_ns()
+            resting_until_ns = ended_ns + pace.rest_ns(ended_ns - began_ns, ended_ns)
+        else:
             stop.wait(_POLL_S)
     end_ns = clock.now_ns()
     for view in views:
@@ -107,9 +113,14 @@ def _score_one_each(views: list[ViewScores]) -> bool:
     return any(scored)
 
 
+def idle_fraction() -> float:
+    """How much of all cores nobody has used since the last call."""
+    return 1 - psutil.cpu_percent() / 100
+
+
 def main() -> None:
     side = HelperSide()
-    os.nice(LOWEST_PRIORITY)
+    use_idle()
     cv2.setNumThreads(1)
     specification: dict[str, Any] = side.specification
     names = tuple(specification["views"])
@@ -134,7 +145,8 @@ def main() -> None:
         ]
         side.ready()
         try:
-            run(views, MonotonicClock(), side.stop_requested)
+            clock = MonotonicClock()
+            run(views, clock, SparePace(idle_fraction, clock.now_ns()), side.stop_requested)
         except ConnectionError as error:
             raise SystemExit("the session is gone") from error
         finally:

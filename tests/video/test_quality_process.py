@@ -11,7 +11,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import psutil
 import pytest
 
 from tams_app.clock import NS_PER_MS
@@ -19,7 +18,8 @@ from tams_app.errors import HelperError
 from tams_app.records import Frame, FrameQuality, Image, ShownFrame
 from tams_app.video.picture_ring import CAPTURED, SHOWN, PictureReader, PictureWriter, RingLayout
 from tams_app.video.quality_client import QualityClient
-from tams_app.video.quality_process import LOWEST_PRIORITY, WAITING_FATES, ViewScores, run
+from tams_app.video.quality_process import WAITING_FATES, ViewScores, run
+from tams_app.video.spare_pace import SparePace
 from tams_app.video.ssim import FrameMoments, luma_of, ssim
 
 WIDTH, HEIGHT = 96, 64
@@ -124,7 +124,7 @@ def test_at_the_end_time_is_limited_and_every_frame_is_told(bench: Bench) -> Non
         bench.frame(index)
     stop = threading.Event()
     stop.set()
-    run([bench.scores], HurryingClock(), stop)
+    run([bench.scores], HurryingClock(), SparePace(lambda: 1.0, 0), stop)
     assert sorted(one.index for one in bench.told) == list(range(12))
     assert 3 <= sum(one.received is not None for one in bench.told) <= 8
 
@@ -182,7 +182,7 @@ def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
         assert blocks() == set()  # nothing that a killed session could leave behind
         assert client.process is not None
         assert client.process.pid is not None
-        assert psutil.Process(client.process.pid).nice() == LOWEST_PRIORITY
+        assert os.sched_getscheduler(client.process.pid) == os.SCHED_IDLE
         for index in range(1, 11):
             push(client, index)
             assert told.wait(records=2 * index)

@@ -43,7 +43,7 @@ def test_views_take_turns_a_third_of_a_period_apart(writer: FrameWriter) -> None
         camera = schedule.next(now_ns)
         turns.append((camera.view, camera.next_index, camera.due_ns))
         now_ns = camera.due_ns
-        camera.next_index += 1
+        camera.taken()
     assert [turn[0] for turn in turns] == list(VIEWS) * 3
     assert [turn[1] for turn in turns] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
     for before, after in pairwise(turns):
@@ -57,6 +57,21 @@ def test_missed_instants_are_left_out_and_counted(writer: FrameWriter) -> None:
     latest = schedule.next(start_ns + 5 * PERIOD_NS + PERIOD_NS // 4)
     assert first.next_index == first.skipped == 5
     assert (latest.view, latest.next_index, latest.skipped) == ("gt", 4, 4)
+
+
+@pytest.mark.parametrize("work_periods", [0.4, 0.7, 1.0, 1.9])
+def test_where_time_is_short_no_view_misses_more_than_another(
+    writer: FrameWriter, work_periods: float
+) -> None:
+    schedule = CameraSchedule(writer, 30, now_ns=NS_PER_S)
+    taken = dict.fromkeys(VIEWS, 0)
+    now_ns = NS_PER_S
+    for _ in range(200):
+        camera = schedule.next(now_ns)
+        now_ns = max(now_ns, camera.due_ns) + round(work_periods * PERIOD_NS)
+        taken[camera.view] += 1
+        camera.taken()
+    assert max(taken.values()) - min(taken.values()) <= 2
 
 
 def test_restart_keeps_the_time_grid_and_leaves_a_gap(writer: FrameWriter) -> None:
