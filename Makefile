@@ -18,7 +18,8 @@ ifdef ARGS
 else
 	$(PY) -m pytest --ignore=tests/teleop -m untimed -n logical --dist loadfile
 	$(PY) -m pytest --ignore=tests/teleop -m "not untimed"
-	$(PY) -m coverage run --branch --source=tams_app/teleop -m pytest tests/teleop
+	$(PY) -m coverage run -m pytest tests/teleop -n logical
+	$(PY) -m coverage combine --quiet
 	$(PY) -m coverage report --skip-covered --fail-under=100
 endif
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -51,9 +52,11 @@ class Pair:
         return max(missed) <= AT_MOST_MISSED and late is not None and late <= AT_MOST_LATE
 
 
-def measure_seed(folder: Path, seed: int, network: str, strategy: str) -> Pair:
-    """Record a hand on the scene of `seed`, replay it live and in virtual time; TamsError."""
-    given = {"seed": seed, "network": network, "strategy": strategy, "headless": True}
+def measure_seed(folder: Path, given: Mapping[str, Any]) -> Pair:
+    """Record a hand on the scene of a configuration, replay it live and in virtual time; TamsError.
+
+    `given`: what the configuration is besides the default one, `seed` among it.
+    """
     hand = folder / "hand.mcap"
     config = load_config(None, given)
     record_hand(config, hand, LIVE)
@@ -70,7 +73,7 @@ def measure_seed(folder: Path, seed: int, network: str, strategy: str) -> Pair:
     _run_virtual(config, folder)
     paths = [next((folder / "live").glob(f"*/{LOG_NAME}")), folder / "virtual" / LOG_NAME]
     replays = read_replays(paths, span.squeeze_ns, span.end_ns)
-    return _pair(seed, replays[0], replays[1], live, read_summary(folder / "virtual"))
+    return _pair(config.seed, replays[0], replays[1], live, read_summary(folder / "virtual"))
 
 
 def _run_live(config: Config, folder: Path) -> Run:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, StrEnum
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+
+if TYPE_CHECKING:  # half a second, in every helper process
+    from scipy.spatial.transform import Rotation
 
 Vector: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from .untimed import TESTS, TIMED_AMONG_THEM, UNTIMED, is_untimed, keeps_time
+from .untimed import PATIENT, TESTS, TIMED_AMONG_THEM, UNTIMED, is_untimed, keeps_time
 
 
-@pytest.mark.parametrize("pattern", [*UNTIMED, *TIMED_AMONG_THEM])
+@pytest.mark.parametrize("pattern", [*UNTIMED, *TIMED_AMONG_THEM, *PATIENT])
 def test_every_pattern_names_a_test(pattern: str) -> None:
     assert any(TESTS.glob(pattern))
 
@@ -33,5 +33,6 @@ def test_virtual_time_is_none_of_the_machines() -> None:
 
 def test_a_module_is_timed_until_it_is_named() -> None:
     assert is_untimed(TESTS / "policy" / "test_phases.py")
+    assert is_untimed(TESTS / "study" / "test_cli.py"), "it waits for what it started"
     assert not is_untimed(TESTS / "test_end_to_end.py")
     assert not is_untimed(TESTS / "hw" / "sim" / "test_controller_server.py"), "it has sockets"

@@ -4,7 +4,8 @@ A test is untimed if it only computes: nothing that the machine does at its own 
 process, a socket, a thread, a real clock) has a say in its outcome. `make test` runs these side by
 side, as many as there are cores, and all others one after another. A module is untimed if a pattern
 names it and nothing in its text speaks of such a thing; what it uses under another name is for the
-one who adds the pattern to look at.
+one who adds the pattern to look at. So are the patient ones, which start processes or read a clock
+but wait for what they want as long as it takes.
 """
 
 from __future__ import annotations
@@ -44,6 +45,15 @@ TIMED_AMONG_THEM = (
     "hw/sim/test_published_world.py",  # a rig process
     "study/test_dask_pool.py",  # worker processes
 )
+PATIENT = (
+    "calibration/test_cameras_latency.py",
+    "calibration/test_cameras_wizard.py",
+    "session/virtual/*",
+    "study/test_cli.py",
+    "study/test_unattended.py",
+    "video/lockstep/test_against_rtpsession.py",  # under a stepped clock
+    "video/lockstep/test_video.py",
+)
 _THE_MACHINES_OWN = re.compile(
     r"^\s*(?:import|from) (?:socket|subprocess|threading|multiprocessing)\b"
     r"|\btime\.(?:sleep|monotonic|perf_counter)"
@@ -60,6 +70,8 @@ def is_untimed(module: Path) -> bool:
     name = str(module.relative_to(TESTS))
     if any(fnmatch(name, pattern) for pattern in TIMED_AMONG_THEM):
         return False
+    if any(fnmatch(name, pattern) for pattern in PATIENT):
+        return True
     named = any(fnmatch(name, pattern) for pattern in UNTIMED)
     return named and not keeps_time(module.read_text(encoding="utf-8"))
 

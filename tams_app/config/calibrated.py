@@ -70,6 +70,14 @@ def overstepping_key(changes: Mapping[str, Any], kind: str) -> str:
     return ""
 
 
+def sets(changes: Mapping[str, Any], key: str) -> bool:
+    """Whether `changes` hold the dotted `key`, a part of it, or what it is a part of."""
+    return any(
+        set_key == key or set_key.startswith(key + ".") or key.startswith(set_key + ".")
+        for set_key in _dotted(changes, "")
+    )
+
+
 def _dotted(part: Mapping[str, Any], prefix: str) -> Iterator[str]:
     for name, value in part.items():
         key = f"{prefix}{name}"

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from tams_app.config.calibrated import files_in_force, read_changes, set_folder
+from tams_app.config.calibrated import files_in_force, read_changes, set_folder, sets
 from tams_app.config.whole import Config
 from tams_app.errors import ConfigError
 
@@ -49,8 +49,7 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     """
     path = path or DEFAULT_CONFIG
     content = _read_with_includes(path, ())
-    if not content.get("calibrated_by"):
-        _lay_calibration_over(content, path)
+    calibrated = {} if content.get("calibrated_by") else _lay_calibration_over(content, path)
     overrides = overrides or {}
     for dotted, value in overrides.items():
         _override(content, dotted, value, path)
@@ -59,6 +58,9 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     except ValidationError as error:
         key = _key(error)
         source = "command line" if key in overrides else str(path)
+        over = [file.name for file, changes in calibrated.items() if key and sets(changes, key)]
+        if over and key not in overrides:
+            source += f" with {over[0]} laid over it"
         raise ConfigError(f"{source}: {describe_validation_error(error)}") from error
 
 
@@ -79,14 +81,17 @@ def _key(error: ValidationError) -> str:
     return ".".join(str(part) for part in where if part != "[key]")  # pydantic's, for a wrong key
 
 
-def _lay_calibration_over(content: dict[str, Any], path: Path) -> None:
+def _lay_calibration_over(content: dict[str, Any], path: Path) -> dict[Path, dict[str, Any]]:
+    """What each file in force has set."""
     name = content.get("calibration")
     if not isinstance(name, str):
-        return  # none, or not a name, which the model tells
+        return {}  # none, or not a name, which the model tells
     files = files_in_force(set_folder(path, name), read_yaml)
-    for kind, file in sorted(files.items()):
-        _lay_over(content, read_changes(file, kind, read_yaml))
-    content["calibrated_by"] = [file.name for _, file in sorted(files.items())]
+    calibrated = {file: read_changes(file, kind, read_yaml) for kind, file in sorted(files.items())}
+    for changes in calibrated.values():
+        _lay_over(content, changes)
+    content["calibrated_by"] = [file.name for file in calibrated]
+    return calibrated
 
 
 def _override(content: dict[str, Any], dotted: str, value: Any, path: Path) -> None:

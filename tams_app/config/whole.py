@@ -72,6 +72,7 @@ class TrialConfig(Section):
 class StudyConfig(Section):
     """What a study compares: every strategy on every network (paper, section IV)."""
 
+    title: str = "TAMS study"  # of the plan and the report
     strategies: Annotated[tuple[str, ...], Field(min_length=1)] = ("equal", "static", "tams")
     networks: Annotated[tuple[str, ...], Field(min_length=1)] = ("s1", "s2", "s3")
     reference: str = "equal"  # what the others are compared with

@@ -12,7 +12,6 @@ from tams_app.console.table import summary_tables
 from tams_app.errors import LogError
 from tams_app.recording import SessionLog, read_log
 from tams_app.session.recorders import LOG_NAME
-from tams_app.study.figures import save_bitrates
 from tams_app.summary.file import save_summary
 
 FIGURE_NAME = "bitrates.png"
@@ -34,6 +33,8 @@ def report_session(folder: Path, console: Console | None = None) -> None:
 
 def write_summary(folder: Path) -> tuple[SessionLog, dict[str, Any]]:
     """Compute summary.json and bitrates.png from the log in `folder`, and show nothing."""
+    from tams_app.study.figures import save_bitrates  # matplotlib: no session starts with it
+
     log = read_log(folder / LOG_NAME)
     summary = save_summary(log, folder)
     try:

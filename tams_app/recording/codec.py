@@ -75,7 +75,7 @@ def _finite(tree: Any) -> Any:
 
 
 def _hints(record_type: type) -> list[tuple[str, Any]]:
-    hints = typing.get_type_hints(record_type)
+    hints = typing.get_type_hints(record_type, localns={"Rotation": Rotation})
     return [(field.name, hints[field.name]) for field in dataclasses.fields(record_type)]
 
 

@@ -43,7 +43,7 @@ def make_plan(config: Config, participants: int) -> Plan:
         for trial in _trials_of(config, cells, number, person.id)
     )
     return Plan(
-        name=config.name,
+        name=study.title,
         seed=config.seed,
         simulated=config.rig.enabled,
         strategies=study.strategies,

@@ -46,7 +46,7 @@ def build_document(
     """
     whose = "simulated operator" if data.plan.simulated else "people on hardware"
     return Document(
-        f"TAMS study {data.plan.name}: {whose}",
+        f"{data.plan.name}: {whose}",
         f"{len(data.results)} of {sum(not one.practice for one in data.plan.trials)} planned "
         "trials. Every sentence and figure is made from the study's data by `study report`.",
         (
