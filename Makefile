@@ -8,7 +8,7 @@ PY := .venv/bin/python
 run: $(READY)
 	$(PY) run_tams.py $(ARGS)
 
-# What computes runs side by side; what keeps time has the machine to itself (tests/untimed.py).
+# What computes runs side by side; what keeps time has the machine to itself (tests/pace.py).
 test: $(READY)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
@@ -17,7 +17,8 @@ ifdef ARGS
 	$(PY) -m pytest $(ARGS)
 else
 	$(PY) -m pytest --ignore=tests/teleop -m untimed -n logical --dist loadfile
-	$(PY) -m pytest --ignore=tests/teleop -m "not untimed"
+	$(PY) -m pytest --ignore=tests/teleop -m waiting -n 2 --dist loadfile
+	$(PY) -m pytest --ignore=tests/teleop -m timed
 	$(PY) -m coverage run -m pytest tests/teleop -n logical
 	$(PY) -m coverage combine --quiet
 	$(PY) -m coverage report --skip-covered --fail-under=100

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from .untimed import is_untimed
+from .pace import Pace, pace_of
 
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
@@ -16,17 +16,16 @@ settings.register_profile("steady", derandomize=True, database=None, deadline=No
 
 
 def pytest_ignore_collect(collection_path, config):
-    """What `-m untimed` leaves out need not be imported, nor what `-m "not untimed"` does."""
-    if not collection_path.name.startswith("test_"):
+    """What another heap's tests are in need not be imported."""
+    wanted = config.option.markexpr
+    if wanted not in list(Pace) or not collection_path.name.startswith("test_"):
         return None
-    unwanted = {"untimed": False, "not untimed": True}.get(config.option.markexpr)
-    return True if unwanted is is_untimed(collection_path) else None
+    return True if pace_of(collection_path) != wanted else None
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if is_untimed(item.path):
-            item.add_marker(pytest.mark.untimed)
+        item.add_marker(pace_of(item.path).value)
 
 
 @pytest.fixture(autouse=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from .untimed import PATIENT, TESTS, TIMED_AMONG_THEM, UNTIMED, is_untimed, keeps_time
+from .pace import PATIENT, TESTS, TIMED_AMONG_THEM, UNTIMED, WAITING, Pace, keeps_time, pace_of
 
 
-@pytest.mark.parametrize("pattern", [*UNTIMED, *TIMED_AMONG_THEM, *PATIENT])
+@pytest.mark.parametrize("pattern", [*UNTIMED, *TIMED_AMONG_THEM, *PATIENT, *WAITING])
 def test_every_pattern_names_a_test(pattern: str) -> None:
     assert any(TESTS.glob(pattern))
 
@@ -31,8 +31,17 @@ def test_virtual_time_is_none_of_the_machines() -> None:
     assert not keeps_time("from tams_app.clock import VirtualClock\nsocketed = sleeping = 1\n")
 
 
-def test_a_module_is_timed_until_it_is_named() -> None:
-    assert is_untimed(TESTS / "policy" / "test_phases.py")
-    assert is_untimed(TESTS / "study" / "test_cli.py"), "it waits for what it started"
-    assert not is_untimed(TESTS / "test_end_to_end.py")
-    assert not is_untimed(TESTS / "hw" / "sim" / "test_controller_server.py"), "it has sockets"
+@pytest.mark.parametrize(
+    ("name", "pace"),
+    [
+        ("policy/test_phases.py", Pace.UNTIMED),
+        ("study/test_cli.py", Pace.UNTIMED),  # it waits for what it started
+        ("hw/test_openvr_tracking.py", Pace.UNTIMED),
+        ("hw/sim/test_controller_server.py", Pace.WAITING),  # it has sockets
+        ("contract/test_arm.py", Pace.WAITING),
+        ("hw/sim/test_published_world.py", Pace.TIMED),
+        ("test_end_to_end.py", Pace.TIMED),
+    ],
+)
+def test_a_module_is_timed_until_it_is_named(name: str, pace: Pace) -> None:
+    assert pace_of(TESTS / name) is pace
