@@ -17,7 +17,7 @@ ifdef ARGS
 	$(PY) -m pytest $(ARGS)
 else
 	$(PY) -m pytest --ignore=tests/teleop -m untimed -n logical --dist loadfile
-	$(PY) -m pytest --ignore=tests/teleop -m waiting -n 2 --dist loadfile
+	$(PY) -m pytest --ignore=tests/teleop -m waiting -n 3 --dist loadfile
 	$(PY) -m pytest --ignore=tests/teleop -m timed
 	$(PY) -m coverage run -m pytest tests/teleop -n logical
 	$(PY) -m coverage combine --quiet

@@ -19,10 +19,10 @@ from calibration.frame.fit import fit_strokes
 from calibration.frame.reasons import RefusedError
 from calibration.frame.result import rows
 from calibration.frame.rotation import Matrix, turn_deg
+from calibration.frame.rounds import fit_moves
 from calibration.frame.sources import SimulatedSetup
 from calibration.frame.stroke import Stroke
 from calibration.frame.touches import Touch, fit_touches
-from calibration.frame.wizard import fit_moves
 from tams_app.config import load_config
 
 Errors = tuple[float, float]  # of the rotation, and what the fit says it may be [deg]

@@ -22,7 +22,7 @@ FromOption = Annotated[
     list[Path] | None,
     typer.Option("--from", metavar="LOG", help="A recorded session folder; may be repeated."),
 ]
-SeedOption = Annotated[int, typer.Option(help="Of what is simulated.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Of what is simulated.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Write the result without asking.")]
 
 

@@ -8,6 +8,7 @@ from typing import Protocol, Self
 
 from rich.console import Console, RenderableType
 from rich.live import Live
+from rich.text import Text
 
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.conversation import Conversation
@@ -55,19 +56,26 @@ class TerminalDesk:
 
     @property
     def attended(self) -> bool:
-        return sys.stdin.isatty() and self._console.is_terminal
+        # a process may be started without any standard input
+        return sys.stdin is not None and sys.stdin.isatty() and self._console.is_terminal
 
     def say(self, text: str) -> None:
-        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+        # as Text nothing in it is markup, while the live area below it still may have some
+        self._console.print(Text(text), soft_wrap=True)
 
     def show(self, picture: RenderableType) -> None:
         if not self._console.is_terminal:
             return  # a file would get every state of it
         if self._live is None:
-            self._live = Live(
+            live = Live(
                 console=self._console, auto_refresh=False, redirect_stdout=False, transient=True
             )
-            self._live.start()
+            try:
+                live.start()
+            except BaseException:  # Ctrl-C: what has only half begun cannot be stopped
+                self._console.show_cursor(True)
+                raise
+            self._live = live
         self._live.update(picture, refresh=True)
 
     def pressed(self) -> bool:
@@ -83,16 +91,18 @@ class TerminalDesk:
                 "--help for how to run it unattended"
             )
         try:
-            return self._console.input(question, markup=False)
+            return self._console.input(Text(question))
         except EOFError as error:
             raise ConfigError("the terminal was closed before the question was answered") from error
 
     def _rest(self) -> None:
         """Take the live area away and let the terminal read whole lines."""
-        if self._live is not None:
-            self._live.stop()
-            self._live = None
-        self._keys.close()
+        live, self._live = self._live, None
+        try:
+            if live is not None:
+                live.stop()
+        finally:
+            self._keys.close()
 
     def __enter__(self) -> Self:
         return self

@@ -54,8 +54,16 @@ class CalibrationSet:
     def of(
         config_path: Path | None, config: Config, now: Callable[[], datetime] = utc_now
     ) -> CalibrationSet:
-        """The set that `config`, read from `config_path`, names; ConfigError if it names none."""
+        """The set that `config`, read from `config_path`, names; ConfigError if it names none.
+
+        ConfigError also for a session's own configuration, which no calibration is laid over.
+        """
         path = config_path or DEFAULT_CONFIG
+        if read_yaml(path).get("calibrated_by"):
+            raise ConfigError(
+                f"{path}: is what a session ran with and stays so: give the configuration file "
+                "that the session was started with"
+            )
         if config.calibration is None:
             raise ConfigError(
                 f"{path}: names no calibration: add `calibration: my-lab` (any name) at its top"
@@ -66,12 +74,38 @@ class CalibrationSet:
         """The file of a kind that counts now; None if nothing of that kind was calibrated."""
         return files_in_force(self.folder, read_yaml).get(kind)
 
-    def propose(self, desk: Desk, calibration: Calibration, yes: bool) -> Path | None:
+    def check_before(self, desk: Desk, yes: bool, simulated: bool) -> None:
+        """Before anything is measured: whether the result may and can be written.
+
+        ConfigError for what is `simulated` where there are real devices; TamsError if the folder
+        could not be written and, by `propose`, would be.
+        """
+        self._refuse_simulated(simulated)
+        if not yes and not desk.attended:
+            return
+        there = self.folder
+        while not os.path.lexists(there):
+            there = there.parent
+        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+            raise TamsError(
+                f"{self.folder}: cannot be written: nothing that is measured could be kept; put "
+                "the configuration where you may write"
+            )
+
+    def propose(
+        self,
+        desk: Desk,
+        calibration: Calibration,
+        yes: bool,
+        write_beside: Callable[[], None] | None = None,
+    ) -> Path | None:
         """Show what would be written, ask, and write it; the file, None if nothing was written.
 
-        `yes`: write without asking. Where nobody can be asked nothing is written.
+        `yes`: write without asking. Where nobody can be asked nothing is written. An answer that
+        is never given, for Ctrl-C or a closed terminal, loses nothing: the file is kept, but not
+        in force. `write_beside` writes the files that the calibration names, before it counts.
         """
-        self._refuse_simulated(calibration)
+        self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
         desk.say(
             f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}"
@@ -82,51 +116,76 @@ class CalibrationSet:
         if not yes and not desk.attended:
             desk.say("Nothing is written, for nobody is here to be asked; --yes writes it.")
             return None
-        if not yes and not desk.conversation.yes("Write it?"):
+        try:
+            wanted = yes or desk.conversation.yes("Write it?")
+        except (KeyboardInterrupt, TamsError):
+            path = self._keep(calibration, write_beside)
+            desk.say(
+                f"\nKept, but not in force: {path}\n"
+                f"To use it, write `{calibration.kind}: {path.name}` into {IN_FORCE} beside it."
+            )
+            raise
+        if not wanted:
             desk.say("Nothing is written.")
             return None
-        path = self.write(calibration)
+        path = self.write(calibration, write_beside)
         desk.say(f"Written: {path}\nEvery command with --config {self._config_path} uses it now.")
         return path
 
-    def write(self, calibration: Calibration) -> Path:
+    def write(
+        self, calibration: Calibration, write_beside: Callable[[], None] | None = None
+    ) -> Path:
         """Write it and let it count from now on; what counted before stays beside it.
 
         ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
         """
+        path = self._keep(calibration, write_beside)
+        before = files_in_force(self.folder, read_yaml)
+        try:
+            self._replace_index(
+                {kind: file.name for kind, file in before.items()} | {calibration.kind: path.name}
+            )
+        except OSError as error:
+            raise self._unwritable(error) from error
+        self._check(path, before)
+        return path
+
+    def _keep(self, calibration: Calibration, write_beside: Callable[[], None] | None) -> Path:
+        """Write it; what counted before still counts."""
         kind = calibration.kind
         if key := overstepping_key(calibration.changes, kind):
             raise ConfigError(f"{key}: is not for a {kind} calibration to set")
-        self._refuse_simulated(calibration)
-        before = files_in_force(self.folder, read_yaml)
-        made = self._now()
+        self._refuse_simulated(calibration.simulated)
+        replaced, made = self.in_force(kind), self._now()
         content = {
             "calibration": {
                 "kind": kind,
                 "made": made.isoformat(timespec="seconds"),
                 "tams": __version__,
                 "source": calibration.source,
+                "simulated": calibration.simulated,
                 "quality": dict(calibration.quality),
-                "replaces": before[kind].name if kind in before else None,
+                "replaces": replaced.name if replaced else None,
             },
             "config": dict(calibration.changes),
         }
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            path = self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
-            names = {name: file.name for name, file in before.items()} | {kind: path.name}
-            self._replace_index(names)
+            if write_beside is not None:
+                write_beside()
+            return self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
         except OSError as error:
-            raise TamsError(f"{self.folder}: cannot be written: {error.strerror}") from error
-        self._check(path, before)
-        return path
+            raise self._unwritable(error) from error
 
-    def _refuse_simulated(self, calibration: Calibration) -> None:
+    def _unwritable(self, error: OSError) -> TamsError:
+        return TamsError(f"{self.folder}: cannot be written: {error.strerror}")
+
+    def _refuse_simulated(self, simulated: bool) -> None:
         """A real arm does not move by what a simulated hand did."""
-        if calibration.simulated and not load_config(self._config_path).rig.enabled:
+        if simulated and not load_config(self._config_path).rig.enabled:
             raise ConfigError(
-                f"{self._config_path}: has real devices, and this was measured on the simulated "
-                "rig: nothing is written; use a configuration of the rig, or measure here"
+                f"{self._config_path}: has real devices, and what the simulated rig tells is never "
+                "written for those: use a configuration of the rig, or measure here"
             )
 
     def _new_file(self, kind: str, made: datetime, text: str) -> Path:
@@ -135,16 +194,23 @@ class CalibrationSet:
         for number in range(1, 1000):
             path = self.folder / (f"{stem}.yaml" if number == 1 else f"{stem}-{number}.yaml")
             try:
-                with path.open("x", encoding="utf-8") as file:
-                    file.write(text)
+                file = path.open("x", encoding="utf-8")
             except FileExistsError:
                 continue
+            try:
+                with file:
+                    file.write(text)
+            except BaseException:  # half a file is none
+                path.unlink(missing_ok=True)
+                raise
             return path
         raise TamsError(f"{self.folder}: holds a thousand calibrations of this second")
 
     def _replace_index(self, names: Mapping[str, str]) -> None:
         temporary = self.folder / f".{IN_FORCE}.new"
-        temporary.write_text(_INDEX_HEADER + _dump(dict(sorted(names.items()))), encoding="utf-8")
+        # a line for each: people edit them
+        lines = yaml.safe_dump(dict(names), default_flow_style=False)
+        temporary.write_text(_INDEX_HEADER + lines, encoding="utf-8")
         os.replace(temporary, self.folder / IN_FORCE)
 
     def _check(self, path: Path, before: Mapping[str, Path]) -> None:

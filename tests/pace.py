@@ -5,7 +5,7 @@
 | heap | what is in it | how it runs |
 |---|---|---|
 | untimed | computes, or waits for what it wants as long as it takes | as many at a time as cores |
-| waiting | a real socket, device or thread, most of the time asleep | two at a time |
+| waiting | a real socket, device or thread, most of the time asleep | three at a time |
 | timed | all others: whole sessions, pictures at their rate | one after another |
 
 A module is untimed if a pattern names it and nothing in its text speaks of what keeps time; what it

@@ -49,7 +49,7 @@ def read_screens(desk: Desk, bench: Bench, views: Sequence[Findings]) -> None:
         desk.say(f"The pattern counts on the screen ({screen.method}).")
         for found in views:
             _read_screen(desk, bench, found, screen)
-    _offsets_by_screen(views, screen)
+    _offsets_by_screen(desk, views, screen)
 
 
 def measure_offsets_by_light(desk: Desk, bench: Bench, views: Sequence[Findings]) -> None:
@@ -125,7 +125,7 @@ def _stream(desk: Desk, bench: Bench, found: Findings, config: Config, clock: Cl
         desk.say(f"{view}: light to shown {found.in_all.median_ms:.1f} ms in all.")
 
 
-def _offsets_by_screen(views: Sequence[Findings], screen: ScreenTimes) -> None:
+def _offsets_by_screen(desk: Desk, views: Sequence[Findings], screen: ScreenTimes) -> None:
     samples = {
         found.camera: found.to_capture.samples_ms.tolist()
         for found in views
@@ -136,4 +136,9 @@ def _offsets_by_screen(views: Sequence[Findings], screen: ScreenTimes) -> None:
         return
     offsets = offsets_from_latencies(samples, reference, screen.period_ns / NS_PER_MS)
     for found in views:
-        found.offset = offsets.get(found.camera)
+        offset = found.offset = offsets.get(found.camera)
+        if offset is not None:
+            desk.say(
+                f"{found.view.upper()} timestamps it {offset.ms:+.1f} ± {offset.error_ms:.1f} ms "
+                f"after {views[0].view.upper()}."
+            )

@@ -22,10 +22,17 @@ _BINS_MS = 2.0
 _MOST_BINS = 80
 
 
-def draw_findings(found: Sequence[Findings], path: Path) -> None:
-    """Write a PNG or a JPEG; ConfigError if the path says neither or cannot be written."""
+def check_drawable(path: Path) -> None:
+    """ConfigError if no picture can be drawn there."""
     if path.suffix.lower() not in _SUFFIXES:
         raise ConfigError(f"{path}: a picture is drawn to {' or '.join(_SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise ConfigError(f"{path}: there is no folder {path.parent}")
+
+
+def draw_findings(found: Sequence[Findings], path: Path) -> None:
+    """Write a PNG or a JPEG; ConfigError if the path says neither or cannot be written."""
+    check_drawable(path)
     timed = [each for each in found if each.to_capture or each.to_shown]
     figure = Figure(figsize=(9.6, 6.2 if timed else 3.6), layout="constrained")
     FigureCanvasAgg(figure)

@@ -18,6 +18,12 @@ _STARTING_NS = 5 * NS_PER_S
 _LOOK_NS = 20 * NS_PER_MS
 
 
+def check_display() -> None:
+    """SetupError if there is no screen to show the pattern on."""
+    if not os.environ.get("DISPLAY"):
+        raise SetupError("there is no display to show the pattern on; run it where a screen is")
+
+
 @contextmanager
 def shown_pattern(clock: Clock, rate_hz: int, module_px: int) -> Iterator[ScreenTimes]:
     """Count on the screen `rate_hz` times a second; SetupError if there is no display.
@@ -27,8 +33,7 @@ def shown_pattern(clock: Clock, rate_hz: int, module_px: int) -> Iterator[Screen
     (compositor, half a refresh in the mean, the panel: some 10 to 50 ms) no program can see: it
     is part of what is measured.
     """
-    if not os.environ.get("DISPLAY"):
-        raise SetupError("there is no display to show the pattern on; run it where a screen is")
+    check_display()
     gst.require_elements(_ELEMENTS)
     Gst = gst.load().Gst
     pattern = TimePattern(module_px)

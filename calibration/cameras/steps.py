@@ -9,7 +9,7 @@ LATENCY, CLOCKS, INTRINSICS = "latency", "clocks", "intrinsics"
 ALWAYS = (WHICH, FOCUS, EXPOSURE, RATE)
 OFFERED = {
     LATENCY: "Measure the latency, with a screen that the cameras can be pointed at?",
-    CLOCKS: "Compare the cameras' clocks by a light that you switch?",
+    CLOCKS: "Compare the cameras' clocks by a light? Have its switch at hand, it begins at once.",
     INTRINSICS: "Measure the lenses, with a printed board?",
 }
 

@@ -6,13 +6,15 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 
 from rich.table import Table
+from rich.text import Text
 
-from calibration.cameras.asking import agreed
+from calibration.cameras.asking import agreed, until_done
 from calibration.cameras.bench import Bench, Task
 from calibration.cameras.motion import Attribution, MotionMeter, attribute
 from calibration.desk import Desk
 from tams_app.errors import DeviceError
 
+_STEP_BACK_S = 8.0
 _REST_S = 2.0
 _WINDOW_S = 1.5
 _STEP_S = 0.5
@@ -41,8 +43,12 @@ def bind_views(desk: Desk, bench: Bench, views: Sequence[str]) -> dict[str, str]
 
 
 def _at_rest(desk: Desk, bench: Bench) -> dict[str, MotionMeter]:
-    desk.say(f"Step out of all pictures and let everything rest for {_REST_S:g} s.")
     bench.prompt(Task.REST, "")
+    if bench.attended:
+        desk.say(f"Step out of all pictures within {_STEP_BACK_S:g} s; Enter if you are out.")
+        for _ in until_done(desk, bench, bench.cameras, _STEP_BACK_S):
+            pass  # what moves now is not at rest yet
+    desk.say(f"Keep out and let everything rest for {_REST_S:g} s.")
     meters = {camera: MotionMeter() for camera in bench.cameras}
     for shot in bench.shots(bench.cameras, _REST_S):
         meters[shot.camera].rest(shot.frame.image)
@@ -84,5 +90,7 @@ def _bars(shares: Mapping[str, float], taken: Mapping[str, str]) -> Table:
     table = Table(box=None, show_header=False)
     for name, share in shares.items():
         bar = "█" * min(_BAR, round(share * 3 * _BAR))
-        table.add_row(name, taken.get(name, "").upper(), f"{bar:<{_BAR}}", f"{share:.0%} moves")
+        view = taken.get(name, "").upper()
+        # the camera's own name may look like markup
+        table.add_row(Text(name), view, f"{bar:<{_BAR}}", f"{share:.0%} moves")
     return table

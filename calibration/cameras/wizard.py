@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from calibration.cameras import intrinsics_step, latency_step, picture_step
 from calibration.cameras.asking import agreed
@@ -14,7 +13,9 @@ from calibration.cameras.bench import Bench
 from calibration.cameras.board import Board, print_board
 from calibration.cameras.findings import Findings
 from calibration.cameras.from_log import findings_of_log
-from calibration.cameras.picture import draw_findings
+from calibration.cameras.keeping import keep
+from calibration.cameras.picture import check_drawable, draw_findings
+from calibration.cameras.screen import check_display
 from calibration.cameras.steps import (
     CLOCKS,
     EXPOSURE,
@@ -28,10 +29,10 @@ from calibration.cameras.steps import (
 )
 from calibration.cameras.which_step import bind_views
 from calibration.desk import Desk
-from calibration.store import Calibration, CalibrationSet
+from calibration.store import CalibrationSet
 from tams_app.clock import Clock, MonotonicClock
 from tams_app.config import Config, load_config
-from tams_app.errors import ConfigError, SetupError
+from tams_app.errors import ConfigError, SetupError, TamsError
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +60,13 @@ def run_cameras(
 
     `make_bench`: another source of cameras than the options name.
     """
-    board = Board(square_mm=options.square_mm)
     steps = chosen_steps(options.only)
+    _check(options)
+    board = Board(square_mm=options.square_mm)
     if options.board is not None:
         print_board(board, options.board)
         desk.say(f"Written: {options.board}. Print it at 100 % and measure its line of 100 mm.")
         return 0
-    if options.logs and options.sim:
-        raise ConfigError("--from and --sim exclude each other: take one")
     with desk:
         if options.logs:
             for folder in options.logs:
@@ -74,6 +74,8 @@ def run_cameras(
             return 0
         config = load_config(config_path)
         check_source(config, options)
+        store = CalibrationSet.of(config_path, config)
+        store.check_before(desk, options.yes, options.sim)
         clock = MonotonicClock()
         bench = (make_bench or _bench)(config, options, clock, board)
         try:
@@ -81,14 +83,34 @@ def run_cameras(
                 raise ConfigError(
                     "nobody is at the terminal: start it from one, or give --sim or --from LOG"
                 )
-            found = _measure(desk, bench, config, clock, steps, options, board)
+            if not bench.attended:
+                desk.say("A simulated person does what is asked for here.")
+            found = _bind(desk, bench, config, steps)
+            try:
+                _measure(desk, bench, config, clock, steps, options, board, found)
+            except (KeyboardInterrupt, TamsError) as early:
+                if not (bench.attended and desk.attended):
+                    raise
+                desk.say(f"\nEnded early: {str(early) or 'Ctrl-C'}\nWhat was found until then:")
+                keep(desk, bench, config, store, found, board, yes=False)
+                raise
             _draw(desk, found, options)
-            if options.sim and not config.rig.enabled:
-                desk.say("Nothing is written: the rig's cameras are not this laboratory's.")
-                return 0
-            return _keep(desk, bench, config, config_path, found, options, board)
+            return keep(desk, bench, config, store, found, board, options.yes)
         finally:
             bench.close()
+
+
+def _check(options: Options) -> None:
+    """ConfigError for what makes no sense, or could only fail once everything is measured."""
+    if options.logs and options.sim:
+        raise ConfigError("--from and --sim exclude each other: take one")
+    if not math.isfinite(options.square_mm):
+        raise ConfigError("--square-mm must be a length")
+    if options.picture is None:
+        return
+    if len(options.logs) > 1:
+        raise ConfigError("--picture is of one log: the next one's would be drawn over it")
+    check_drawable(options.picture)
 
 
 def check_source(config: Config, options: Options) -> None:
@@ -107,7 +129,15 @@ def _bench(config: Config, options: Options, clock: Clock, board: Board) -> Benc
         return SimulatedBench(config, options.seed, clock, board)
     from calibration.cameras.live_bench import LiveBench
 
+    if LATENCY in chosen_steps(options.only):
+        check_display()
     return LiveBench(config.video, clock, options.pattern_hz)
+
+
+def _bind(desk: Desk, bench: Bench, config: Config, steps: Sequence[str]) -> list[Findings]:
+    views = config.video.views
+    cameras = bind_views(desk, bench, views) if WHICH in steps else _bound(bench, config)
+    return [Findings(view, cameras[view]) for view in views]
 
 
 def _measure(
@@ -118,10 +148,8 @@ def _measure(
     steps: Sequence[str],
     options: Options,
     board: Board,
-) -> list[Findings]:
-    views = config.video.views
-    cameras = bind_views(desk, bench, views) if WHICH in steps else _bound(bench, config)
-    found = [Findings(view, cameras[view]) for view in views]
+    found: list[Findings],
+) -> None:
     looking = [step for step in (FOCUS, EXPOSURE, RATE) if step in steps]
     for each in found:
         if FOCUS in steps:
@@ -147,7 +175,6 @@ def _measure(
     if wanted(INTRINSICS):
         for each in found:
             intrinsics_step.measure_intrinsics(desk, bench, each, board)
-    return found
 
 
 def _bound(bench: Bench, config: Config) -> dict[str, str]:
@@ -168,47 +195,3 @@ def _draw(desk: Desk, found: Sequence[Findings], options: Options) -> None:
     if options.picture is not None:
         draw_findings(found, options.picture)
         desk.say(f"Drawn: {options.picture}")
-
-
-def _keep(
-    desk: Desk,
-    bench: Bench,
-    config: Config,
-    config_path: Path | None,
-    found: Sequence[Findings],
-    options: Options,
-    board: Board,
-) -> int:
-    """Propose the calibration, and the lenses beside it."""
-    made = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    for each in found:
-        if each.intrinsics is not None:
-            each.intrinsics_file = intrinsics_step.file_name(each, made)
-    changes = {"cameras": {each.view: camera_keys(bench, config, each) for each in found}}
-    quality: dict[str, Any] = {each.view: each.quality() for each in found}
-    calibration = Calibration("cameras", changes, bench.source, quality, options.sim)
-    store = CalibrationSet.of(config_path, config)
-    written = store.propose(desk, calibration, options.yes)
-    if written is None:
-        return 0 if desk.attended else 1
-    for each in found:
-        if each.intrinsics is not None:
-            intrinsics_step.write_intrinsics(each, board, store.folder, made)
-    return 0
-
-
-def camera_keys(bench: Bench, config: Config, found: Findings) -> dict[str, Any]:
-    """All keys of a view's camera that this kind of calibration knows.
-
-    All of them each time: the new file replaces the old one. What was not measured now stays as
-    the configuration has it.
-    """
-    before = config.cameras.get(found.view)
-    keys: dict[str, Any] = dict(bench.binding(found.camera))
-    if found.settings is not None:
-        keys["exposure_us"] = found.settings.exposure_us
-        keys["white_balance_k"] = found.settings.white_balance_k
-    elif before is not None:
-        keys["exposure_us"] = before.exposure_us
-        keys["white_balance_k"] = before.white_balance_k
-    return keys

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 from calibration.desk import Desk
@@ -21,6 +22,7 @@ from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Vector
 
 ATTEMPTS = 5  # of one stroke, touch or button
+TRIES = 3  # of one direction: people take left for right
 SHOW_EVERY = 12  # samples: ten times a second
 
 Result = TypeVar("Result")
@@ -28,12 +30,12 @@ Show = Callable[[Held | None, ControllerSample], None]
 
 
 def ask_buttons(desk: Desk, source: ButtonSource, config: Config) -> ButtonFinding:
-    """Every part pressed once; begun anew when a component comes twice."""
+    """Every part pressed once; begun anew when a component comes for two of them."""
     for attempt in range(ATTEMPTS):
         try:
             return _press_all(desk, source, config)
         except RefusedError as error:
-            if attempt == ATTEMPTS - 1 or error.reason is Reason.NO_BUTTON:
+            if attempt == ATTEMPTS - 1 or error.reason is not Reason.WRONG_BUTTON:
                 raise
             desk.say(f"{error} All the buttons once more.")
     raise AssertionError("the last attempt returns or raises")
@@ -78,33 +80,58 @@ def try_six_ways(
     """Whether each direction lit up when it was asked for; those that Enter skipped are missing."""
     right: dict[Move, bool] = {}
     for way in SIX_WAYS:
-        desk.say(f"Hold the trigger and move along {way.name} ({shown.meaning(way)}).")
-        capture, compass = Capture(config), Compass(config, hand)
-        source.ask(way)
-        count, done = 0, None
-        while done is None or travel_m(done) < MIN_TRAVEL_M:
-            now_ns, sample = source.next()
-            done = capture.take(sample, now_ns)
-            compass.update(sample, now_ns, held=capture.so_far is not None)
-            count += 1
-            if count % SHOW_EVERY == 0:
-                desk.show(shown.compass_table(way, compass.lit, right))
-                if desk.pressed():
-                    break
-        else:
-            lit = compass.mostly()
-            right[way] = lit == way
-            if lit != way:
-                desk.say(f"{lit.name if lit else 'Nothing'} lit up when {way.name} was asked for.")
+        desk.say(f"Hold the trigger, move along {way.name} ({shown.meaning(way)}), let go.")
+        for left in reversed(range(TRIES)):
+            wrong = _try_way(desk, source, config, hand, way, right)
+            if wrong is None:
+                right.pop(way, None)
+                break
+            right[way] = not wrong
+            if not wrong:
+                break
+            desk.say(wrong + (" Once more." if left else ""))
     desk.say(shown.as_text(shown.compass_table(None, None, right)))
     return right
+
+
+def _try_way(
+    desk: Desk,
+    source: HandSource,
+    config: Config,
+    hand: HandConfig,
+    way: Move,
+    right: Mapping[Move, bool],
+) -> str | None:
+    """What was wrong with one try of a direction, "" for nothing; None if Enter skipped it."""
+    capture, compass = Capture(config), Compass(config, hand)
+    source.ask(way)
+    count, done = 0, None
+    while done is None or travel_m(done) < MIN_TRAVEL_M:
+        now_ns, sample = source.next()
+        try:
+            done = capture.take(sample, now_ns)
+        except RefusedError as error:
+            if error.reason is Reason.FRAME_CHANGED:
+                raise
+            return str(error)
+        compass.update(sample, now_ns, held=capture.so_far is not None)
+        count += 1
+        if count % SHOW_EVERY == 0:
+            desk.show(shown.compass_table(way, compass.lit, right))
+            if desk.pressed():
+                return None
+    lit = compass.mostly()
+    if lit is None:
+        return f"Nothing lit up when {way.name} was asked for: move faster, and straight."
+    return "" if lit == way else f"{lit.name} lit up when {way.name} was asked for."
 
 
 def _press_all(desk: Desk, source: ButtonSource, config: Config) -> ButtonFinding:
     found: dict[str, str] = {}
     kind = ""
-    for role in ROLES:
-        desk.say(f"Press and let go {shown.PARTS[role]}.")
+
+    def once(role: str) -> str:
+        nonlocal kind
         source.ask(Press(role))
         watch = PressWatch(role, {path: taken for taken, path in found.items()})
         path, count = None, 0
@@ -115,7 +142,11 @@ def _press_all(desk: Desk, source: ButtonSource, config: Config) -> ButtonFindin
             count += 1
             if count % SHOW_EVERY == 0:
                 desk.show(shown.button_table(reading, role, found))
-        found[role] = path
+        return path
+
+    for role in ROLES:
+        desk.say(f"Press and let go {shown.PARTS[role]}.")
+        found[role] = _repeated(desk, partial(once, role))
     hand = config.controller.hand
     mapped = configured_role_map(kind, hand, config.controller)
     return settle(kind, hand, found, {role: mapped[role].path for role in ROLES})
@@ -154,7 +185,7 @@ def _repeated(desk: Desk, once: Callable[[], Result]) -> Result:
         try:
             return once()
         except RefusedError as error:
-            if left == 0 or error.reason is Reason.FRAME_CHANGED:
+            if left == 0 or error.reason in (Reason.FRAME_CHANGED, Reason.WRONG_BUTTON):
                 raise
             desk.say(str(error))
     raise AssertionError("the last attempt returns or raises")

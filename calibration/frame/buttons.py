@@ -81,7 +81,10 @@ class PressWatch:
             why = f"{', '.join(stuck)} was not let go"
         else:
             why = "nothing arrived: wake the controller, and press firmly"
-        return RefusedError(Reason.NO_BUTTON, f"Waiting for the {self._role}: {why}.")
+        return RefusedError(
+            Reason.NO_BUTTON,
+            f"Waiting for the {self._role}: {why} (--no-buttons leaves the mapping as it is).",
+        )
 
 
 def settle(

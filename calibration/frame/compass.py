@@ -12,7 +12,7 @@ from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample
 from tams_app.teleop.motion import HandMotion
 
-MIN_SPEED_M_S = 0.04  # of the arm: slower, no direction is lit
+MIN_SPEED_M_S = 0.04  # of the hand: slower, no direction is lit
 MAX_OFF_AXIS_DEG = 30.0
 
 
@@ -22,6 +22,7 @@ class Compass:
     def __init__(self, config: Config, hand: HandConfig) -> None:
         """`hand`: the mapping to be tried."""
         self._motion = HandMotion(hand, config.freshness.pose_frozen_ms * 1e6)
+        self._scale = hand.translation_scale
         self._last_ns: int | None = None
         self.lit: Move | None = None
         self._seen: Counter[Move] = Counter()
@@ -34,7 +35,7 @@ class Compass:
         interval_s = (now_ns - self._last_ns) / 1e9
         self._last_ns = now_ns
         twist = self._motion.update(sample, now_ns, interval_s)
-        self.lit = direction_of(twist.linear)
+        self.lit = direction_of(twist.linear / self._scale)
         if held and self.lit is not None:
             self._seen[self.lit] += 1
         return self.lit

@@ -63,7 +63,11 @@ def fit_strokes(strokes: Sequence[Stroke], present: Matrix | None = None) -> Fra
         if count == 0:
             raise RefusedError(Reason.MISSING, f"There is no +{name} stroke: make one.")
         if count > _MOST_PER_AXIS:
-            raise ValueError(f"at most {_MOST_PER_AXIS} strokes for each axis")
+            raise RefusedError(
+                Reason.TOO_MANY,
+                f"There are {count} +{name} strokes, and {_MOST_PER_AXIS} along each axis are the "
+                "most: give fewer recordings.",
+            )
     for line in lines:
         check_line(line)
     measured = np.array([line.direction for line in lines])

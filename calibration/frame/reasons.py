@@ -18,6 +18,7 @@ class Reason(StrEnum):
     TRACKING = "tracking lost"
     FRAME_CHANGED = "tracking frame changed"
     MISSING = "missing"
+    TOO_MANY = "too many"
     NOT_INDEPENDENT = "not independent"
     MIRRORED = "mirrored"
     SKEWED = "skewed"

@@ -19,7 +19,7 @@ from calibration.frame.rotation import Matrix, turn_deg
 from calibration.frame.touches import TouchFit
 from calibration.store import Calibration
 from tams_app.config import Config, HandConfig, MappingConfig
-from tams_app.config.calibrated import read_changes
+from tams_app.config.calibrated import read_calibrated
 from tams_app.config.reader import read_yaml
 
 KIND = "frame"
@@ -99,7 +99,7 @@ def calibration(
     """What is written. A part that was not measured now stays as `before`, the file in force."""
     changes: dict[str, Any] = {}
     if before is not None:
-        changes = deepcopy(read_changes(before, KIND, read_yaml))
+        changes = deepcopy(read_calibrated(before, KIND, read_yaml).changes)
     new_hand: dict[str, Any] = {"rotation": [list(row) for row in hand.rotation]}
     if hand.translation_scale != config.hand.translation_scale:
         new_hand["translation_scale"] = hand.translation_scale

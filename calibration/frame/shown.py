@@ -33,9 +33,9 @@ _WIDTH = 100
 PARTS = {
     "trigger": "the trigger (deadman and clutch)",
     "grip": "the grip (translation or orientation)",
-    "a": "A (closes the gripper)",
-    "b": "B (opens the gripper)",
-    "menu": "the menu (confirms, stops)",
+    "a": "A (closes the gripper; X on a left Focus 3, the pad's near edge on a wand)",
+    "b": "B (opens the gripper; Y on a left Focus 3, the pad's far edge on a wand)",
+    "menu": "the menu (confirms, stops; on a Focus 3 or an Index press the stick)",
 }
 
 

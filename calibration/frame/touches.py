@@ -75,16 +75,19 @@ def fit_touches(touches: Sequence[Touch]) -> TouchFit:
     A touch that the frame of the others misses by more than 10 mm, and by more than chance explains
     (see `_outlier`), is left out, the worst first, as long as four remain.
     """
-    _check(touches)
+    check_points([touch.robot for touch in touches])
+    _check_hand(touches)
     hand = np.array([touch.hand for touch in touches])
     robot = np.array([touch.robot for touch in touches])
+    _refuse_mirrored(hand, robot)  # before touches that make it one are taken for wrong ones
     kept = list(range(len(touches)))
     left_out: list[int] = []
     while (worst := _outlier(hand[kept], robot[kept])) is not None:
         if len(kept) == MIN_TOUCHES:
             raise RefusedError(
                 Reason.CONTRADICTORY,
-                f"Touch {kept[worst] + 1} does not fit the others: touch that point again.",
+                f"Touch {kept[worst] + 1} does not fit the others: "
+                "touch them again, that one with care.",
             )
         left_out.append(kept.pop(worst))
     hand_kept, robot_kept = hand[kept], robot[kept]
@@ -93,12 +96,7 @@ def fit_touches(touches: Sequence[Touch]) -> TouchFit:
     if extents[1] < MIN_SPREAD_M:
         raise _too_flat(extents[1])
     error = frame(hand_kept) - robot_kept
-    if _is_mirrored(hand_kept, robot_kept, error):
-        raise RefusedError(
-            Reason.MIRRORED,
-            "The touches make a mirrored frame: two points were taken for one another, or an axis "
-            "of the list has the wrong sign; check the list and touch them all again.",
-        )
+    _refuse_mirrored(hand_kept, robot_kept)
     if not SCALES[0] <= frame.scale <= SCALES[1]:
         raise RefusedError(
             Reason.IMPOSSIBLE_SCALE,
@@ -117,15 +115,19 @@ def fit_touches(touches: Sequence[Touch]) -> TouchFit:
     )
 
 
-def _check(touches: Sequence[Touch]) -> None:
-    if len(touches) < MIN_TOUCHES:
+def check_points(points: Sequence[Vector]) -> None:
+    """RefusedError if touching the robot's points [m] cannot give a frame."""
+    if len(points) < MIN_TOUCHES:
         raise RefusedError(
             Reason.MISSING,
-            f"{len(touches)} points are too few: touch at least {MIN_TOUCHES}.",
+            f"{len(points)} points are too few: touch at least {MIN_TOUCHES}.",
         )
-    extents = _extents(np.array([touch.robot for touch in touches]))
+    extents = _extents(np.array(points))
     if extents[1] < MIN_SPREAD_M:
         raise _too_flat(extents[1])
+
+
+def _check_hand(touches: Sequence[Touch]) -> None:
     mean = Rotation.concatenate([touch.hand_rotation for touch in touches]).mean()
     for number, touch in enumerate(touches, start=1):
         turn = math.degrees((mean.inv() * touch.hand_rotation).magnitude())
@@ -185,9 +187,12 @@ def _bound_rad(error: Matrix, robot: Matrix) -> float:
     return bound_rad(information, float((error**2).sum()) / freedom, freedom)
 
 
-def _is_mirrored(hand: Matrix, robot: Matrix, error: Matrix) -> bool:
-    """Whether a mirrored hand would fit clearly better."""
-    mirror = np.array([1.0, 1.0, -1.0])
-    mirrored = umeyama(hand * mirror, robot)(hand * mirror) - robot
-    spread = float((mirrored**2).sum())
-    return 4 * spread < float((error**2).sum()) and float((error**2).sum()) > OUTLIER_M**2
+def _refuse_mirrored(hand: Matrix, robot: Matrix) -> None:
+    """RefusedError if a mirrored hand fits well, and clearly better."""
+    found, mirrored = _squares(hand, robot), _squares(hand * [1.0, 1.0, -1.0], robot)
+    if mirrored < len(hand) * OUTLIER_M**2 and found > max(4 * mirrored, OUTLIER_M**2):
+        raise RefusedError(
+            Reason.MIRRORED,
+            "The touches make a mirrored frame: two points were taken for one another, or an axis "
+            "of the list has the wrong sign; check the list and touch them all again.",
+        )

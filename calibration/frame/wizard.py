@@ -10,37 +10,38 @@ import numpy as np
 
 from calibration.desk import Desk
 from calibration.frame import result, shown
-from calibration.frame.asking import (
-    ask_buttons,
-    ask_stroke,
-    ask_touches,
-    try_six_ways,
-    wait_for_a_steady_frame,
-)
+from calibration.frame.asking import ask_buttons, try_six_ways
 from calibration.frame.buttons import ButtonFinding
-from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
+from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.picture import save_picture
 from calibration.frame.points import read_points
 from calibration.frame.prompts import SIX_WAYS, Move
 from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.recorded import strokes_of_log, was_simulated
 from calibration.frame.result import Outcome
+from calibration.frame.rounds import fit_moves, fit_touched
 from calibration.frame.sources import HandSource, LiveSetup, Setup, SimulatedSetup
-from calibration.frame.stroke import AXES, Stroke
-from calibration.frame.touches import TouchFit, fit_touches
+from calibration.frame.touches import TouchFit, check_points
 from calibration.store import CalibrationSet
 from tams_app.clock import MonotonicClock
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
 
-MOST_ROUNDS = 4
-_BEGINNINGS = 3  # of all the strokes, when they make no frame together
 _INTRODUCTION = """\
-How does the controller's tracking frame stand to the robot? You will press each button once, then
-move the controller along the robot's axes, at least 200 mm each time, along something straight
-where you can: x points away from the robot's base, y to the robot's left, z up. The arm is not
-connected and does not move. Ctrl-C ends this at any time, and nothing is written."""
+How does the controller's tracking frame stand to the robot? The robot's x points away from its
+base, y to its left, z up. Take the {hand} controller.
+{tasks}
+At last you try all six directions. The arm is not connected and does not move.
+Ctrl-C ends this at any time, and nothing is changed."""
+_BUTTONS = "You will press each button once.\n"
+_STROKES = """\
+You will move it along the robot's axes, at least 200 mm each time, along something straight where
+you can."""
+_TOUCHES = """\
+You will touch the points of your list with the same part of the controller, always held the same
+way."""
+_SIMULATED = "A simulated person does all this now."
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +60,13 @@ class Options:
 
 
 def run_frame(desk: Desk, config_path: Path | None, options: Options) -> int:
-    """Calibrate; 0 if a file was written, 1 if not. TamsError says what to do instead."""
-    if options.logs and (options.sim or options.touch):
-        raise ConfigError("--from goes neither with --sim nor with --touch")
+    """Calibrate; 0 if it was written or a person did not want it, else 1; or TamsError."""
+    _check(options)
     config = load_config(config_path, {"rig.enabled": True} if options.sim else None)
     store = CalibrationSet.of(config_path, config)
-    points = read_points(options.touch) if options.touch else []
+    points = _points(options.touch) if options.touch else []
+    simulated = options.sim or any(was_simulated(log) for log in options.logs)
+    store.check_before(desk, options.yes, simulated)
     with desk:
         if options.logs:
             outcome = Outcome(_fit_logs(config, options.logs), None, None, None)
@@ -80,13 +82,34 @@ def run_frame(desk: Desk, config_path: Path | None, options: Options) -> int:
         if options.picture is not None:
             save_picture(outcome.frame, options.picture)
         doubt = result.doubt(outcome.frame)
+        somebody_decides = desk.attended
         if doubt and not _is_kept(desk, doubt):
             desk.say("Nothing is written.")
-            return 1
+            return 0
         before = store.in_force(result.KIND)
-        simulated = options.sim or any(was_simulated(log) for log in options.logs)
         found = result.calibration(config, outcome, hand, before, source, simulated)
-        return 0 if store.propose(desk, found, options.yes) else 1
+        return 0 if store.propose(desk, found, options.yes) or somebody_decides else 1
+
+
+def _check(options: Options) -> None:
+    """ConfigError for what makes no sense, or could only fail once everything is measured."""
+    if options.logs and (options.sim or options.touch):
+        raise ConfigError("--from goes neither with --sim nor with --touch")
+    if options.keep_scale and not options.touch:
+        raise ConfigError("--keep-scale goes with --touch: strokes do not measure the scale")
+    if options.picture is not None and options.picture.suffix.lower() != ".png":
+        raise ConfigError(f"--picture {options.picture}: is drawn to .png")
+    if options.picture is not None and not options.picture.parent.is_dir():
+        raise ConfigError(f"--picture: there is no folder {options.picture.parent}")
+
+
+def _points(path: Path) -> list[Vector]:
+    points = read_points(path)
+    try:
+        check_points(points)
+    except RefusedError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    return points
 
 
 def _setup(desk: Desk, config: Config, options: Options) -> Setup:
@@ -96,19 +119,26 @@ def _setup(desk: Desk, config: Config, options: Options) -> Setup:
         raise ConfigError(
             "this configuration has the simulated rig: add --sim, or give --config with hardware"
         )
+    if not desk.attended:
+        raise ConfigError(
+            "nobody is at the terminal: start it from one, or give --sim or --from LOG"
+        )
     return LiveSetup(config, MonotonicClock(), lambda _level, text: desk.say(text))
 
 
 def _measure(
     desk: Desk, setup: Setup, config: Config, points: Sequence[Vector], options: Options
 ) -> Outcome:
-    desk.say(_INTRODUCTION)
+    tasks = (_BUTTONS if options.buttons else "") + (_TOUCHES if points else _STROKES)
+    desk.say(_INTRODUCTION.format(hand=config.controller.hand, tasks=tasks))
+    if options.sim:
+        desk.say(_SIMULATED)
     buttons = _buttons(desk, setup, config) if options.buttons else None
     config = result.mapped(config, buttons)
     with setup.hand(config.controller) as source:
         frame: FrameFit | TouchFit
         if points:
-            frame = fit_touches(ask_touches(desk, source, config, points))
+            frame = fit_touched(desk, source, config, points)
         else:
             frame = fit_moves(desk, source, config, options.rounds)
         _tell(desk, config, frame)
@@ -122,34 +152,6 @@ def _buttons(desk: Desk, setup: Setup, config: Config) -> ButtonFinding:
         finding = ask_buttons(desk, source, config)
     desk.say(shown.as_text(shown.finding_table(finding)))
     return finding
-
-
-def fit_moves(desk: Desk, source: HandSource, config: Config, rounds: int) -> FrameFit:
-    """Rounds of three strokes, more while that helps; all anew when they make no frame."""
-    for beginning in range(_BEGINNINGS):
-        try:
-            return _fit_rounds(desk, source, config, rounds)
-        except RefusedError as error:
-            if beginning == _BEGINNINGS - 1:
-                raise
-            desk.say(f"{error}\nFrom the beginning, then.")
-            wait_for_a_steady_frame(source)
-    raise AssertionError("the last beginning returns or raises")
-
-
-def _fit_rounds(desk: Desk, source: HandSource, config: Config, rounds: int) -> FrameFit:
-    present = np.array(config.hand.rotation)
-    strokes: list[Stroke] = []
-    for number in range(1, max(rounds, MOST_ROUNDS) + 1):
-        desk.say(f"Round {number}.")
-        strokes += [ask_stroke(desk, source, config, axis) for axis in range(len(AXES))]
-        if number < rounds:
-            continue
-        fit = fit_strokes(strokes, present)
-        if fit.error_bound_deg <= GOOD_DEG or number >= MOST_ROUNDS:
-            return fit
-        desk.say(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")
-    raise AssertionError("the last round returns or raises")
 
 
 def _fit_logs(config: Config, logs: Sequence[Path]) -> FrameFit:
@@ -168,8 +170,8 @@ def _try(
 ) -> Mapping[Move, bool]:
     """Refused unless each direction that was tried lit up."""
     desk.say(
-        "Now try it: no arm is connected, the table shows where it would go. "
-        "Enter skips a direction."
+        "Now try it: no arm is connected, the table shows where it would go. Move some 200 mm each "
+        "time; Enter skips a direction."
     )
     hand = result.hand_with(config.hand, frame, options.keep_scale)
     lit = try_six_ways(desk, source, config, hand)
@@ -179,7 +181,8 @@ def _try(
         wrong = ", ".join(way.name for way, is_right in lit.items() if not is_right)
         raise RefusedError(
             Reason.WRONG_WAY,
-            f"Another direction lit up for {wrong}: if you moved as asked, calibrate again.",
+            f"Another direction lit up for {wrong}, or none: if you moved as asked, the frame is "
+            "wrong; calibrate again.",
         )
     return lit
 

@@ -71,7 +71,10 @@ class ClipWriter:
 
 
 def play(path: Path) -> None:
-    """Show a clip once in a window; SetupError if there is no display. Closing it ends it."""
+    """Show a clip once in a window, which may be closed before its end.
+
+    SetupError if there is no display or the file cannot be played.
+    """
     require_display()
     gst.require_elements(_PLAYING)
     Gst = gst.load().Gst
@@ -83,7 +86,15 @@ def play(path: Path) -> None:
     try:
         gst.set_playing(pipeline, f"showing {path.name}")
         # in short waits, so that Ctrl-C is heard between them
-        while pipeline.get_bus().timed_pop_filtered(_POLL_NS, wanted) is None:
+        while (message := pipeline.get_bus().timed_pop_filtered(_POLL_NS, wanted)) is None:
             pass
+        if message.type == Gst.MessageType.ERROR:
+            error, _ = message.parse_error()
+            # what every sink says of a window that was closed; a file that is gone is told before
+            if not error.matches(Gst.ResourceError.quark(), Gst.ResourceError.NOT_FOUND):
+                raise SetupError(
+                    f"{path}: cannot be shown: {error.message}; if the file is broken, delete it "
+                    "and name its session with --from again"
+                )
     finally:
         gst.shut_down(pipeline)

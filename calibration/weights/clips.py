@@ -35,6 +35,7 @@ class CutSession(BaseModel):
     recorded: str  # UTC
     picture: str  # what the clips show, in words
     constrained: bool  # not at full quality, as the paper's were
+    rig: bool = False  # recorded on the simulated rig
     context_s: float  # shown before and after each phase
     too_short: int  # segments left out
     not_longest: int  # segments left out
@@ -72,16 +73,30 @@ class ClipFolder:
         except ValidationError as error:
             raise ConfigError(f"{index}: {describe_validation_error(error)}") from error
 
+    def there(self) -> dict[str, CutSession]:
+        """The same, without the clips that were not finished or are gone."""
+        return {
+            name: session.model_copy(
+                update={
+                    "clips": {
+                        phase: times
+                        for phase, times in session.clips.items()
+                        if self.file(phase, name).is_file()
+                    }
+                }
+            )
+            for name, session in self.sessions().items()
+        }
+
     def clips(self) -> list[Clip]:
         """Every clip that is there, by phase and session."""
         found = [
             Clip(self.file(phase, name), phase, name, times.seconds)
-            for name, session in self.sessions().items()
+            for name, session in self.there().items()
             for phase, times in session.clips.items()
         ]
         order = list(Phase)
-        there = [clip for clip in found if clip.path.is_file()]
-        return sorted(there, key=lambda clip: (order.index(clip.phase), clip.session))
+        return sorted(found, key=lambda clip: (order.index(clip.phase), clip.session))
 
     def file(self, phase: Phase, session: str) -> Path:
         """Where the clip of a phase of a session is, or will be."""

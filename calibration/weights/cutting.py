@@ -94,6 +94,7 @@ def _entry(session: RecordedSession, selection: Selection, context_s: float) -> 
         recorded=datetime.fromtimestamp(recorded_s, UTC).isoformat(timespec="milliseconds"),
         picture=session.picture,
         constrained=session.is_constrained,
+        rig=session.is_of_rig,
         context_s=context_s,
         too_short=selection.too_short,
         not_longest=selection.not_longest,

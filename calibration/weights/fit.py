@@ -113,9 +113,11 @@ def _dominant(ballot: _Ballot, present: Mapping[str, float]) -> tuple[str, list[
     needed = [view for view in leaders if ballot.necessity[view] == highest]
     if len(needed) == 1:
         return needed[0], [f"{tie}; {needed[0]} is the more necessary and taken"]
-    chosen = max(needed, key=lambda view: present.get(view, 0.0))  # of equals the first
-    return chosen, [
-        f"{tie} and are equally necessary; {chosen} is taken as before: ask more raters"
+    led = max(present.get(view, 0.0) for view in needed)
+    before = [view for view in needed if present.get(view, 0.0) == led]
+    why = "for its present share" if len(before) == 1 else "for it is named first"
+    return before[0], [
+        f"{tie} and are equally necessary; {before[0]} is taken {why}: ask more raters"
     ]
 
 

@@ -47,6 +47,7 @@ def save_picture(
         frameon=False,
     )
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=_DPI, metadata={"Software": None})
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror}") from error

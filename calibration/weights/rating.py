@@ -56,13 +56,14 @@ def rate(
         desk.say(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
         return
     if sheet.answers:
-        desk.say(f"{rater} has rated {len(sheet.answers)} phases before and goes on from there.")
+        before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"
+        desk.say(f"{rater} has rated {before} before and goes on from there.")
     desk.say(
         "\nYou will see the robot's work phase by phase, in no particular order, each time through "
-        f"all {len(views)} cameras at once. After each phase, say how necessary each view is to do "
-        "that phase well, and which single one you would keep sharp if the connection could "
-        "carry only one. There is no right answer. You may stop at any question with Ctrl-C "
-        "and go on later under the same name."
+        f"all {len(views)} cameras at once, each view's name above it. After each phase, say how "
+        "necessary each view is to do that phase well, and which single one you would keep sharp "
+        "if the connection could carry only one. There is no right answer. You may stop at any "
+        "question with Ctrl-C and go on later under the same name."
     )
     for number, (phase, shown) in enumerate(left, 1):
         desk.say(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")

@@ -39,7 +39,7 @@ class _AnswerFile(BaseModel):
 class _SheetFile(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    rater: Annotated[str, Field(pattern=PSEUDONYM.pattern + "$")]
+    rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
     simulated: bool
     scale: tuple[Literal[1], Literal[5]]
     answers: list[_AnswerFile] | None
@@ -59,7 +59,8 @@ class RatingFolder:
     def open(self, rater: str, simulated: bool = False) -> Sheet:
         """What `rater` has said so far; his file is made if he has none yet.
 
-        ConfigError if the name cannot be one, or is another kind of rater's.
+        ConfigError if the name cannot be one, is another kind of rater's, or if his file was
+        written in a way that nothing can be added to.
         """
         if not PSEUDONYM.fullmatch(rater):
             raise ConfigError(
@@ -82,13 +83,17 @@ class RatingFolder:
                 raise ConfigError(
                     f"{file}: belongs to another kind of rater; take another name"
                 ) from None
+            _with_line(file, "{}")  # before he answers, not after
             return sheet
         except OSError as error:
             raise LogError(f"{file}: cannot be written: {error.strerror}") from error
         return Sheet(rater, simulated, ())
 
     def add(self, rater: str, answer: Answer) -> None:
-        """Append one answer to the disk; ConfigError if this phase is answered already."""
+        """Append one answer to the disk; ConfigError if this phase is answered already.
+
+        ConfigError also where nothing can be added to the file.
+        """
         file = self._file(rater)
         if self._read(file).on(answer.phase) is not None:
             raise ConfigError(f"{file}: {answer.phase.value} is answered already, and stays so")
@@ -97,9 +102,10 @@ class RatingFolder:
             "necessity": dict(answer.necessity),
             "most_critical": answer.most_critical,
         }
+        added = _with_line(file, _flow(line))
         try:
             with file.open("a", encoding="utf-8") as sheet:
-                sheet.write(f"- {_flow(line)}\n")
+                sheet.write(added)
                 sheet.flush()
                 os.fsync(sheet.fileno())
         except OSError as error:
@@ -132,6 +138,27 @@ class RatingFolder:
                 raise ConfigError(f"{where}: necessity must name {', '.join(self._views)}")
             if answer.most_critical not in (*self._views, None):
                 raise ConfigError(f"{where}: most_critical must be one of {', '.join(self._views)}")
+
+
+def _with_line(file: Path, line: str) -> str:
+    """The text that adds `line` to the answers in `file`; ConfigError if that would spoil it.
+
+    A file written by hand may lack its last line's end, indent its list or close it with `]`.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+    except OSError as error:
+        raise LogError(f"{file}: cannot be read: {error.strerror}") from error
+    added = f"- {line}\n" if text.endswith("\n") else f"\n- {line}\n"
+    try:
+        answers = yaml.safe_load(text + added)["answers"]
+    except yaml.YAMLError as error:
+        raise ConfigError(
+            f"{file}: cannot be added to: write `answers:` on a line of its own, and below it each "
+            "answer on one line that begins with `- `"
+        ) from error
+    assert answers[-1] == yaml.safe_load(line)
+    return added
 
 
 def _flow(value: Any) -> str:

@@ -59,8 +59,13 @@ def describe_cut(cut: CutSession) -> str:
     )
 
 
-def evidence_remarks(sheets: Sequence[Sheet], sessions: Mapping[str, CutSession]) -> list[str]:
-    """Raters who left out phases that others rated, and clips of less than full quality."""
+def evidence_remarks(
+    sheets: Sequence[Sheet], sessions: Mapping[str, CutSession], for_rig: bool
+) -> list[str]:
+    """Raters who left out phases that others rated, and clips that were not what they stand for.
+
+    `for_rig`: the weights are for the simulated rig, and so may its pictures be.
+    """
     rated = {answer.phase for sheet in sheets for answer in sheet.answers}
     incomplete = [
         f"{sheet.rater} has rated {len(sheet.answers)} of {len(rated)} phases"
@@ -72,7 +77,12 @@ def evidence_remarks(sheets: Sequence[Sheet], sessions: Mapping[str, CutSession]
         for name, cut in sessions.items()
         if cut.constrained
     ]
-    return incomplete + constrained
+    drawn = [
+        f"the clips of {name} show the simulated rig, not a real arm"
+        for name, cut in sessions.items()
+        if cut.rig and not for_rig
+    ]
+    return incomplete + constrained + drawn
 
 
 def calibration_of(
@@ -131,6 +141,7 @@ def _session_quality(cut: CutSession) -> dict[str, Any]:
     return {
         "recorded": cut.recorded,
         "picture": cut.picture,
+        "simulated_rig": cut.rig,
         "context_s": cut.context_s,
         "seconds": {phase.value: times.seconds for phase, times in cut.clips.items()},
     }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from calibration.weights.panel import PANELS, simulate_panel
 from calibration.weights.rating_files import RatingFolder
+from calibration.weights.ratings import Sheet
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.recording import read_log
@@ -53,23 +54,43 @@ def _sessions(directory: Path) -> list[Path]:
     return [log.parent for log in directory.glob(f"*/{LOG_NAME}")]
 
 
-def check_panel(panel: str, views: Sequence[str]) -> None:
-    """ConfigError if there is no such panel, or if it prefers views that are not there."""
+def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: int) -> None:
+    """ConfigError if there is no such panel, if it prefers views that are not there, or if `folder`
+    holds what somebody else said: people, or a panel of another kind or seed.
+    """
     if panel not in PANELS:
         raise ConfigError(f"--panel: {panel!r} is none of {', '.join(PANELS)}")
     if unknown := set(PANELS[panel].values()) - set(views):
         raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
+    would_say = {sheet.rater: sheet for sheet in _sheets(panel, views, seed)}
+    for known in folder.sheets():
+        if not known.simulated:
+            raise ConfigError(
+                f"{folder.path}: holds ratings of people: give another --folder with --sim"
+            )
+        sheet = would_say.get(known.rater)
+        if sheet is None or any(sheet.on(answer.phase) != answer for answer in known.answers):
+            raise ConfigError(
+                f"{folder.path}: holds ratings of another simulated panel: give another --folder"
+            )
 
 
 def rate_by_panel(
     folder: RatingFolder, panel: str, views: Sequence[str], phases: Iterable[Phase], seed: int
 ) -> str:
     """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
-    preferred = PANELS[panel]
-    for sheet in simulate_panel(preferred, views, phases, RATERS, seed):
+    seen = set(phases)
+    for sheet in _sheets(panel, views, seed):
         known = folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers:
-            if known.on(answer.phase) is None:
+            if answer.phase in seen and known.on(answer.phase) is None:
                 folder.add(sheet.rater, answer)
-    taste = "prefers the dominant views of the paper's Table I" if preferred else "prefers no view"
+    taste = (
+        "prefers the dominant views of the paper's Table I" if PANELS[panel] else "prefers no view"
+    )
     return f"{panel}: {taste}; seed {seed}"
+
+
+def _sheets(panel: str, views: Sequence[str], seed: int) -> list[Sheet]:
+    """On every phase, so that an answer does not depend on which others have clips."""
+    return simulate_panel(PANELS[panel], views, Phase, RATERS, seed)

@@ -11,13 +11,19 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from calibration.weights.decoding import Picture, decode
 from calibration.weights.segments import Segment, phase_segments
 from tams_app import gst
+from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.config.reader import describe_validation_error
 from tams_app.config.streaming import VideoConfig
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
+
+_GAP_NS = 500 * NS_PER_MS  # what a busy recorder may leave out
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,11 @@ class RecordedSession:
         return (self.folder / REFERENCE_NAME).is_file()
 
     @property
+    def is_of_rig(self) -> bool:
+        """Whether it shows the simulated rig."""
+        return bool(self.log.header.config.get("rig", {}).get("enabled", False))
+
+    @property
     def picture(self) -> str:
         """What a rater sees, in words."""
         if self.has_captures:
@@ -55,6 +66,11 @@ class RecordedSession:
 
         LogError if a view has none.
         """
+        return phase_segments(self.log.phases, *self._span_ns, context_s)
+
+    @property
+    def _span_ns(self) -> tuple[int, int]:
+        """From when to when every view was sent; LogError if one was not."""
         times = {
             view: [frame.capture_ns for frame in self.log.sent if frame.view == view]
             for view in self.video.views
@@ -63,14 +79,28 @@ class RecordedSession:
             if not captured:
                 raise LogError(f"{self.folder}: has no pictures of {view}; give another session")
         first_ns = max(min(captured) for captured in times.values())
-        last_ns = min(max(captured) for captured in times.values())
-        return phase_segments(self.log.phases, first_ns, last_ns, context_s)
+        return first_ns, min(max(captured) for captured in times.values())
 
     def pictures(self) -> Generator[Picture]:
-        """All views' pictures in the order of their captures."""
+        """All views' pictures in the order of their captures.
+
+        LogError at their end if that comes before the session's: a full disk ends the lossless
+        captures before the log, and a still picture must not pass for the rest.
+        """
+        newest_ns = dict.fromkeys(self.video.views, 0)
         with ExitStack() as stack:
             views = [stack.enter_context(closing(self._view(view))) for view in self.video.views]
-            yield from heapq.merge(*views, key=lambda picture: picture.capture_ns)
+            for picture in heapq.merge(*views, key=lambda picture: picture.capture_ns):
+                newest_ns[picture.view] = picture.capture_ns
+                yield picture
+        _, last_ns = self._span_ns
+        for view, end_ns in newest_ns.items():
+            if end_ns < last_ns - _GAP_NS:
+                missing_s = (last_ns - end_ns) / NS_PER_S
+                raise LogError(
+                    f"{self.folder}: the last {missing_s:.1f} s have no pictures of {view}: give "
+                    f"another session too, or move {REFERENCE_NAME} away to cut what was sent"
+                )
 
     def _view(self, view: str) -> Generator[Picture]:
         if self.has_captures:
@@ -100,5 +130,16 @@ def open_session(given: Path, views: Sequence[str]) -> RecordedSession:
     kept = log.header.config.get("recording", {}).get("bitstream", True)
     if not kept and not (folder / REFERENCE_NAME).is_file():
         raise LogError(f"{folder}: was recorded without pictures; set recording.bitstream: true")
-    video = VideoConfig.model_validate({**log.header.config["video"], "views": tuple(views)})
-    return RecordedSession(folder, log, video)
+    return RecordedSession(folder, log, _video(folder, log, views))
+
+
+def _video(folder: Path, log: SessionLog, views: Sequence[str]) -> VideoConfig:
+    """How the pictures were made, the views in the order of the configuration."""
+    made = log.header.config.get("video", {})
+    try:
+        return VideoConfig.model_validate({**made, "views": tuple(views)})
+    except ValidationError as error:
+        raise LogError(
+            f"{folder}: was recorded by another version of TAMS: video."
+            f"{describe_validation_error(error)}; give another session"
+        ) from error

@@ -6,7 +6,6 @@ be left at any question and goes on from there the next time.
 
 from __future__ import annotations
 
-import shutil
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from calibration.weights.cutting import cut_session
 from calibration.weights.picture import save_picture
 from calibration.weights.rating import Show, rate
 from calibration.weights.rating_files import RatingFolder
+from calibration.weights.ratings import Sheet
 from calibration.weights.report import (
     calibration_of,
     describe,
@@ -58,8 +58,15 @@ class Options:
 def run_weights(options: Options, desk: Desk | None = None) -> int:
     """Calibrate the view weights; the exit code. `desk`: the terminal unless given."""
     config = load_config(options.config_path)
+    if options.ratings is not None and not options.ratings.is_dir():
+        raise ConfigError(f"--ratings {options.ratings}: is no folder of rating files")
     with desk or TerminalDesk() as opened:
-        return _Sitting(options, config, opened).run()
+        sitting = _Sitting(options, config, opened)
+        try:
+            return sitting.run()
+        except KeyboardInterrupt:
+            opened.say(f"\nEverything so far is kept in {sitting.folder}.")
+            raise
 
 
 class _Sitting:
@@ -69,13 +76,15 @@ class _Sitting:
         self._options, self._desk = options, desk
         self._views = config.video.views
         self._present = config.policy.weights.matrix
+        self._for_rig = config.rig.enabled
         self._set = CalibrationSet.of(options.config_path, config)
-        self._folder = _folder(options, config).resolve()
-        self._clips = ClipFolder(self._folder / _CLIPS)
-        self._ratings = RatingFolder(options.ratings or self._folder / _RATINGS, self._views)
+        self.folder = _folder(options, config).resolve()
+        self._clips = ClipFolder(self.folder / _CLIPS)
+        self._ratings = RatingFolder(options.ratings or self.folder / _RATINGS, self._views)
         self._panel: str | None = None
 
     def run(self) -> int:
+        self._set.check_before(self._desk, self._options.yes, self._options.sim)
         if self._options.sim:
             self._check_simulation()
         if self._options.sim and not self._options.logs:
@@ -92,19 +101,15 @@ class _Sitting:
                 self._options.seed,
             )
         elif self._options.ratings is None and not self._collect():
-            self._desk.say(f"Everything is kept in {self._folder}.")
+            self._desk.say(f"Everything is kept in {self.folder}.")
             return 0
         return self._build()
 
     def _check_simulation(self) -> None:
-        """ConfigError for what would make people's and simulated ratings one."""
+        """ConfigError for what would make different raters' ratings one."""
         if self._options.ratings is not None:
             raise ConfigError("--ratings are somebody's: leave out --sim, which simulates raters")
-        if any(not sheet.simulated for sheet in self._ratings.sheets()):
-            raise ConfigError(
-                f"{self._ratings.path}: holds ratings of people: give another --folder with --sim"
-            )
-        check_panel(self._options.panel, self._views)
+        check_panel(self._ratings, self._options.panel, self._views, self._options.seed)
 
     # --- clips ------------------------------------------------------------------------------
 
@@ -113,7 +118,7 @@ class _Sitting:
         for number in range(SESSIONS):
             self._desk.say("\nA session on the simulated rig, at full quality, to cut clips from:")
             seed = self._options.seed + number
-            log = record_session(self._options.config_path, self._folder, seed)
+            log = record_session(self._options.config_path, self.folder, seed)
             self._cut(open_session(log, self._views))
             if {clip.phase for clip in self._clips.clips()} == set(Phase):
                 return
@@ -142,14 +147,16 @@ class _Sitting:
                 f"{self._clips.path}: holds no clips yet: name recorded sessions, at best several, "
                 "with --from LOG"
             )
+        if lacking := [phase.value for phase in Phase if all(c.phase is not phase for c in clips)]:
+            self._desk.say(
+                f"There is no clip of {', '.join(lacking)}: W keeps its present row there."
+            )
         show = _screen(self._desk)
         while True:
-            raters = len(self._ratings.sheets())
-            options = {
-                "r": "a rater rates",
-                "b": f"build the weights from {raters} raters' answers",
-                "s": "stop here",
-            }
+            raters = len(self._answered())
+            whose = "1 rater" if raters == 1 else f"{raters} raters"
+            build = {"b": f"build the weights from the answers of {whose}"} if raters else {}
+            options = {"r": "a rater rates", **build, "s": "stop here"}
             chosen = self._desk.conversation.choice("\nWhat next?", options)
             if chosen != "r":
                 return chosen == "b"
@@ -165,26 +172,29 @@ class _Sitting:
 
     # --- the matrix -------------------------------------------------------------------------
 
+    def _answered(self) -> list[Sheet]:
+        """What the raters have said who have said anything."""
+        return [sheet for sheet in self._ratings.sheets() if sheet.answers]
+
     def _build(self) -> int:
-        sheets = [sheet for sheet in self._ratings.sheets() if sheet.answers]
+        sheets = self._answered()
         if not sheets:
             raise ConfigError(
                 f"{self._ratings.path}: holds no ratings yet: let somebody rate first"
             )
-        sessions = self._clips.sessions()
+        sessions = self._clips.there()
         assessment = assess(sheets, self._views, self._present).with_remarks(
-            evidence_remarks(sheets, sessions)
+            evidence_remarks(sheets, sessions, for_rig=self._for_rig)
         )
         self._desk.say("\n" + describe(assessment, self._views))
-        self._folder.mkdir(parents=True, exist_ok=True)
-        picture = self._folder / _PICTURE
+        picture = self.folder / _PICTURE
         save_picture(assessment, sheets, self._views, picture)
         self._desk.say(f"As a picture: {picture}")
         calibration = calibration_of(assessment, sheets, sessions, self._panel)
         written = self._set.propose(self._desk, calibration, self._options.yes)
         if written is None:
             return 0 if self._desk.attended else 1
-        shutil.copyfile(picture, written.with_suffix(".png"))
+        save_picture(assessment, sheets, self._views, written.with_suffix(".png"))
         return 0
 
 

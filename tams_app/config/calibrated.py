@@ -8,6 +8,7 @@ configuration (`config`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,15 @@ KEYS_BY_KIND: dict[str, tuple[str, ...]] = {
 _ADVICE = "correct it, or run `run_tams.py calibrate {kind}` again"
 
 ReadYaml = Callable[[Path], dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """What a file in force changes, and whether anything simulated had a part in it."""
+
+    file: Path
+    changes: dict[str, Any]
+    simulated: bool
 
 
 def set_folder(config_path: Path, name: str) -> Path:
@@ -50,15 +60,17 @@ def files_in_force(folder: Path, read: ReadYaml) -> dict[str, Path]:
     return files
 
 
-def read_changes(path: Path, kind: str, read: ReadYaml) -> dict[str, Any]:
-    """The part of a configuration that a calibration file holds; ConfigError if it oversteps."""
+def read_calibrated(path: Path, kind: str, read: ReadYaml) -> Calibrated:
+    """What a calibration file holds; ConfigError if it oversteps."""
     content = read(path)
     changes = content.get("config")
     if not isinstance(changes, dict) or not changes:
         raise ConfigError(f"{path}: config: must hold what was calibrated")
     if key := overstepping_key(changes, kind):
         raise ConfigError(f"{path}: config.{key}: is not for a {kind} calibration to set")
-    return changes
+    origin = content.get("calibration")
+    simulated = isinstance(origin, dict) and origin.get("simulated") is True
+    return Calibrated(path, changes, simulated)
 
 
 def overstepping_key(changes: Mapping[str, Any], kind: str) -> str:

@@ -8,7 +8,13 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from tams_app.config.calibrated import files_in_force, read_changes, set_folder, sets
+from tams_app.config.calibrated import (
+    Calibrated,
+    files_in_force,
+    read_calibrated,
+    set_folder,
+    sets,
+)
 from tams_app.config.whole import Config
 from tams_app.errors import ConfigError
 
@@ -49,19 +55,21 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     """
     path = path or DEFAULT_CONFIG
     content = _read_with_includes(path, ())
-    calibrated = {} if content.get("calibrated_by") else _lay_calibration_over(content, path)
+    calibrated = [] if content.get("calibrated_by") else _lay_calibration_over(content, path)
     overrides = overrides or {}
     for dotted, value in overrides.items():
         _override(content, dotted, value, path)
     try:
-        return Config.model_validate(content)
+        config = Config.model_validate(content)
     except ValidationError as error:
         key = _key(error)
         source = "command line" if key in overrides else str(path)
-        over = [file.name for file, changes in calibrated.items() if key and sets(changes, key)]
+        over = [one.file.name for one in calibrated if key and sets(one.changes, key)]
         if over and key not in overrides:
             source += f" with {over[0]} laid over it"
         raise ConfigError(f"{source}: {describe_validation_error(error)}") from error
+    _refuse_simulated(config, calibrated)
+    return config
 
 
 def describe_validation_error(error: ValidationError) -> str:
@@ -81,17 +89,26 @@ def _key(error: ValidationError) -> str:
     return ".".join(str(part) for part in where if part != "[key]")  # pydantic's, for a wrong key
 
 
-def _lay_calibration_over(content: dict[str, Any], path: Path) -> dict[Path, dict[str, Any]]:
+def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrated]:
     """What each file in force has set."""
     name = content.get("calibration")
     if not isinstance(name, str):
-        return {}  # none, or not a name, which the model tells
+        return []  # none, or not a name, which the model tells
     files = files_in_force(set_folder(path, name), read_yaml)
-    calibrated = {file: read_changes(file, kind, read_yaml) for kind, file in sorted(files.items())}
-    for changes in calibrated.values():
-        _lay_over(content, changes)
-    content["calibrated_by"] = [file.name for file in calibrated]
+    calibrated = [read_calibrated(file, kind, read_yaml) for kind, file in sorted(files.items())]
+    for one in calibrated:
+        _lay_over(content, one.changes)
+    content["calibrated_by"] = [one.file.name for one in calibrated]
     return calibrated
+
+
+def _refuse_simulated(config: Config, calibrated: list[Calibrated]) -> None:
+    """A real arm does not move by what a simulated hand did, whoever put it in force."""
+    if not config.rig.enabled and (simulated := [one.file for one in calibrated if one.simulated]):
+        raise ConfigError(
+            f"{simulated[0]}: was measured on the simulated rig and is never used with real "
+            "devices: name another set (`calibration:`) and calibrate there"
+        )
 
 
 def _override(content: dict[str, Any], dotted: str, value: Any, path: Path) -> None:

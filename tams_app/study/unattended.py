@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -135,3 +136,7 @@ class RichProgress:
 
     def advance(self) -> None:
         self._progress.advance(self._task)
+        if not self._progress.console.is_terminal:  # a log file: no bar, a line each
+            task = self._progress.tasks[self._task]
+            left = timedelta(seconds=round(task.time_remaining or 0))
+            self.say(f"{task.completed:.0f} of {task.total:.0f} trials, {left} left")

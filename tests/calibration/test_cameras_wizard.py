@@ -1,10 +1,13 @@
 """The wizard on the simulated rig and on logs, from the options to the file."""
 
+import io
+
 import cv2
 import pytest
 import yaml
+from rich.console import Console
 
-from calibration.cameras import latency_step, picture_step, wizard
+from calibration.cameras import latency_step, picture_step, which_step, wizard
 from calibration.cameras.bench import Task
 from calibration.cameras.board import Board
 from calibration.cameras.findings import Findings
@@ -16,7 +19,7 @@ from calibration.cameras.wizard import Options, run_cameras
 from calibration.desk import PlayedDesk
 from tams_app.clock import MonotonicClock
 from tams_app.config import load_config
-from tams_app.errors import ConfigError, DeviceError
+from tams_app.errors import ConfigError, DeviceError, TamsError
 
 SEED = 3
 RIG = "version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: rig\n"
@@ -88,10 +91,11 @@ def test_unattended_and_without_yes_nothing_is_written(rig, short, tmp_path):
 
 
 @pytest.mark.timeout(400)
-def test_the_rigs_cameras_are_never_written_for_a_laboratory(lab, tmp_path):
+def test_the_rigs_cameras_are_refused_at_once_for_a_laboratory(lab, tmp_path):
     desk = PlayedDesk()
-    assert run_cameras(desk, lab, Options(sim=True, only="which", yes=True)) == 0
-    assert "are not this laboratory's" in desk.said[-1]
+    with pytest.raises(ConfigError, match="has real devices"):
+        run_cameras(desk, lab, Options(sim=True, only="which", yes=True))
+    assert desk.said == []
     assert not (tmp_path / "calibration").exists()
 
 
@@ -100,9 +104,73 @@ def test_options_that_make_no_sense_are_one_sentence(rig, lab, tmp_path):
         (rig, Options(), "give --sim, or --config"),
         (rig, Options(sim=True, logs=(tmp_path,)), "exclude each other"),
         (rig, Options(sim=True, only="which,colour"), "'colour' is none of which, focus"),
+        (rig, Options(sim=True, picture=tmp_path / "found.gif"), r"drawn to \.png or \.jpg"),
+        (rig, Options(sim=True, picture=tmp_path / "no/found.png"), "there is no folder"),
+        (rig, Options(logs=(tmp_path, tmp_path), picture=tmp_path / "a.png"), "drawn over it"),
+        (rig, Options(sim=True, square_mm=float("nan")), "must be a length"),
     ):
+        desk = PlayedDesk()
         with pytest.raises(ConfigError, match=words):
-            run_cameras(PlayedDesk(), path, options)
+            run_cameras(desk, path, options)
+        assert desk.said == []
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_first_prompt(rig, tmp_path):
+    (tmp_path / "calibration").write_text("in the way")
+    desk = PlayedDesk()
+    with pytest.raises(TamsError, match="cannot be written"):
+        run_cameras(desk, rig, Options(sim=True, yes=True))
+    assert desk.said == []
+
+
+class WatchedBench(SimulatedBench):
+    """The rig's cameras with a person before them."""
+
+    attended = True
+
+
+@pytest.mark.parametrize(
+    ("how", "answer", "count"),
+    [(KeyboardInterrupt(), "y", 1), (DeviceError("camera B is gone; plug it in"), "n", 0)],
+)
+def test_what_was_found_until_ctrl_c_or_a_lost_camera_can_still_be_written(
+    rig, tmp_path, monkeypatch, how, answer, count
+):
+    def look(desk, bench, found, want):
+        if found.view != "eih":
+            raise how
+
+    monkeypatch.setattr(picture_step, "look", look)
+    desk = PlayedDesk([answer], presses=1)
+    with pytest.raises(type(how)):
+        run_cameras(
+            desk,
+            rig,
+            Options(sim=True, seed=SEED, only="which,rate", yes=True),
+            lambda config, options, clock, board: WatchedBench(config, SEED, clock, board),
+        )
+    assert f"Ended early: {str(how) or 'Ctrl-C'}" in "\n".join(desk.said)
+    assert len(list(tmp_path.glob("calibration/rig/cameras-*.yaml"))) == count
+
+
+def test_a_person_is_given_time_to_step_out_of_the_pictures(config, bench, monkeypatch):
+    monkeypatch.setattr(which_step, "_PATIENCE_S", 2.0)
+    monkeypatch.setattr(which_step, "_STEP_BACK_S", 1.0)
+    watched = WatchedBench(config, SEED, MonotonicClock(), Board())
+    said = {}
+    for each in (bench, watched):
+        desk = PlayedDesk(["n"])
+        each.prompt = lambda *_: None  # nobody waves
+        with pytest.raises(DeviceError):
+            wizard.bind_views(desk, each, ("eih", "gt", "gs"))
+        said[each.attended] = any("Step out of all pictures within" in text for text in desk.said)
+    assert said == {False: False, True: True}
+
+
+def test_a_cameras_name_is_shown_to_the_letter():
+    console = Console(file=io.StringIO(), width=100)
+    console.print(which_step._bars({"HD Cam [C920]": 0.1}, {}))
+    assert "HD Cam [C920]" in console.file.getvalue()
 
 
 def test_a_picture_of_a_kind_that_cannot_be_drawn_is_one_sentence(tmp_path):

@@ -75,6 +75,30 @@ def test_a_sessions_own_configuration_is_not_calibrated_anew(store, config_path,
     assert load_config(effective).hand.rotation == TURNED
 
 
+def test_what_a_session_ran_with_is_not_calibrated_for_that_would_not_be_used(
+    store, config_path, tmp_path
+):
+    store.write(frame())
+    effective = tmp_path / "config.yaml"
+    effective.write_text(dump_config(load_config(config_path)))
+    with pytest.raises(ConfigError, match="is what a session ran with"):
+        CalibrationSet.of(effective, load_config(effective))
+
+
+def test_a_calibration_spoilt_by_hand_is_named_where_the_configuration_is_refused(
+    store, config_path
+):
+    path = store.write(Calibration("frame", {"hand": {"translation_scale": 0.5}}, "", {}))
+    path.write_text(path.read_text().replace("0.5", "fast"))
+    with pytest.raises(ConfigError, match=f"with {path.name} laid over it: hand.translation_scale"):
+        load_config(config_path)
+    with pytest.raises(ConfigError, match=r"^command line: hand\.translation_scale"):
+        load_config(config_path, {"hand.translation_scale": "slow"})
+    config_path.write_text(config_path.read_text() + "seed: -1\n")
+    with pytest.raises(ConfigError, match=f"^{config_path}: seed"):
+        load_config(config_path, {"hand.translation_scale": 0.5})
+
+
 def test_a_calibration_cannot_change_what_bounds_the_arm(store, config_path):
     fast = Calibration("frame", {"limits": {"max_speed_mm_s": 400.0}}, "", {})
     with pytest.raises(ConfigError, match=r"limits\.max_speed_mm_s: is not for a frame"):
@@ -136,6 +160,69 @@ def test_without_anybody_to_ask_only_yes_writes(store):
     assert store.propose(desk, frame(), yes=True) is not None
 
 
+class Leaving(PlayedDesk):
+    """Somebody who presses Ctrl-C, or closes the terminal, instead of answering."""
+
+    def __init__(self, how):
+        super().__init__(["never given"])
+        self._how = how
+
+    def _ask(self, question):
+        raise self._how
+
+
+@pytest.mark.parametrize("how", [KeyboardInterrupt(), ConfigError("the terminal was closed")])
+def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(store, how):
+    old, desk = store.write(frame()), Leaving(how)
+    with pytest.raises(type(how)):
+        store.propose(desk, frame(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), yes=False)
+    assert store.in_force("frame") == old
+    (kept,) = set(store.folder.glob("frame-*.yaml")) - {old}
+    assert f"Kept, but not in force: {kept}" in desk.said[-1]
+    (store.folder / "in-force.yaml").write_text(f"frame: {kept.name}\n")  # as it was told to do
+    assert store.in_force("frame") == kept
+
+
+def test_what_goes_beside_a_calibration_is_there_before_it_counts(store):
+    counted = []
+    store.propose(
+        PlayedDesk(),
+        frame(),
+        yes=True,
+        write_beside=lambda: counted.append(store.in_force("frame")),
+    )
+    assert counted == [None]
+
+    def fails():
+        raise TamsError("lens.yaml: cannot be written: No space left on device")
+
+    before = store.in_force("frame")
+    with pytest.raises(TamsError, match=r"lens\.yaml"):
+        store.propose(PlayedDesk(), frame(), yes=True, write_beside=fails)
+    assert store.in_force("frame") == before
+
+
+def test_half_a_file_does_not_stay(store, monkeypatch):
+    monkeypatch.setattr("calibration.store._HEADER", "{kind} \ud800")  # no file can hold that
+    with pytest.raises(UnicodeEncodeError):
+        store.write(frame())
+    assert list(store.folder.iterdir()) == []
+
+
+def test_a_file_tells_whether_it_was_simulated(store):
+    path = store.write(frame())
+    assert yaml.safe_load(path.read_text())["calibration"]["simulated"] is False
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_anything_is_measured(store):
+    store.check_before(PlayedDesk(), yes=True, simulated=True)
+    store.folder.parent.write_text("in the way")
+    for desk, yes in ((PlayedDesk(), True), (PlayedDesk(["y"]), False)):
+        with pytest.raises(TamsError, match="cannot be written: nothing that is measured"):
+            store.check_before(desk, yes, simulated=False)
+    store.check_before(PlayedDesk(), yes=False, simulated=False)  # nobody would write
+
+
 def test_what_would_be_replaced_is_named_before_the_question(store):
     first = store.write(frame())
     desk = PlayedDesk(["n"])
@@ -158,6 +245,23 @@ def test_what_was_simulated_is_never_put_in_force_for_real_devices(tmp_path):
         store.propose(PlayedDesk(["y"]), turned, yes=True)
     with pytest.raises(ConfigError, match="has real devices"):
         store.write(turned)
+    with pytest.raises(ConfigError, match="has real devices"):
+        store.check_before(PlayedDesk(), yes=False, simulated=True)
     assert not store.folder.exists()
     store.write(frame())  # measured there
     assert load_config(path).hand.rotation == TURNED
+
+
+def test_what_was_simulated_for_the_rig_is_refused_by_a_real_configuration_of_the_same_set(
+    tmp_path,
+):
+    rig, lab = tmp_path / "rig.yaml", tmp_path / "lab.yaml"
+    rig.write_text("version: 1\ninclude: [tams.yaml]\ncalibration: shared\n")
+    lab.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: shared\n")
+    store = CalibrationSet.of(rig, load_config(rig), lambda: NOON)
+    turned = Calibration("frame", frame().changes, "a simulated person", {}, simulated=True)
+    written = store.write(turned)
+    assert load_config(rig).hand.rotation == TURNED
+    with pytest.raises(ConfigError, match=f"{written.name}: was measured on the simulated rig"):
+        load_config(lab)
+    assert load_config(lab, {"rig.enabled": True}).hand.rotation == TURNED  # `run --sim`

@@ -148,7 +148,7 @@ def test_a_session_is_cut_into_clips_that_show_all_views_as_they_were(tmp_path):
 
 
 def test_lossless_captures_are_taken_where_there_are_some(tmp_path):
-    folder = record_session(tmp_path / "s1", [(0.0, Phase.REACH), (0.5, Phase.ALIGN)], 1.2, "s3")
+    folder = record_session(tmp_path / "s1", [(0.0, Phase.REACH), (0.5, Phase.ALIGN)], 0.6, "s3")
     add_captures(folder, 15)
     session = open_session(folder, VIEWS)
     assert not session.is_constrained
@@ -157,6 +157,19 @@ def test_lossless_captures_are_taken_where_there_are_some(tmp_path):
     frames = frames_of(clips.file(Phase.REACH, "s1"))
     shown = [seen(255 - part(frame, "gs")) for frame in frames]
     assert shown == [("gs", index) for index in range(15)]
+
+
+def test_captures_that_end_before_the_session_do_not_stand_still_for_the_rest(tmp_path):
+    folder = record_session(tmp_path / "s1", [(0.0, Phase.REACH), (0.5, Phase.ALIGN)], 1.2)
+    add_captures(folder, 15)
+    clips = ClipFolder(tmp_path / "clips")
+    with pytest.raises(LogError, match=r"the last 0\.7 s have no pictures of eih.*reference\.mcap"):
+        cut_session(open_session(folder, VIEWS), clips, quiet)
+    assert clips.sessions()["s1"].clips
+    assert not clips.there()["s1"].clips  # what a result may name
+    (folder / "reference.mcap").unlink()
+    cut_session(open_session(folder, VIEWS), clips, quiet)
+    assert list(clips.there()["s1"].clips) == [Phase.REACH, Phase.ALIGN]
 
 
 def test_pictures_that_a_network_narrowed_are_called_so(tmp_path):
@@ -240,6 +253,23 @@ def test_a_session_of_other_views_or_without_phases_or_that_is_none_is_refused(t
         open_session(folder, VIEWS)
 
 
+def test_a_session_without_pictures_is_refused_with_what_would_have_kept_them(tmp_path):
+    changes = {"recording": {"bitstream": False}}
+    folder = record_session(tmp_path / "s1", TWO_PHASES, 0.1, changes=changes)
+    with pytest.raises(LogError, match=r"without pictures; set recording\.bitstream: true"):
+        open_session(folder, VIEWS)
+    empty = record_session(tmp_path / "s2", TWO_PHASES, 0.0)
+    with pytest.raises(LogError, match="s2: has no pictures of eih"):
+        cut_session(open_session(empty, VIEWS), ClipFolder(tmp_path / "clips"), quiet)
+
+
+def test_a_session_of_another_version_is_refused_with_the_key(tmp_path):
+    changes = {"video": {"colour": "grey"}}
+    folder = record_session(tmp_path / "s1", TWO_PHASES, 0.1, changes=changes)
+    with pytest.raises(LogError, match=r"another version of TAMS: video\.colour: no such key"):
+        open_session(folder, VIEWS)
+
+
 def test_a_session_of_flickering_phases_only_is_refused(tmp_path):
     phases = [(0.1 * n, (Phase.REACH, Phase.ALIGN)[n % 2]) for n in range(5)]
     session = open_session(record_session(tmp_path / "s1", phases, 0.5), VIEWS)
@@ -263,13 +293,11 @@ def test_without_a_display_a_clip_is_not_played(tmp_path, monkeypatch):
         play(tmp_path / "x.mp4")
 
 
-@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="needs Xvfb (apt-get install xvfb)")
-def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch):
-    path = tmp_path / "clip.mp4"
-    writer = ClipWriter(path, WIDTH, HEIGHT, FPS)
-    for index in range(10):
-        writer.add(picture("gt", index))
-    writer.finish()
+@pytest.fixture
+def screen(tmp_path, monkeypatch):
+    """What a display shows that nobody sits at."""
+    if shutil.which("Xvfb") is None:
+        pytest.skip("needs Xvfb (apt-get install xvfb)")
     reading, writing = os.pipe()
     server = subprocess.Popen(
         ["Xvfb", "-displayfd", str(writing), "-noreset", "-fbdir", str(tmp_path)],
@@ -282,16 +310,33 @@ def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch):
             monkeypatch.setenv("DISPLAY", f":{number.readline().strip()}")
         monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-        blank = (tmp_path / "Xvfb_screen0").read_bytes()
-        screens, shut_down = [], clip_file.gst.shut_down
-
-        def photograph_and_shut_down(pipeline):
-            screens.append((tmp_path / "Xvfb_screen0").read_bytes())
-            shut_down(pipeline)
-
-        monkeypatch.setattr(clip_file.gst, "shut_down", photograph_and_shut_down)
-        play(path)
-        assert screens[-1] != blank  # the last picture was on the screen
+        yield (tmp_path / "Xvfb_screen0").read_bytes
     finally:
         server.terminate()
         server.wait(10)
+
+
+def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch, screen):
+    path = tmp_path / "clip.mp4"
+    writer = ClipWriter(path, WIDTH, HEIGHT, FPS)
+    for index in range(10):
+        writer.add(picture("gt", index))
+    writer.finish()
+    blank = screen()
+    screens, shut_down = [], clip_file.gst.shut_down
+
+    def photograph_and_shut_down(pipeline):
+        screens.append(screen())
+        shut_down(pipeline)
+
+    monkeypatch.setattr(clip_file.gst, "shut_down", photograph_and_shut_down)
+    play(path)
+    assert screens[-1] != blank  # the last picture was on the screen
+
+
+@pytest.mark.usefixtures("screen")
+def test_a_broken_clip_is_told_and_not_taken_as_seen(tmp_path):
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(b"no pictures" * 100)
+    with pytest.raises(SetupError, match=r"clip\.mp4: cannot be shown: .* delete it"):
+        play(path)

@@ -136,7 +136,14 @@ def test_a_tie_of_votes_is_broken_by_necessity_and_told():
 def test_a_tie_that_necessity_does_not_break_keeps_the_view_that_led_before_and_asks_for_more():
     row = reach(ballot(((4, 4, 1), "eih"), ((4, 4, 1), "gt")))
     assert row.dominant == "gt"  # of the two, the one with more in the present row
-    assert "ask more raters" in row.remarks[0]
+    assert "gt is taken for its present share: ask more raters" in row.remarks[0]
+
+
+def test_a_tie_that_nothing_breaks_takes_the_first_view_and_does_not_say_that_it_led_before():
+    even = {phase: {"eih": 0.6, "gt": 0.2, "gs": 0.2} for phase in Phase}
+    row = reach(ballot(((1, 4, 4), "gs"), ((1, 4, 4), "gt")), present=even)
+    assert row.dominant == "gt"
+    assert "gt is taken for it is named first: ask more raters" in row.remarks[0]
 
 
 def test_votes_that_contradict_the_necessities_are_told():

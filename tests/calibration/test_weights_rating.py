@@ -95,6 +95,40 @@ def test_a_spoilt_rating_file_is_refused_with_its_name_and_the_reason(folder, li
     assert "p01.yaml" in str(refusal.value)
 
 
+@pytest.mark.parametrize("name", ["Jane Doe", "p 01", "../p01"])
+def test_a_file_whose_rater_has_no_pseudonym_is_refused(folder, name):
+    folder.path.mkdir()
+    text = f'rater: "{name}"\nsimulated: false\nscale: [1, 5]\nanswers:\n'
+    (folder.path / f"{name.rpartition('/')[2]}.yaml").write_text(text)
+    with pytest.raises(ConfigError, match="rater: String should match"):
+        folder.sheets()
+
+
+def test_an_answer_after_a_last_line_without_an_end_is_on_a_line_of_its_own(folder):
+    folder.open("p01")
+    folder.add("p01", REACH_ANSWER)
+    file = folder.path / "p01.yaml"
+    file.write_text(file.read_text().rstrip("\n"))
+    folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
+    assert [answer.phase for answer in folder.open("p01").answers] == [Phase.REACH, Phase.GRASP]
+
+
+@pytest.mark.parametrize("answers", ["answers: []", "answers:\n  - "])
+def test_a_file_that_an_answer_would_spoil_is_refused_before_its_rater_is_asked(folder, answers):
+    folder.open("p01")
+    file = folder.path / "p01.yaml"
+    if answers.endswith("- "):
+        answers += "{phase: REACH, necessity: {eih: 1, gt: 1, gs: 1}, most_critical: gt}"
+    file.write_text(file.read_text().replace("answers:", answers))
+    before = file.read_bytes()
+    with pytest.raises(ConfigError, match=r"p01\.yaml: cannot be added to"):
+        folder.open("p01")
+    with pytest.raises(ConfigError, match=r"p01\.yaml: cannot be added to"):
+        folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
+    assert file.read_bytes() == before
+    assert len(folder.sheets()) == 1  # it can be built from
+
+
 def test_a_phase_answered_twice_in_a_file_is_refused(folder):
     folder.open("p01")
     folder.add("p01", REACH_ANSWER)

@@ -1,20 +1,26 @@
 """The wizard from a recorded session to a file that the configuration then uses."""
 
 import shutil
+from dataclasses import replace
 
 import pytest
 import yaml
 from typer.testing import CliRunner
 
-from calibration.desk import PlayedDesk
+from calibration.desk import PlayedDesk, TerminalDesk
 from calibration.weights.assessment import assess
+from calibration.weights.clips import ClipFolder
+from calibration.weights.cutting import cut_session
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.picture import save_picture
 from calibration.weights.rating_files import RatingFolder
+from calibration.weights.report import evidence_remarks
+from calibration.weights.sources import open_session
 from calibration.weights.wizard import Options, run_weights
 from tams_app.cli import app
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.errors import ConfigError
+from tams_app.conversation import Conversation
+from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.calibration.weights_session import record_session
 
@@ -122,6 +128,34 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_p
     assert load_config(config).policy.weights.matrix[Phase.REACH]["eih"] == 0.60
 
 
+def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    desk = PlayedDesk(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4"])
+    asked = desk.conversation.ask
+
+    def until_ctrl_c(question):
+        if not desk.attended:
+            raise KeyboardInterrupt
+        return asked(question)
+
+    desk.conversation = Conversation(until_ctrl_c, desk.say)
+    with pytest.raises(KeyboardInterrupt):
+        run_weights(Options(config, logs=(session,), folder=tmp_path / "work"), desk)
+    assert f"kept in {tmp_path / 'work'}" in desk.said[-1]
+    (sheet,) = RatingFolder(tmp_path / "work/ratings", VIEWS).sheets()
+    assert len(sheet.answers) == 1
+
+
+def test_building_is_not_offered_before_anybody_has_answered(config, session, tmp_path):
+    options = Options(config, logs=(session,), folder=tmp_path / "work")
+    desk = PlayedDesk(["b", "s", "unused"])
+    RatingFolder(tmp_path / "work/ratings", VIEWS).open("p01")  # and left again
+    assert run_weights(options, desk) == 0
+    assert "Please answer one of r, s." in desk.said
+    assert "There is no clip of RELEASE: W keeps its present row there." in desk.said
+
+
 def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path):
     options = Options(config, logs=(session,), folder=tmp_path / "work")
     assert run_weights(options, PlayedDesk(["s"])) == 0
@@ -133,14 +167,16 @@ def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path)
     ("changes", "reason"),
     [
         ({}, "--from LOG"),
-        ({"ratings": True}, "holds no ratings yet"),
-        ({"ratings": True, "sim": True}, "leave out --sim"),
+        ({"ratings": "none"}, "is no folder of rating files"),
+        ({"ratings": "empty"}, "holds no ratings yet"),
+        ({"ratings": "empty", "sim": True}, "leave out --sim"),
         ({"panel": "nice", "sim": True}, "'nice' is none of paper, indifferent"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_what_to_do(config, tmp_path, changes, reason):
+    (tmp_path / "empty").mkdir()
     if "ratings" in changes:
-        changes = changes | {"ratings": tmp_path / "none"}
+        changes = changes | {"ratings": tmp_path / changes["ratings"]}
     with pytest.raises(ConfigError, match=reason):
         run_weights(Options(config, folder=tmp_path / "work", **changes), PlayedDesk())
 
@@ -153,6 +189,37 @@ def test_simulated_ratings_are_not_put_beside_those_of_people(config, session, t
         run_weights(options, PlayedDesk())
 
 
+@pytest.mark.parametrize("changes", [{"panel": "indifferent"}, {"seed": 2}])
+def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(
+    config, session, tmp_path, changes
+):
+    options = Options(config, True, (session,), folder=tmp_path / "work", seed=1, yes=True)
+    assert run_weights(options, PlayedDesk()) == 0
+    assert run_weights(options, PlayedDesk()) == 0  # the same one goes on
+    with pytest.raises(ConfigError, match="ratings of another simulated panel"):
+        run_weights(replace(options, **changes), PlayedDesk())
+
+
+def test_peoples_ratings_of_the_rigs_pictures_are_told_where_a_real_arm_is_meant(
+    config, session, tmp_path
+):
+    cut_session(open_session(session, VIEWS), ClipFolder(tmp_path / "clips"), lambda *_: None)
+    sessions = ClipFolder(tmp_path / "clips").there()
+    remark = "the clips of trial-1 show the simulated rig, not a real arm"
+    assert evidence_remarks([], sessions, for_rig=False) == [remark]
+    assert evidence_remarks([], sessions, for_rig=True) == []
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(config, tmp_path):
+    folder = RatingFolder(tmp_path / "ratings", VIEWS)
+    folder.open("p01")
+    folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
+    (tmp_path / "work").write_text("in the way")
+    options = Options(config, ratings=folder.path, folder=tmp_path / "work", yes=True)
+    with pytest.raises(LogError, match=r"weights\.png: cannot be written"):
+        run_weights(options, PlayedDesk())
+
+
 def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
     folder = RatingFolder(tmp_path / "ratings", VIEWS)
     for sheet in simulate_panel(PANELS["paper"], VIEWS, Phase, 2, 0):
@@ -162,6 +229,11 @@ def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
     desk = PlayedDesk()
     run_weights(Options(config, ratings=folder.path), desk)
     assert "simulated-02 has rated 2 of 6 phases" in "".join(desk.said)
+
+
+def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
+    TerminalDesk().say("Please watch /tmp/[red]a/:smile:.mp4")
+    assert capsys.readouterr().out == "Please watch /tmp/[red]a/:smile:.mp4\n"
 
 
 def test_the_same_ratings_give_the_same_picture(tmp_path):

@@ -57,11 +57,20 @@ def encoded(view: str, count: int) -> Iterator[EncodedFrame]:
 
 
 def record_session(
-    folder: Path, phases: list[tuple[float, Phase]], seconds: float, network: str = "none"
+    folder: Path,
+    phases: list[tuple[float, Phase]],
+    seconds: float,
+    network: str = "none",
+    changes: dict[str, dict[str, object]] | None = None,
 ) -> Path:
-    """A session folder with these phases (from when [s]), and `seconds` of video of each view."""
+    """A session folder with these phases (from when [s]), and `seconds` of video of each view.
+
+    `changes`: by section, in the configuration that its header tells.
+    """
     folder.mkdir(parents=True)
     config = load_config().model_copy(update={"video": VIDEO}).model_dump(mode="json")
+    for section, keys in (changes or {}).items():
+        config[section] |= keys
     head = replace(header(config=config), network=network)
     recorder = Recorder(folder / "session.mcap", head, MonotonicClock(), 0, _never_fails)
     recorder.start()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import time
 from dataclasses import dataclass
@@ -169,3 +170,12 @@ def test_the_bar_shows_trials_and_time_left() -> None:
     assert "1/3" in output.getvalue()
     assert "left" in output.getvalue()
     assert "[bold]no markup[/]" in output.getvalue()
+
+
+def test_in_a_log_file_each_trial_is_a_line() -> None:
+    output = io.StringIO()
+    with RichProgress(Console(file=output, width=120), 3) as display:
+        display.advance()
+        display.advance()
+    assert re.search(r"^1 of 3 trials, .* left$", output.getvalue(), re.MULTILINE)
+    assert re.search(r"^2 of 3 trials, .* left$", output.getvalue(), re.MULTILINE)

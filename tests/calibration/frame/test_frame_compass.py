@@ -32,6 +32,13 @@ def test_each_direction_lights_up_for_a_hand_that_moves_along_it(way):
     assert compass.mostly() is None  # asked anew
 
 
+def test_a_small_scale_needs_no_faster_hand():
+    hand = load_config().hand.model_copy(
+        update={"translation_scale": 0.2, "rotation": rows(np.eye(3))}
+    )
+    assert lit_by(0.1 * SIX_WAYS[0].direction, hand).mostly() == SIX_WAYS[0]
+
+
 @pytest.mark.parametrize(
     ("velocity", "name"),
     [

@@ -207,6 +207,12 @@ def test_a_missing_axis_is_named():
     assert "There is no +z stroke" in str(refusal(strokes(BEHIND, np.random.default_rng(0))[:2]))
 
 
+def test_more_strokes_than_can_be_weighed_are_refused_in_a_sentence():
+    error = refusal(strokes(BEHIND, np.random.default_rng(0), rounds=7))
+    assert error.reason is Reason.TOO_MANY
+    assert "There are 7 +x strokes, and 6 along each axis are the most" in str(error)
+
+
 def test_strokes_along_the_axes_span_space_evenly():
     fit = fit_strokes(strokes(BEHIND, np.random.default_rng(0), rounds=2))
     assert fit.condition == pytest.approx(1.0)

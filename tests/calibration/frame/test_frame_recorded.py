@@ -75,6 +75,14 @@ def test_a_number_of_strokes_that_is_no_round_is_refused(count):
     assert caught.value.reason is Reason.MISSING
 
 
+def test_which_of_several_sessions_is_no_use_is_told(tmp_path, monkeypatch):
+    made = session(*rounds(1, np.random.default_rng(3))[:2])
+    monkeypatch.setattr("calibration.frame.recorded.read_ticks", lambda _: made)
+    (tmp_path / "session.mcap").touch()
+    with pytest.raises(RefusedError, match=f"{tmp_path}: The session has 2 strokes"):
+        strokes_of_log(tmp_path, load_config())
+
+
 def test_a_folder_without_a_session_is_one_sentence(tmp_path):
     with pytest.raises(LogError, match=r"holds no session\.mcap: give a session folder"):
         strokes_of_log(tmp_path, load_config())

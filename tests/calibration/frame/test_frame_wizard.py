@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,16 +11,21 @@ from scipy.spatial.transform import Rotation
 
 from calibration.desk import PlayedDesk
 from calibration.frame import person
-from calibration.frame.reasons import RefusedError
+from calibration.frame.asking import ATTEMPTS, ask_buttons, try_six_ways
+from calibration.frame.prompts import Press
+from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.result import rows
 from calibration.frame.rotation import turn_deg
+from calibration.frame.rounds import fit_moves, fit_touched
 from calibration.frame.sources import SimulatedSetup
-from calibration.frame.wizard import Options, fit_moves, run_frame
+from calibration.frame.wizard import Options, run_frame
+from hw.openvr_components import ROLES
 from tams_app.clock import NS_PER_S
 from tams_app.config import load_config
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, TamsError
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import ControllerStatus
+from tests.calibration.frame.synthetic import POINTS
 from tests.calibration.frame.test_frame_recorded import TRUTH, rounds, session
 from tests.synthetic_session import header
 
@@ -110,12 +116,12 @@ def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monk
 
 
 def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch):
-    monkeypatch.setattr("calibration.frame.wizard.GOOD_DEG", 0.1)
+    monkeypatch.setattr("calibration.frame.rounds.GOOD_DEG", 0.1)
     monkeypatch.setattr("calibration.frame.result.GOOD_DEG", 0.1)
     path = rig()
     with pytest.raises(RefusedError, match="A person at the terminal must confirm"):
         calibrate(path)
-    assert calibrate(path, PlayedDesk(["n"]))[0] == 1
+    assert calibrate(path, PlayedDesk(["n"]))[0] == 0
     assert files(path) == []
     assert calibrate(path, PlayedDesk(["y"]))[0] == 0
     assert len(files(path)) == 1
@@ -152,6 +158,141 @@ def test_a_recentred_headset_makes_the_wizard_begin_anew_once(rig):
     assert turn_deg(fit.rotation, TURNED) < 2.0
 
 
+def test_a_recentred_headset_makes_touching_begin_anew_too(rig):
+    config, desk = load_config(rig()), PlayedDesk()
+    with SimulatedSetup(config, 0).hand(config.controller) as hand:
+        source = Recentred(hand, after_s=4)
+        source.asked = []
+        source.ask = lambda prompt: (source.asked.append(prompt.number), hand.ask(prompt))
+        fit = fit_touched(desk, source, config, list(POINTS))
+    assert sum("From the beginning" in text for text in desk.said) == 1
+    assert source.asked[-len(POINTS) :] == [1, 2, 3, 4, 5]
+    assert turn_deg(fit.rotation, TURNED) < 3.0
+
+
+class Trial:
+    """The trial of the six directions with a hand that `change` has a say in."""
+
+    def __init__(self, path, turned_deg=0.0, change=None, presses=0):
+        config = load_config(path)
+        truth = TURNED
+        aside = Rotation.from_euler("z", turned_deg, degrees=True).as_matrix()
+        hand = config.hand.model_copy(update={"rotation": rows(aside @ truth)})
+        self.desk, self.asked = PlayedDesk(presses=presses), []
+        with SimulatedSetup(config, 0).hand(config.controller) as self._hand:
+            self._change = change or (lambda _number, sample: sample)
+            self._count = 0
+            self.lit = try_six_ways(self.desk, self, config, hand)
+
+    def ask(self, prompt):
+        self.asked.append(prompt.name)
+        self._hand.ask(prompt)
+
+    def next(self):
+        now_ns, sample = self._hand.next()
+        return now_ns, self._change(len(self.asked), sample)
+
+
+def test_a_frame_that_is_right_lights_each_direction_at_the_first_try(rig):
+    trial = Trial(rig())
+    assert list(trial.lit.values()) == [True] * 6
+    assert trial.asked == ["+x", "−x", "+y", "−y", "+z", "−z"]
+
+
+def test_a_frame_that_is_wrong_lights_others_however_often_it_is_tried(rig):
+    trial = Trial(rig(), turned_deg=90)
+    assert [way.name for way, right in trial.lit.items() if right] == ["+z", "−z"]
+    assert trial.asked.count("+x") == 3
+    assert "+y lit up when +x was asked for. Once more." in trial.desk.said
+
+
+def test_a_controller_lost_in_the_trial_costs_one_try_and_not_the_calibration(rig):
+    def lost(number, sample):
+        if number != 2 or sample.trigger < 0.9:
+            return sample
+        return replace(sample, status=ControllerStatus.TRACKING_LOST, pose=None)
+
+    trial = Trial(rig(), change=lost)
+    assert list(trial.lit.values()) == [True] * 6
+    assert trial.asked.count("−x") == 2
+    assert any("lost while the trigger was held" in text for text in trial.desk.said)
+
+
+def test_enter_skips_a_direction(rig):
+    trial = Trial(rig(), presses=1)
+    assert "+x" not in [way.name for way in trial.lit]
+    assert list(trial.lit.values()) == [True] * 5
+
+
+def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeypatch):
+    def turned(*arguments):
+        fit = fit_moves(*arguments)
+        aside = Rotation.from_euler("z", 90, degrees=True).as_matrix()
+        return replace(fit, rotation=aside @ fit.rotation)
+
+    monkeypatch.setattr("calibration.frame.wizard.fit_moves", turned)
+    path = rig()
+    with pytest.raises(RefusedError, match="Another direction lit up for") as caught:
+        calibrate(path)
+    assert caught.value.reason is Reason.WRONG_WAY
+    assert files(path) == []
+
+
+class Clumsy:
+    """The buttons of a person who does something else the first time one is asked for."""
+
+    def __init__(self, buttons, role, instead):
+        self._buttons, self._role, self._instead, self.asked = buttons, role, instead, []
+
+    def ask(self, prompt):
+        first = prompt.role == self._role and self._role not in self.asked
+        self.asked.append(prompt.role)
+        if not first:
+            self._buttons.ask(prompt)
+        elif self._instead:
+            self._buttons.ask(Press(self._instead))
+
+    def next(self):
+        return self._buttons.next()
+
+
+@pytest.mark.parametrize(
+    ("instead", "asked", "words"),
+    [
+        ("", ["trigger", "grip", "a", "a", "b", "menu"], "Waiting for the a: nothing arrived"),
+        ("grip", ["trigger", "grip", "a", *ROLES], "is the grip already.* All the buttons once"),
+    ],
+)
+def test_a_press_that_goes_wrong_is_asked_for_again(rig, instead, asked, words):
+    config, desk = load_config(rig()), PlayedDesk()
+    with SimulatedSetup(config, 0).buttons() as buttons:
+        source = Clumsy(buttons, "a", instead)
+        finding = ask_buttons(desk, source, config)
+    assert finding.wrong == ()
+    assert source.asked == asked
+    assert any(re.search(words, text) for text in desk.said)
+
+
+class Dead(Clumsy):
+    """The buttons of a controller that sends nothing once a role is asked for."""
+
+    def next(self):
+        now_ns, reading = self._buttons.next()
+        if reading is not None and self._role in self.asked:
+            reading = replace(reading, values=dict.fromkeys(reading.values, 0.0))
+        return now_ns, reading
+
+
+def test_a_button_that_never_arrives_ends_it_with_what_to_do(rig):
+    config, desk = load_config(rig()), PlayedDesk()
+    with SimulatedSetup(config, 0).buttons() as buttons:
+        source = Dead(buttons, "a", "")
+        with pytest.raises(RefusedError, match=r"nothing arrived.*--no-buttons leaves") as caught:
+            ask_buttons(desk, source, config)
+    assert caught.value.reason is Reason.NO_BUTTON
+    assert source.asked == ["trigger", "grip", *["a"] * ATTEMPTS]
+
+
 def test_nothing_is_written_unless_asked_for(rig):
     path = rig()
     assert calibrate(path, yes=False)[0] == 1
@@ -186,9 +327,32 @@ def test_strokes_recorded_on_the_rig_never_turn_a_real_arms_frame(tmp_path, on_t
 def test_a_simulated_person_never_turns_a_real_arms_frame(tmp_path):
     path = tmp_path / "lab.yaml"
     path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
+    desk = PlayedDesk()
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(path)
+        calibrate(path, desk)
+    assert desk.said == []  # told at once, not once everything is done
     assert files(path) == []
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_first_prompt(rig):
+    path, desk = rig(), PlayedDesk()
+    (path.parent / "calibration").write_text("in the way")
+    with pytest.raises(TamsError, match="cannot be written"):
+        calibrate(path, desk)
+    assert desk.said == []
+
+
+def test_a_person_who_does_not_want_it_has_not_failed(rig):
+    path = rig()
+    assert calibrate(path, PlayedDesk(["n"]), yes=False)[0] == 0
+    assert files(path) == []
+
+
+def test_without_a_terminal_no_person_is_waited_for(tmp_path):
+    path = tmp_path / "lab.yaml"
+    path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
+    with pytest.raises(ConfigError, match="nobody is at the terminal: start it from one, or give"):
+        calibrate(path, sim=False)
 
 
 def test_a_recorded_session_gives_the_frame(rig, tmp_path):
@@ -219,6 +383,9 @@ def test_the_same_seed_makes_the_same_frame(rig):
     [
         ({"logs": ("x",)}, "--from goes neither with --sim nor with --touch"),
         ({"sim": False}, "has the simulated rig: add --sim"),
+        ({"keep_scale": True}, "--keep-scale goes with --touch"),
+        ({"picture": Path("/nowhere/fit.png")}, "there is no folder /nowhere"),
+        ({"picture": Path("fit.jpg")}, r"is drawn to \.png"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(rig, options, words):
@@ -232,10 +399,15 @@ def test_options_that_do_not_go_together_are_refused(rig, options, words):
         ("x_mm,y_mm,z_mm\n1,2\n", "line 2: must hold numbers"),
         ("x_mm,y_mm,z_mm\n1,2,nan\n", "line 2: must hold finite numbers"),
         ("a,b,c\n1,2,3\n", "must hold numbers under x_mm, y_mm, z_mm"),
+        ("x_mm,y_mm,z_mm\n", "0 points are too few"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n200,2,3\n1,300,3\n", "3 points are too few"),
+        ("x_mm,y_mm,z_mm\n1,0,0\n99,0,0\n200,1,0\n300,0,0\n", "nearly on one line"),
     ],
 )
 def test_a_wrong_list_of_points_is_named_with_its_line(rig, tmp_path, text, words):
     points = tmp_path / "points.csv"
     points.write_text(text)
+    desk = PlayedDesk()
     with pytest.raises(ConfigError, match=words):
-        calibrate(rig(), touch=points)
+        calibrate(rig(), desk, touch=points)
+    assert desk.said == []

@@ -1,0 +1,110 @@
+"""The wizard as it is started from a terminal: the question, and Ctrl-C at any time."""
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[3]
+PATIENCE_S = 90.0
+QUESTION = "Write it? [y/n]"
+
+
+class Terminal:
+    """A terminal in which `calibrate frame --sim` was started for a configuration."""
+
+    def __init__(self, config, *options):
+        self._end, other = pty.openpty()
+        command = [sys.executable, str(ROOT / "run_tams.py"), "calibrate", "frame", "--sim"]
+        self.process = subprocess.Popen(
+            [*command, "--no-buttons", "--config", str(config), *options],
+            stdin=other,
+            stdout=other,
+            stderr=other,
+            start_new_session=True,
+        )
+        os.close(other)
+        self.text = ""
+
+    def wait_for(self, words):
+        give_up_s = time.monotonic() + PATIENCE_S
+        while words not in self.text:
+            assert time.monotonic() < give_up_s, self.text
+            self._read()
+
+    def type(self, answer):
+        os.write(self._end, answer.encode())
+
+    def interrupt(self):
+        self.process.send_signal(signal.SIGINT)
+
+    def end(self):
+        """The exit code; all that was said is in `text`."""
+        give_up_s = time.monotonic() + PATIENCE_S
+        while self._read():
+            assert time.monotonic() < give_up_s, self.text
+        code = self.process.wait(PATIENCE_S)
+        os.close(self._end)
+        return code
+
+    def _read(self):
+        """False once the other end is closed."""
+        if not select.select([self._end], [], [], 0.2)[0]:
+            return True
+        try:
+            data = os.read(self._end, 65536)
+        except OSError:  # how Linux tells that nobody holds the other end
+            return False
+        self.text += data.decode(errors="replace").replace("\r\n", "\n")
+        return bool(data)
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "lab.yaml"
+    content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def written(config):
+    folder = config.parent / "calibration" / "lab"
+    return [path.name for path in sorted(folder.glob("*"))]
+
+
+def test_a_yes_writes_it(config):
+    terminal = Terminal(config)
+    terminal.wait_for(QUESTION)
+    terminal.type("perhaps\n")
+    terminal.wait_for("Please answer y or n.")
+    terminal.type("y\n")
+    assert terminal.end() == 0
+    assert [name[:6] for name in written(config)] == ["frame-", "in-for"]
+
+
+def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config):
+    terminal = Terminal(config)
+    terminal.wait_for(QUESTION)
+    terminal.interrupt()
+    assert terminal.end() == 1
+    assert "Kept, but not in force: " in terminal.text
+    assert "tams: interrupted" in terminal.text
+    assert [name[:6] for name in written(config)] == ["frame-"]
+
+
+def test_ctrl_c_before_there_is_a_result_writes_nothing(config):
+    terminal = Terminal(config, "--rounds", "6")
+    terminal.wait_for("Round 1.")
+    terminal.interrupt()
+    assert terminal.end() == 1
+    assert "Traceback" not in terminal.text
+    assert "[dim]" not in terminal.text
+    assert "tams: interrupted" in terminal.text
+    assert written(config) == []

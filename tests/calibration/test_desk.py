@@ -1,0 +1,75 @@
+"""The terminal that a wizard talks through, and the file or pipe in its place."""
+
+import io
+import sys
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from calibration.desk import TerminalDesk
+from tams_app.errors import ConfigError
+
+LIKE_MARKUP = "HD Cam [C920] at 0:on:3 [s], [mm], [/]"
+
+
+@pytest.fixture
+def paper():
+    """A desk that writes to a file: its console and what was written."""
+    return Console(file=io.StringIO(), width=200)
+
+
+def test_what_is_said_stays_to_the_letter(paper):
+    with TerminalDesk(paper) as desk:
+        desk.say(LIKE_MARKUP)
+    assert paper.file.getvalue() == LIKE_MARKUP + "\n"
+
+
+def test_a_question_stays_to_the_letter(monkeypatch):
+    console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("y\n"))
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda *_: sys.stdin.readline().rstrip())
+    with TerminalDesk(console) as desk:
+        assert desk.conversation.yes(LIKE_MARKUP)
+    assert LIKE_MARKUP in console.file.getvalue()
+
+
+@pytest.mark.parametrize("stdin", [io.StringIO("y\n"), None])
+def test_without_a_terminal_nobody_is_asked_or_waited_for(paper, monkeypatch, stdin):
+    monkeypatch.setattr(sys, "stdin", stdin)
+    with TerminalDesk(paper) as desk:
+        assert not desk.attended
+        assert not desk.pressed()
+        with pytest.raises(ConfigError, match="nobody is at the terminal"):
+            desk.conversation.yes("Write it?")
+
+
+def test_what_is_shown_keeps_its_style_when_something_is_said_above_it():
+    console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+    table = Table(box=None, show_header=False)
+    table.add_row("[dim]towards the base[/]")
+    with TerminalDesk(console) as desk:
+        desk.show(table)
+        desk.say(LIKE_MARKUP)
+    assert LIKE_MARKUP in console.file.getvalue()
+    assert "[dim]" not in console.file.getvalue()
+
+
+def test_ctrl_c_while_the_live_area_opens_is_ctrl_c_and_gives_the_cursor_back(monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+    monkeypatch.setattr(console, "push_render_hook", interrupted)
+    with pytest.raises(KeyboardInterrupt), TerminalDesk(console) as desk:
+        desk.show(Text("12 %"))
+    assert console.file.getvalue().endswith("\x1b[?25h")
+
+
+def test_a_file_does_not_get_every_state_of_what_is_measured(paper):
+    with TerminalDesk(paper) as desk:
+        desk.show(Text("12 %"))
+        desk.show(Text("13 %"))
+    assert paper.file.getvalue() == ""
