@@ -20,7 +20,7 @@ from calibration.phases.search import (
 )
 from calibration.phases.trials import NOT_COUNTED, PHASES, Floats, Trial, infer
 from tams_app.config import PhasesConfig
-from tams_app.errors import TamsError
+from tams_app.errors import ConfigError, TamsError
 
 LEAST_TRIALS = 3
 SEARCHED = ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
@@ -94,11 +94,7 @@ def evaluate(trials: Sequence[Trial], thresholds: PhasesConfig) -> Scores:
 
 def check_trials(trials: Sequence[Trial]) -> None:
     """TamsError with the reason if nothing can be learned from these."""
-    if len(trials) < LEAST_TRIALS:
-        raise TamsError(
-            f"{len(trials)} trials are too few to leave one out and learn from the others: "
-            f"give at least {LEAST_TRIALS}"
-        )
+    check_count(len(trials))
     for trial in trials:
         _check_labels(trial)
     seen = {int(code) for trial in trials for code in np.unique(trial.labels)}
@@ -107,6 +103,16 @@ def check_trials(trials: Sequence[Trial]) -> None:
         raise TamsError(
             f"the phase {missing[0]} never occurs in the {len(trials)} trials: "
             "give trials in which the block is grasped, carried and released"
+        )
+
+
+def check_count(trials: int) -> None:
+    """ConfigError if so many are too few."""
+    if trials < LEAST_TRIALS:
+        few = "1 trial is" if trials == 1 else f"{trials} trials are"
+        raise ConfigError(
+            f"{few} too few to leave one out and learn from the others: "
+            f"give at least {LEAST_TRIALS}"
         )
 
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 
 from calibration.desk import Desk
-from calibration.phases.marks import Mark, add_mark, phase_named, read_marks, write_marks
+from calibration.phases.marks import (
+    Mark,
+    add_mark,
+    phase_named,
+    read_marks,
+    without_mark,
+    write_marks,
+)
 from calibration.phases.strip import Replay, strip
 from tams_app.errors import ConfigError
 
@@ -18,7 +26,8 @@ HELP = """\
   ALIGN        it begins here         12.4 ALIGN   it begins at 12.4 s    (any short form: al)
   -            nothing counts from here on; so it is before the first mark
   undo         forget the mark before the cursor
-  q            enough for this trial; what is marked is kept"""
+  q            enough for this trial; what is marked is kept
+  ?            this list once more"""
 _STEP_S = 1.0
 _ROUND = 3  # milliseconds
 
@@ -66,7 +75,7 @@ class Marking:
         before = [mark for mark in self.marks if mark.t_s <= self.cursor_s]
         if not before:
             raise ConfigError("there is no mark before the cursor")
-        self.marks = [mark for mark in self.marks if mark is not before[-1]]
+        self.marks = without_mark(self.marks, before[-1])
         return True
 
     def _next_edge_s(self) -> float:
@@ -77,7 +86,8 @@ class Marking:
         return float(later[0])
 
     def _go(self, t_s: float) -> None:
-        self.cursor_s = round(min(max(t_s, 0.0), self.replay.last_s), _ROUND)
+        last_s = math.floor(self.replay.last_s * 10**_ROUND) / 10**_ROUND  # still in the log
+        self.cursor_s = round(min(max(t_s, 0.0), last_s), _ROUND)
 
 
 def mark_trial(desk: Desk, replay: Replay, path: Path) -> list[Mark]:
@@ -88,8 +98,11 @@ def mark_trial(desk: Desk, replay: Replay, path: Path) -> list[Mark]:
     while True:
         desk.say(marking.picture())
         command = desk.conversation.ask(f"{marking.cursor_s:.2f} s> ").strip()
-        if command == "q":
+        if command.lower() == "q":
             return marking.marks
+        if command == "?":
+            desk.say(HELP)
+            continue
         try:
             if marking.handle(command):
                 write_marks(path, marking.marks)

@@ -69,6 +69,15 @@ def add_mark(marks: Sequence[Mark], mark: Mark, last_s: float) -> list[Mark]:
     return [*before, mark, *after]
 
 
+def without_mark(marks: Sequence[Mark], gone: Mark) -> list[Mark]:
+    """`marks` without `gone`; nor does a phase begin anew that now goes on from before it."""
+    kept: list[Mark] = []
+    for mark in marks:
+        if mark != gone and (not kept or mark.phase is not kept[-1].phase):
+            kept.append(mark)
+    return kept
+
+
 def labels_from(marks: Sequence[Mark], t_s: Floats) -> Codes:
     """The marked phase of every tick, shape (n,)."""
     codes = [NOT_COUNTED, *(NOT_COUNTED if m.phase is None else CODE[m.phase] for m in marks)]

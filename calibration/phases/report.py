@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from typing import Any
 
 from rich.console import Console, RenderableType
@@ -108,7 +109,8 @@ def remarks(found: PhaseFit) -> list[str]:
 
 def as_text(*parts: RenderableType) -> str:
     """Tables as text, the same on every terminal and in a file."""
-    console = Console(width=_WIDTH, no_color=True, highlight=False)
+    # no markup: `[s]` is a unit, not a style
+    console = Console(width=_WIDTH, file=StringIO(), no_color=True, markup=False, highlight=False)
     with console.capture() as capture:
         for part in parts:
             console.print(part)

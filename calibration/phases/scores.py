@@ -21,7 +21,7 @@ class Switches:
 
     `delays_s`: of each true switch that was found, from it to the inferred one; negative if that
     came first. `missed`: true switches to which no inferred one belongs. `spurious`: inferred
-    switches into the phase that belong to no true one.
+    switches into the phase that belong to no true one; one made where nothing counts is none.
     """
 
     delays_s: tuple[float, ...]
@@ -89,7 +89,7 @@ def switches_into(code: int, t_s: Floats, labels: Codes, inferred: Codes) -> Swi
     before is no switch.
     """
     true_runs = _runs(labels == code)
-    inferred_runs = [run for run in _runs(inferred == code) if _counted(labels, run)]
+    inferred_runs = _runs(inferred == code)
     taken: set[tuple[int, int]] = set()
     delays: list[float] = []
     missed = 0
@@ -104,12 +104,9 @@ def switches_into(code: int, t_s: Floats, labels: Codes, inferred: Codes) -> Swi
             missed += 1
         else:
             delays.append(float(t_s[found[0]] - t_s[start]))
-    spurious = [run for run in inferred_runs if run not in taken and run[0] > 0]
+    others = [start for start, stop in inferred_runs if (start, stop) not in taken]
+    spurious = [start for start in others if start > 0 and labels[start] != NOT_COUNTED]
     return Switches(tuple(delays), missed, len(spurious))
-
-
-def _counted(labels: Codes, run: tuple[int, int]) -> bool:
-    return bool((labels[run[0] : run[1]] != NOT_COUNTED).any())
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import combinations
 from pathlib import Path
 from typing import TypeAlias
 
@@ -11,9 +14,8 @@ from calibration.phases.marks import FILE_NAME, labels_from, read_marks
 from calibration.phases.strip import Replay, replay_of
 from calibration.phases.trials import Trial, motion_of
 from calibration.phases.truth import true_labels
-from calibration.phases.virtual_trial import VirtualTrial
 from tams_app.config import Config
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import SessionLog, read_log
 from tams_app.session.build import task_geometry
 from tams_app.session.recorders import LOG_NAME
@@ -22,19 +24,34 @@ Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the
 _USUAL_S = 30.0  # of a trial; for the progress only
 
 
+@dataclass(frozen=True, slots=True)
+class LoggedTrial:
+    """A recorded trial. `marked`: its phases are a person's marks, else they are geometry.
+
+    `simulated`: it was recorded on the simulated rig.
+    """
+
+    trial: Trial
+    marked: bool
+    simulated: bool
+
+
 def logged_trials(
     folders: Sequence[Path], smoothing_ms: float, rules: LabelRules, progress: Progress
-) -> list[Trial]:
+) -> list[LoggedTrial]:
     """The trials of recorded sessions: by the marks beside each log, else by where things were.
 
-    ConfigError for a folder that is given twice or has neither.
+    ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
     """
     check_folders(folders)
-    trials = []
+    logged = []
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
-        trials.append(_logged_trial(folder, smoothing_ms, rules))
-    return trials
+        logged.append(_logged_trial(folder, smoothing_ms, rules))
+    for (one, a), (other, b) in combinations(zip(folders, logged, strict=True), 2):
+        if a.trial.motion.inputs == b.trial.motion.inputs:
+            raise ConfigError(f"{other}: is a copy of {one}: a trial left out must be unseen")
+    return logged
 
 
 def logged_replay(folder: Path, smoothing_ms: float) -> Replay:
@@ -47,19 +64,21 @@ def logged_replay(folder: Path, smoothing_ms: float) -> Replay:
 def virtual_trials(
     config: Config, seeds: Sequence[int], rules: LabelRules, progress: Progress
 ) -> list[Trial]:
-    """One trial for each seed of scene and participant, made now."""
+    """One trial for each seed of scene and participant, made now; SetupError without MuJoCo."""
+    if find_spec("mujoco") is None:
+        raise SetupError("simulated trials need MuJoCo: pip install 'tams[sim]'")
+    from calibration.phases.virtual_trial import VideolessTrial  # logs are read without MuJoCo
+
+    smoothing_ms = config.policy.phases.smoothing_ms
     trials = []
     for number, seed in enumerate(seeds):
-        trial = VirtualTrial(config, seed)
-        for elapsed_s in trial.perform():
+        made = VideolessTrial(config, seed)
+        for elapsed_s in made.perform():
             done = (number + min(elapsed_s / _USUAL_S, 1.0)) / len(seeds)
             progress(f"trial {number + 1} of {len(seeds)} in virtual time", done)
-        performed = trial.performed()
         name = f"seed {seed}"
-        started_ns = performed.ticks[0].started_ns
-        smoothing_ms = config.policy.phases.smoothing_ms
-        motion = motion_of(name, performed.ticks, started_ns, smoothing_ms)
-        labels = true_labels(name, performed.ticks, performed.scene, task_geometry(), rules)
+        motion = motion_of(name, made.ticks, made.ticks[0].started_ns, smoothing_ms)
+        labels = true_labels(name, made.ticks, made.scene, task_geometry(), rules)
         trials.append(Trial(motion, labels))
     return trials
 
@@ -73,19 +92,22 @@ def check_folders(folders: Sequence[Path]) -> None:
         seen.add(folder.resolve())
 
 
-def _logged_trial(folder: Path, smoothing_ms: float, rules: LabelRules) -> Trial:
+def _logged_trial(folder: Path, smoothing_ms: float, rules: LabelRules) -> LoggedTrial:
     log = _read(folder)
+    simulated = bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
     name = folder.name
     motion = motion_of(name, log.ticks, log.header.started_ns, smoothing_ms)
     marks = folder / FILE_NAME
     if marks.is_file():
-        return Trial(motion, labels_from(read_marks(marks, float(motion.t_s[-1])), motion.t_s))
+        labels = labels_from(read_marks(marks, float(motion.t_s[-1])), motion.t_s)
+        return LoggedTrial(Trial(motion, labels), True, simulated)
     if not log.scene:
         raise ConfigError(
             f"{folder}: nobody knows its phases: mark them with "
             f"`run_tams.py calibrate phases --from {folder} --mark`"
         )
-    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry(), rules))
+    labels = true_labels(name, log.ticks, log.scene, task_geometry(), rules)
+    return LoggedTrial(Trial(motion, labels), False, simulated)
 
 
 def _read(folder: Path) -> SessionLog:

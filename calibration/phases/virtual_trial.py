@@ -1,147 +1,163 @@
 """One pick-and-place in virtual time, without pictures: what the control loop saw, and the truth.
 
-Arm, controller, teleoperation and phase inference are the product's; a participant with perfect
-eyes sits at the controls. Nothing here knows the thresholds that are sought.
+All that moves is that of a study's trial (`tams_app.session.virtual`): scene, arm, control loop,
+arming, rules and agenda. Left out is what makes such a trial dear, drawing, sending and looking at
+pictures; so its participant has perfect eyes. Nothing here knows the thresholds that are sought.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
-import numpy as np
-
-from hw.arm import ServoMode
-from hw.boundary import session_boundary
-from hw.sim.controller_model import ControllerModel
+from hw.controller import Controller
 from hw.sim.efference import EfferenceCopy
-from hw.sim.inprocess_arm import InProcessArm
-from hw.sim.layout import draw_layout
 from hw.sim.operator import Operator
+from hw.sim.operator_hand import operator_hand
 from hw.sim.participant import ParticipantProfile
 from hw.sim.perception import TruePerception
 from hw.sim.virtual_controller import VirtualController
-from hw.sim.world import World
+from hw.sim.wiring import rig_wiring
 from tams_app.clock import NS_PER_S, VirtualClock
 from tams_app.config import Config
-from tams_app.records import Outcome, SceneTruth, Tick
+from tams_app.records import SceneTruth, Tick
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.observer import TickObserver
 from tams_app.session.signals import Signals
-from tams_app.session.supervisor import ArmSupervisor
+from tams_app.session.status import StatusBoard
+from tams_app.session.stops import StopWatch
 from tams_app.session.trial_loop import RATE_HZ as SCENE_RATE_HZ
+from tams_app.session.trial_loop import TrialLoop
+from tams_app.session.virtual.rhythm import repeat
+from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS, NoGuard
 from tams_app.study.trial import TrialJudge
-from tams_app.teleop.safety import ArmingState, Request
+from tams_app.video.lockstep.agenda import Agenda
 
-_LONGEST_S = 150.0
-
-
-@dataclass(frozen=True, slots=True)
-class Performed:
-    """A trial as a log of it would tell."""
-
-    ticks: list[Tick]
-    scene: list[SceneTruth]
-    outcome: Outcome
+_YIELD_NS = NS_PER_S // 10
 
 
-class _Eyes:
-    """The true scene, at his rate of glances and as late as his hand can act on it."""
+class SharpEyedHand:
+    """A participant who sees the true scene, as often and as late as he would see pictures."""
 
-    def __init__(self, profile: ParticipantProfile) -> None:
+    def __init__(self, config: Config, participant: int, truth: Callable[[], SceneTruth]) -> None:
+        profile = ParticipantProfile.draw(participant)
+        settings, eyes = config.rig.operator, TruePerception(lambda: self._seen)
+        self._truth = truth
         self._sampling_ns = round(profile.sampling_s * NS_PER_S)
         self._delay_ns = round(profile.visuomotor_s * NS_PER_S)
-        self._glances: deque[SceneTruth] = deque()
-        self.now_ns = 0
+        self._glance_ns = 0  # when the next one is due
+        self._coming: deque[tuple[int, SceneTruth]] = deque()
+        self._seen: SceneTruth | None = None
+        operator = Operator(
+            operator_hand(config), settings, eyes, participant, True, profile, EfferenceCopy()
+        )
+        self.controller: Controller = VirtualController(
+            operator, settings, config.seed, rig_wiring(config)
+        )
 
-    def glance(self, truth: SceneTruth) -> None:
-        self.now_ns = truth.t_ns
-        if not self._glances or truth.t_ns - self._glances[-1].t_ns >= self._sampling_ns:
-            self._glances.append(truth)
-
-    def read(self) -> SceneTruth | None:
-        acted_on_ns = self.now_ns - self._delay_ns
-        while len(self._glances) > 1 and self._glances[1].t_ns <= acted_on_ns:
-            self._glances.popleft()
-        seen = self._glances[0]
-        return seen if seen.t_ns <= acted_on_ns else None
+    def prepare(self, now_ns: int) -> None:
+        """Look, if it is time for a glance, and understand what was seen earlier."""
+        if now_ns >= self._glance_ns:
+            self._glance_ns = now_ns + self._sampling_ns
+            self._coming.append((now_ns + self._delay_ns, self._truth()))
+        while self._coming and self._coming[0][0] <= now_ns:
+            self._seen = self._coming.popleft()[1]
 
 
-class VirtualTrial:
-    """Scene `seed` with participant `seed`, tick by tick."""
+class VideolessTrial:
+    """Scene `seed` with participant `seed`; `ticks` and `scene` are as a log of it would tell."""
 
     def __init__(self, config: Config, seed: int) -> None:
-        self._config = config
-        self._clock = VirtualClock()
-        joints = np.radians(np.array(config.arm.ready_joints_deg))
-        self._world = World(draw_layout(seed), joints)
-        profile = ParticipantProfile.draw(seed)
-        self._eyes = _Eyes(profile)
-        asked = EfferenceCopy()
-        eyes = TruePerception(self._eyes.read)
-        operator = Operator(config.hand, config.rig.operator, eyes, seed, True, profile, asked)
-        controller = VirtualController(operator, config.rig.operator, seed)
-        boundary = session_boundary(config.arm, config.limits)
-        model = ControllerModel(self._world, joints)
-        self._arm = InProcessArm(config.arm, self._clock, model, boundary)
-        self._supervisor = ArmSupervisor(
-            self._arm, ServoMode(config.arm.servo), boundary, lambda *_: None
-        )
+        config = config.model_copy(update={"seed": seed})
+        build.check_ready_pose(config)
+        self.ticks: list[Tick] = []
+        self.scene: list[SceneTruth] = []
+        self._rate_hz = config.control.rate_hz
+        self._clock = VirtualClock(START_NS)
+        self._agenda = Agenda()
+        self._ended = False
+        self._robot = VirtualRobot(config, self._clock, _say_nothing)
+        self._hand = SharpEyedHand(config, seed, self._robot.truth)
         self._judge = TrialJudge(config.trial, build.task_geometry())
-        self._ticks: list[Tick] = []
-        self._scene: list[SceneTruth] = []
-        self._loop = ControlLoop(
+        self._control = self._build_control(config)
+        self._trial_loop = TrialLoop(
             self._clock,
-            config.control.rate_hz,
-            controller,
-            self._arm,
-            build.teleop(config, 0),
-            build.phase_tracker(config),
-            build.smoothed_speed(config),
-            Signals(),
-            self._hooks(),
+            self._judge,
+            self._robot.truth,
+            self._robot.gripper_closed,
+            self.scene.append,
+            self._end,
         )
-        self._arm.connect()
-        controller.start()
 
     def perform(self) -> Iterator[float]:
-        """Go on until placed or out of time; yields the seconds gone by, at each record of the
-        scene."""
-        start_ns = self._clock.now_ns()
-        period_ns = round(NS_PER_S / self._config.control.rate_hz)
-        scene_ns = start_ns
-        ended = False
-        while not ended and self._clock.now_ns() - start_ns < _LONGEST_S * NS_PER_S:
-            self._clock.advance_ns(period_ns)
-            now_ns = self._clock.now_ns()
-            state = self._arm.state()  # brings the world up to the clock
-            truth = self._world.truth(now_ns)
-            self._eyes.glance(truth)
-            output = self._loop.tick(now_ns)
-            if output.deadman and output.arming is ArmingState.ENGAGED:
-                self._judge.engaged(now_ns)
-            ended = self._judge.step(now_ns, truth, state.gripper_closed if state else None)
-            if now_ns >= scene_ns:
-                scene_ns += round(NS_PER_S / SCENE_RATE_HZ)
-                self._scene.append(truth)
-                yield (now_ns - start_ns) / NS_PER_S
-        self._arm.close()
+        """Go on until placed, out of time or given up; yields the seconds gone by now and then."""
+        self._begin()
+        until_ns = START_NS
+        while not self._ended:
+            until_ns += _YIELD_NS
+            self._go_on(until_ns)
+            yield (until_ns - START_NS) / NS_PER_S
+        self._robot.stop()
 
-    def performed(self) -> Performed:
-        """What was recorded so far."""
-        return Performed(self._ticks, self._scene, self._judge.outcome())
-
-    def _hooks(self) -> ControlHooks:
-        return ControlHooks(
-            beat=lambda _: None,
-            video_age_ns=lambda *_: 0,
-            request=self._carry_out,
-            arm_ready=lambda: self._supervisor.ready,
-            phase_began=lambda _: None,
-            record=self._ticks.append,
-            output=lambda *_: None,
+    def _build_control(self, config: Config) -> ControlLoop:
+        supervisor, signals = self._robot.supervisor, Signals()
+        observer = TickObserver(
+            NoGuard(),
+            supervisor,
+            self._judge,
+            StopWatch(_forget),
+            StatusBoard(config.video.views),
+            signals,
+            _say_nothing,
+            arm_at_once=False,
+        )
+        hooks = ControlHooks(
+            beat=_forget,
+            video_age_ns=lambda _now_ns, _phase: 0,
+            request=supervisor.request,
+            arm_ready=lambda: supervisor.ready,
+            phase_began=_forget,
+            record=self.ticks.append,
+            output=observer.observe,
+        )
+        return build.control_loop(
+            config, self._clock, self._hand.controller, self._robot.arm, 0, signals, hooks
         )
 
-    def _carry_out(self, request: Request) -> None:
-        self._supervisor.carry_out(request, 0)
+    def _begin(self) -> None:
+        self._robot.arm.connect()
+        self._hand.controller.start()
+        repeat(self._agenda, START_NS, self._rate_hz, self._tick)
+        repeat(self._agenda, START_NS, SCENE_RATE_HZ, lambda _due_ns: self._trial_loop.look())
+        self._agenda.post(START_NS + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
+
+    def _go_on(self, until_ns: int) -> None:
+        while not self._ended:
+            due_ns = self._agenda.next_ns
+            assert due_ns is not None, "the control loop always has something to do"
+            if due_ns > until_ns:
+                return
+            self._clock.sleep_until_ns(due_ns)
+            self._agenda.do_next()
+
+    def _tick(self, due_ns: int) -> None:
+        self._hand.prepare(due_ns)
+        self._control.tick(due_ns)
+        self._robot.supervisor.serve()
+
+    def _give_up(self) -> None:
+        if not self._judge.started:
+            self._end()
+
+    def _end(self) -> None:
+        self._ended = True
+
+
+def _forget(_record: object) -> None:
+    """Nobody keeps it."""
+
+
+def _say_nothing(_level: str, _text: str) -> None:
+    """Nobody reads the notes of such a trial."""

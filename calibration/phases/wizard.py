@@ -16,6 +16,7 @@ from calibration.phases.fit import (
     LEAST_TRIALS,
     SEARCHED,
     PhaseFit,
+    check_count,
     evaluate,
     fit_thresholds,
     sensitivity,
@@ -26,6 +27,7 @@ from calibration.phases.marks import FILE_NAME
 from calibration.phases.picture import save_sensitivity
 from calibration.phases.scores import Scores
 from calibration.phases.sources import (
+    LoggedTrial,
     check_folders,
     logged_replay,
     logged_trials,
@@ -42,7 +44,8 @@ _DEFAULT_TRIALS = 10
 _INTRODUCTION = """\
 Algorithm 1 tells the phases of the task from the arm's speed and the gripper. When a tool counts
 as still, when as descending, and for how long, depends on the setup: here the four thresholds are
-sought with which it agrees best with trials whose phases are known."""
+sought with which it agrees best with trials whose phases are known. Ctrl-C ends this at any time,
+and nothing is changed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +81,14 @@ def run_phases(
     with desk:
         if options.mark:
             return _mark(desk, options.logs, config)
+        kept.check_before(desk, options.yes, options.sim)
         desk.say(_INTRODUCTION)
-        trials, held_out = _trials(desk, config, options)
-        found = fit_thresholds(trials, config.policy.phases.smoothing_ms, _shown(desk))
-        unseen = _held_out_scores(held_out, found)
+        material = _material(desk, config, options)
+        kept.check_before(desk, options.yes, material.simulated)
+        found = fit_thresholds(material.trials, config.policy.phases.smoothing_ms, _shown(desk))
+        unseen = _held_out_scores(material.held_out, found)
         _tell(desk, found, unseen)
-        curves = sensitivity(trials, found.thresholds, _shown(desk))
+        curves = sensitivity(material.trials, found.thresholds, _shown(desk))
         if options.picture is not None:
             save_sensitivity(curves, options.picture)
             desk.say(f"Sensitivity around the optimum: {options.picture}")
@@ -91,16 +96,15 @@ def run_phases(
         calibration = Calibration(
             KIND,
             {"policy": {"phases": {name: getattr(found.thresholds, name) for name in SEARCHED}}},
-            _source(options, trials),
+            material.source,
             report.quality(found, unseen) | {"picture": picture},
-            simulated=options.sim,
+            simulated=material.simulated,
         )
         somebody_decides = desk.attended
-        path = kept.propose(desk, calibration, options.yes)
-        if path is None:
-            return 0 if somebody_decides else 1
-        save_sensitivity(curves, path.with_name(picture))
-        return 0
+        written = kept.propose(
+            desk, calibration, options.yes, lambda: save_sensitivity(curves, kept.folder / picture)
+        )
+        return 0 if written or somebody_decides else 1
 
 
 def _check(options: Options) -> None:
@@ -116,39 +120,59 @@ def _check(options: Options) -> None:
         raise ConfigError("--goal-height-mm must be more than 0")
     if options.picture is not None and not options.picture.parent.is_dir():
         raise ConfigError(f"--picture: there is no folder {options.picture.parent}")
+    if options.picture is not None and options.picture.is_dir():
+        raise ConfigError(f"--picture: {options.picture} is a folder, not a file")
     given = len(options.logs) if options.logs else options.learn_from
-    if given < LEAST_TRIALS and not options.mark:
-        raise ConfigError(
-            f"{given} trials are too few to leave one out and learn from the others: "
-            f"give at least {LEAST_TRIALS}"
-        )
+    if not options.mark:
+        check_count(given)
 
 
 def _mark(desk: Desk, folders: Sequence[Path], config: Config) -> int:
     """Marks for each log in turn."""
     check_folders(folders)
+    if not desk.attended:
+        raise ConfigError("--mark asks a person for the phases: start it from a terminal")
     for folder in folders:
         replay = logged_replay(folder, config.policy.phases.smoothing_ms)
         marks = mark_trial(desk, replay, folder / FILE_NAME)
         desk.say(f"{folder / FILE_NAME}: {len(marks)} marks")
-    desk.say("Once at least 3 trials are marked, give them all without --mark.")
+    desk.say(f"Once at least {LEAST_TRIALS} trials are marked, give them all without --mark.")
     return 0
 
 
-def _trials(desk: Desk, config: Config, options: Options) -> tuple[list[Trial], list[Trial]]:
-    """Trials to learn from, and those to judge by that nobody learns from."""
+@dataclass(frozen=True, slots=True)
+class _Material:
+    """Trials to learn from, those to judge by that nobody learns from, and whence they are."""
+
+    trials: list[Trial]
+    held_out: list[Trial]
+    source: str
+    simulated: bool
+
+
+def _material(desk: Desk, config: Config, options: Options) -> _Material:
     height_mm = options.goal_height_mm
     rules = LabelRules() if height_mm is None else LabelRules(goal_height=height_mm / 1000)
+    rule = "" if height_mm is None else f"; align and pre-release only below {height_mm:g} mm"
     shown = _shown(desk)
     if options.logs:
         smoothing_ms = config.policy.phases.smoothing_ms
-        return logged_trials(options.logs, smoothing_ms, rules, shown), []
+        logged = logged_trials(options.logs, smoothing_ms, rules, shown)
+        rule = "" if all(log.marked for log in logged) else rule  # marks know no height
+        trials = [log.trial for log in logged]
+        source = f"recorded trials: {', '.join(map(_name, logged))}{rule}"
+        return _Material(trials, [], source, any(log.simulated for log in logged))
     count = options.learn_from
     unseen = count if options.held_out is None else options.held_out
     seeds = range(options.seed, options.seed + count + unseen)
     desk.say(f"{count} simulated trials to learn from, {unseen} held out; a few seconds each.")
     trials = virtual_trials(config, seeds, rules, shown)
-    return trials[:count], trials[count:]
+    source = f"simulated trials, {trials[0].name} to {trials[count - 1].name}{rule}"
+    return _Material(trials[:count], trials[count:], source, True)
+
+
+def _name(log: LoggedTrial) -> str:
+    return f"{log.trial.name} (marked)" if log.marked else log.trial.name
 
 
 def _held_out_scores(held_out: Sequence[Trial], found: PhaseFit) -> tuple[Scores, Scores] | None:
@@ -175,18 +199,6 @@ def _tell(desk: Desk, found: PhaseFit, unseen: tuple[Scores, Scores] | None) -> 
     )
     for remark in report.remarks(found):
         desk.say(f"\nNote: {remark}")
-
-
-def _source(options: Options, trials: Sequence[Trial]) -> str:
-    height = options.goal_height_mm
-    rule = "" if height is None else f"; align and pre-release only below {height:g} mm"
-    if options.logs:
-        names = [
-            f"{log.name} (marked)" if (log / FILE_NAME).is_file() else log.name
-            for log in options.logs
-        ]
-        return f"recorded trials: {', '.join(names)}{rule}"
-    return f"simulated trials, {trials[0].name} to {trials[-1].name}{rule}"
 
 
 def _shown(desk: Desk) -> Callable[[str, float], None]:

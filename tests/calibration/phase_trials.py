@@ -92,11 +92,16 @@ def walk(legs: tuple[Leg, ...], *, carries: bool = True) -> Path3:
     return Path3(np.array(tool), np.array(closed), np.array(block))
 
 
-def session(path: Path3, lead_s: float = 0.5) -> tuple[list[Tick], list[SceneTruth]]:
-    """Ticks and scene of a path, after `lead_s` in which the arm does not follow yet."""
+def session(
+    path: Path3, lead_s: float = 0.5, every: int = 1
+) -> tuple[list[Tick], list[SceneTruth]]:
+    """Ticks and scene of a path, after `lead_s` in which the arm does not follow yet.
+
+    `every`: 4 keeps each fourth tick only, for what searches them: it takes its time.
+    """
     lead = round(lead_s / PERIOD_S)
     ticks, scene = [], []
-    for number in range(lead + len(path.tool)):
+    for number in range(0, lead + len(path.tool), every):
         at = max(0, number - lead)
         base = tick(number)
         pose = Pose(path.tool[at], NO_TURN)
@@ -115,15 +120,16 @@ def session(path: Path3, lead_s: float = 0.5) -> tuple[list[Tick], list[SceneTru
     return ticks, scene
 
 
-def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth]) -> Path:
-    """A session folder with these records in its log."""
+def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth], rig: bool = True) -> Path:
+    """A session folder with these records in its log; `rig`: of the simulated rig."""
     folder.mkdir()
 
     def fail(thread: str, failure: BaseException) -> None:
         raise AssertionError(f"{thread} failed") from failure
 
     clock = VirtualClock(START_NS)
-    recorder = Recorder(folder / "session.mcap", header(), clock, 0, fail)
+    begun = header(config={"rig": {"enabled": rig}})
+    recorder = Recorder(folder / "session.mcap", begun, clock, 0, fail)
     recorder.start()
     for record in (*ticks, *scene):
         recorder.record(record)
@@ -135,9 +141,9 @@ def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth]) -> Path:
 def motion(seed: int, noise_mm_s: float = 0.0) -> Motion:
     """About six seconds of speeds with ramps, pauses, descents and two edges of the gripper.
 
-    60 ticks a second: the search takes its time.
+    30 ticks a second: the search takes its time.
     """
-    period_s = 2.0 * PERIOD_S
+    period_s = 4.0 * PERIOD_S
     random = np.random.default_rng(seed)
     # seconds, speed and vertical speed at the end [mm/s], gripper
     parts = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.desk import PlayedDesk
-from calibration.phases.marking import Marking, mark_trial
+from calibration.phases.marking import HELP, Marking, mark_trial
 from calibration.phases.marks import (
     Mark,
     add_mark,
     labels_from,
     phase_named,
     read_marks,
+    without_mark,
     write_marks,
 )
 from calibration.phases.strip import CURSOR_COLUMN, Replay, replay_of, strip
@@ -105,6 +107,12 @@ def test_a_mark_at_the_time_of_another_takes_its_place() -> None:
     assert changed == [SOME[0], Mark(2.5, Phase.GRASP), SOME[2]]
 
 
+def test_a_phase_does_not_begin_anew_where_the_mark_between_is_gone() -> None:
+    again = [*SOME[:2], Mark(3.0, Phase.REACH), Mark(4.0, None)]
+    assert without_mark(again, again[1]) == [SOME[0], SOME[2]]
+    assert without_mark(SOME, SOME[0]) == SOME[1:]
+
+
 # --- marking on a replay ------------------------------------------------------------------------
 
 
@@ -142,6 +150,26 @@ def test_a_phase_is_marked_at_the_cursor_or_at_a_time(replay) -> None:
     assert marking.marks == [Mark(1.0, Phase.REACH), Mark(2.0, Phase.ALIGN)]
     assert marking.handle("undo")
     assert marking.marks == [Mark(2.0, Phase.ALIGN)]
+
+
+def test_the_very_end_of_the_log_can_be_marked(replay) -> None:
+    marking = Marking(replace(replay, t_s=replay.t_s + 0.0006), [])
+    marking.handle("1000")
+    assert marking.handle("-")
+
+
+def test_marks_that_something_was_taken_out_of_can_be_gone_on_with(replay, tmp_path: Path) -> None:
+    path = tmp_path / "phases.csv"
+    mark_trial(
+        PlayedDesk(["1.0 reach", "2.0 align", "3.0 reach", "2.5", "undo", "q"]), replay, path
+    )
+    assert mark_trial(PlayedDesk(["Q"]), replay, path) == [SOME[0]]
+
+
+def test_what_can_be_typed_is_told_again_when_asked_for(replay, tmp_path: Path) -> None:
+    desk = PlayedDesk(["?", "q"])
+    mark_trial(desk, replay, tmp_path / "phases.csv")
+    assert sum(HELP in text for text in desk.said) == 2
 
 
 @pytest.mark.parametrize("command", ["align now", "1.0 2.0 align", "1.0 2.0", "?", "x align"])

@@ -82,6 +82,8 @@ def test_what_begins_with_the_trial_is_no_switch() -> None:
 
 def test_what_is_inferred_where_nothing_counts_is_not_spurious() -> None:
     assert into("A", "..RRR", ".ARRR") == Switches((), missed=0, spurious=0)
+    assert into("O", "T..RR", "TTOOR") == Switches((), missed=0, spurious=0)
+    assert into("O", "T..RR", "TTTOR") == Switches((), missed=0, spurious=1)
 
 
 def test_percentiles_of_no_delays_are_unknown() -> None:

@@ -21,7 +21,7 @@ from calibration.phases.search import (
 )
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer, motion_of
 from tams_app.config import PhasesConfig
-from tams_app.errors import LogError, TamsError
+from tams_app.errors import ConfigError, LogError, TamsError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import WHOLE, motion, session, walk
 
@@ -69,8 +69,8 @@ def noisy_trials() -> tuple[Trial, ...]:
 
 
 @cache
-def fitted_to(known: int) -> PhaseFit:
-    return fit_thresholds(labelled(KNOWN[known]), SMOOTHING_MS)
+def fitted() -> PhaseFit:
+    return fit_thresholds(labelled(KNOWN[0]), SMOOTHING_MS)
 
 
 @cache
@@ -78,11 +78,21 @@ def fitted_to_noise() -> PhaseFit:
     return fit_thresholds(noisy_trials(), SMOOTHING_MS)
 
 
-@pytest.mark.parametrize("known", range(len(KNOWN)))
-def test_without_noise_the_labels_are_met_exactly(known: int) -> None:
-    found = fitted_to(known)
-    assert found.in_sample.accuracy == 1.0
-    assert found.defaults.accuracy < 1.0
+@pytest.mark.parametrize("known", KNOWN)
+def test_without_noise_the_labels_are_met_exactly(known: PhasesConfig) -> None:
+    trials = labelled(known)
+    best = thresholds_at(Search(trials).best([0, 1, 2], ignore), SMOOTHING_MS)
+    assert evaluate(trials, best).accuracy == 1.0
+    assert evaluate(trials, PhasesConfig()).accuracy < 1.0
+
+
+def test_a_fit_tells_the_scores_of_what_it_chose_and_of_the_defaults() -> None:
+    trials, found = labelled(KNOWN[0]), fitted()
+    assert found.in_sample.accuracy == evaluate(trials, found.thresholds).accuracy == 1.0
+    assert found.defaults.accuracy == evaluate(trials, PhasesConfig()).accuracy < 1.0
+    alone = [evaluate([trials[place]], fold.thresholds) for place, fold in enumerate(found.folds)]
+    assert [fold.accuracy for fold in found.folds] == [scores.accuracy for scores in alone]
+    assert (found.left_out.confusion == sum(scores.confusion for scores in alone)).all()
 
 
 def test_with_noise_it_does_at_least_as_well_as_the_thresholds_that_made_the_labels() -> None:
@@ -108,7 +118,7 @@ def test_a_dwell_of_zero_which_abolishes_a_phase_is_never_taken() -> None:
 def test_a_trial_left_out_has_no_say_in_its_own_thresholds() -> None:
     trials = labelled(KNOWN[0])
     confused = replace(trials[1], labels=labelled(KNOWN[2])[1].labels)
-    before = fitted_to(0)
+    before = fitted()
     after = fit_thresholds([trials[0], confused, trials[2]], SMOOTHING_MS)
     assert after.folds[1].thresholds == before.folds[1].thresholds
     assert after.folds[1].accuracy < before.folds[1].accuracy
@@ -172,15 +182,17 @@ def test_sensitivity_passes_through_the_chosen_point_and_shows_the_default() -> 
 
 
 def test_a_threshold_at_an_end_of_the_range_is_named() -> None:
-    found = fitted_to(0)
+    found = fitted()
     assert found.at_the_edge == []
     smallest = replace(found, thresholds=thresholds_at((20, 60, 1, 60), SMOOTHING_MS))
     assert smallest.at_the_edge == ["align_dwell_s", "pre_release_dwell_s"]
 
 
-def test_two_trials_are_too_few() -> None:
-    with pytest.raises(TamsError, match=r"2 trials are too few .* give at least 3"):
+def test_one_or_two_trials_are_too_few() -> None:
+    with pytest.raises(ConfigError, match=r"2 trials are too few .* give at least 3"):
         check_trials(labelled(PhasesConfig(), range(2)))
+    with pytest.raises(ConfigError, match=r"1 trial is too few .* give at least 3"):
+        check_trials(labelled(PhasesConfig(), range(1)))
 
 
 def test_a_phase_that_never_occurs_is_named() -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import re
 import shutil
+from contextlib import redirect_stdout
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,22 +15,22 @@ import pytest
 import yaml
 
 from calibration.desk import PlayedDesk
-from calibration.phases.fit import evaluate
+from calibration.phases import wizard
+from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds
 from calibration.phases.labels import LabelRules
-from calibration.phases.sources import logged_trials
-from calibration.phases.trials import CODE, NOT_COUNTED, infer, motion_of
-from calibration.phases.virtual_trial import VirtualTrial
+from calibration.phases.sources import LoggedTrial, logged_trials
+from calibration.phases.trials import CODE, NOT_COUNTED, Trial
 from calibration.phases.wizard import Options, run_phases
 from tams_app import cli
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
-from tams_app.errors import ConfigError, LogError
-from tams_app.policy.phases import PhaseParameters
+from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import PICK, PLACE, WHOLE, Leg, record, session, walk
 
-pytestmark = pytest.mark.timeout(1800)  # searching takes its time on a busy machine
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 STAMP = "20261121T120000Z"
+LITE6_CONFIG = DEFAULT_CONFIG.with_name("lite6.yaml")
+THINNED = 4  # of so many ticks one: searching takes its time
 AWAY = Leg(0.7, (0.35, -0.15, 0.22))
 # three people: one goes straight to it, one looks from above first, one is slow
 PEOPLE = (
@@ -41,7 +44,7 @@ PEOPLE = (
 def logs(tmp_path_factory) -> tuple[Path, ...]:
     folder = tmp_path_factory.mktemp("logs")
     return tuple(
-        record(folder / f"trial-{number}", *session(walk(legs)))
+        record(folder / f"trial-{number}", *session(walk(legs), every=THINNED))
         for number, legs in enumerate(PEOPLE)
     )
 
@@ -51,9 +54,15 @@ def unlabelled(tmp_path_factory) -> tuple[Path, ...]:
     """The same trials as hardware would log them: nobody knows where the block was."""
     folder = tmp_path_factory.mktemp("unlabelled")
     return tuple(
-        record(folder / f"trial-{number}", session(walk(legs))[0], [])
+        record(folder / f"trial-{number}", session(walk(legs), every=THINNED)[0], [], rig=False)
         for number, legs in enumerate(PEOPLE)
     )
+
+
+@pytest.fixture
+def own_logs(unlabelled, tmp_path) -> tuple[Path, ...]:
+    """Copies of those, to lay marks beside."""
+    return tuple(shutil.copytree(log, tmp_path / log.name) for log in unlabelled)
 
 
 @pytest.fixture
@@ -67,24 +76,62 @@ def calibrate(config_path: Path, desk: PlayedDesk, **options) -> int:
     return run_phases(desk, config_path, Options(**options), lambda: NOON)
 
 
-@pytest.fixture(scope="module")
-def written(logs, tmp_path_factory) -> Path:
-    """A configuration whose phases were calibrated from the logs, with a picture besides."""
-    folder = tmp_path_factory.mktemp("written")
-    shutil.copy(DEFAULT_CONFIG, folder / "tams.yaml")
-    desk, picture = PlayedDesk(["y"]), folder / "seen.png"
-    assert calibrate(folder / "tams.yaml", desk, logs=logs, picture=picture) == 0
-    return folder
+def labelled(folders: tuple[Path, ...]) -> list[LoggedTrial]:
+    return logged_trials(folders, 100.0, LabelRules(), lambda *_: None)
+
+
+@dataclass(frozen=True)
+class Declined:
+    """What was found in the logs and then not wanted."""
+
+    folder: Path
+    desk: PlayedDesk
+    found: PhaseFit
 
 
 @pytest.fixture(scope="module")
-def declined(logs, tmp_path_factory) -> tuple[Path, PlayedDesk]:
-    """The same, answered with no."""
+def declined(logs, tmp_path_factory) -> Declined:
     folder = tmp_path_factory.mktemp("declined")
     shutil.copy(DEFAULT_CONFIG, folder / "tams.yaml")
-    desk = PlayedDesk(["n"])
-    assert calibrate(folder / "tams.yaml", desk, logs=logs) == 0
-    return folder, desk
+    desk, found = PlayedDesk(["n"]), list[PhaseFit]()
+
+    def fit(*arguments) -> PhaseFit:
+        found.append(fit_thresholds(*arguments))
+        return found[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wizard, "fit_thresholds", fit)
+        assert calibrate(folder / "tams.yaml", desk, logs=logs) == 0
+    return Declined(folder, desk, found[0])
+
+
+@pytest.fixture
+def fitted(declined, monkeypatch) -> None:
+    """The wizard does not search: for what comes before and after that."""
+    monkeypatch.setattr(wizard, "fit_thresholds", lambda *_: declined.found)
+    monkeypatch.setattr(wizard, "sensitivity", lambda *_: [])
+    monkeypatch.setattr(wizard, "save_sensitivity", lambda _, path: path.write_bytes(b"drawn"))
+
+
+@dataclass(frozen=True)
+class Written:
+    """Where a configuration's phases were calibrated from the logs, and what the command said."""
+
+    folder: Path
+    config_path: Path
+    said: str
+
+
+@pytest.fixture(scope="module")
+def written(logs, tmp_path_factory) -> Written:
+    folder = tmp_path_factory.mktemp("written")
+    config_path = folder / "tams.yaml"
+    shutil.copy(DEFAULT_CONFIG, config_path)
+    arguments = ["calibrate", "phases", "--config", str(config_path), "--yes"]
+    arguments += [part for log in logs for part in ("--from", str(log))]
+    with redirect_stdout(io.StringIO()) as said:
+        assert cli._main([*arguments, "--picture", str(folder / "seen.png")]) == 0
+    return Written(folder, config_path, said.getvalue())
 
 
 def file_in_force(folder: Path) -> Path:
@@ -92,20 +139,21 @@ def file_in_force(folder: Path) -> Path:
     return folder / "calibration" / "rig" / name
 
 
-def test_recorded_trials_become_thresholds_that_the_next_session_uses(logs, written) -> None:
-    config = load_config(written / "tams.yaml")
-    content = yaml.safe_load(file_in_force(written).read_text(encoding="utf-8"))
+def test_recorded_trials_become_thresholds_that_the_next_session_uses(written) -> None:
+    config = load_config(written.config_path)
+    content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))
     chosen = content["config"]["policy"]["phases"]
     assert set(chosen) == set(PhasesConfig.model_fields) - {"smoothing_ms"}
     assert config.policy.phases == PhasesConfig(**chosen) != PhasesConfig()
     assert content["calibration"]["source"] == "recorded trials: trial-0, trial-1, trial-2"
 
 
-def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, written) -> None:
-    thresholds = load_config(written / "tams.yaml").policy.phases
-    content = yaml.safe_load(file_in_force(written).read_text(encoding="utf-8"))
+def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, declined, written) -> None:
+    thresholds = load_config(written.config_path).policy.phases
+    content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))
     figures = content["calibration"]["quality"]
-    trials = logged_trials(logs, 100.0, LabelRules(), lambda *_: None)
+    trials = [log.trial for log in labelled(logs)]
+    assert thresholds == declined.found.thresholds
     assert figures["accuracy_in_sample"] == pytest.approx(
         evaluate(trials, thresholds).accuracy, abs=1e-4
     )
@@ -113,56 +161,123 @@ def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, written
         evaluate(trials, PhasesConfig()).accuracy, abs=1e-4
     )
     assert figures["accuracy_in_sample"] > figures["accuracy_defaults"]
+    assert figures["accuracy_leave_one_trial_out"] == pytest.approx(
+        declined.found.left_out.accuracy, abs=1e-4
+    )
     assert sum(map(sum, figures["confusion_true_by_inferred"].values())) == figures["ticks"]
 
 
 def test_the_picture_lies_beside_the_file_that_names_it(written) -> None:
-    file = file_in_force(written)
+    file = file_in_force(written.folder)
     content = yaml.safe_load(file.read_text(encoding="utf-8"))
     picture = file.parent / content["calibration"]["quality"]["picture"]
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert picture.read_bytes() == (written / "seen.png").read_bytes()
+    assert picture.read_bytes() == (written.folder / "seen.png").read_bytes()
+
+
+def test_delays_are_told_with_their_unit_and_without_codes_of_a_terminal(written) -> None:
+    header = next(line for line in written.said.splitlines() if line.strip().startswith("switch"))
+    columns = ["switch to", "found", "missed", "spurious", "delay median [s]", "90 % [s]"]
+    assert re.split(r"\s{2,}", header.strip()) == columns
+    assert "\x1b" not in written.said
 
 
 def test_what_was_found_is_said_before_it_is_asked_whether_to_write(declined) -> None:
-    _, desk = declined
-    before = "\n".join(desk.said[: desk.said.index("Write it? [y/n] ")])
+    said = declined.desk.said
+    before = "\n".join(said[: said.index("Write it? [y/n] ")])
     for text in ("v_eps_mm_s", "true \\ inferred", "missed", "frame-wise accuracy", "defaults"):
         assert text in before
 
 
 def test_after_a_no_nothing_is_written_and_nothing_changes(declined) -> None:
-    folder, _ = declined
-    assert not (folder / "calibration").exists()
-    assert load_config(folder / "tams.yaml").policy.phases == PhasesConfig()
+    assert not (declined.folder / "calibration").exists()
+    assert load_config(declined.folder / "tams.yaml").policy.phases == PhasesConfig()
 
 
 def test_progress_is_shown_while_it_searches(declined) -> None:
-    _, desk = declined
-    assert len(desk.shown) > 20
+    assert len(declined.desk.shown) > 20
 
 
+def test_held_out_trials_are_judged_by_and_not_learned_from(
+    logs, declined, config_path, monkeypatch
+) -> None:
+    trials = [log.trial for log in labelled(logs)]
+    learned: list[list[Trial]] = []
+
+    def made(_config, seeds, *_) -> list[Trial]:
+        assert list(seeds) == [7, 8, 9, 10]
+        return [*trials, trials[1]]
+
+    def fit(given, *_) -> PhaseFit:
+        learned.append(given)
+        return declined.found
+
+    monkeypatch.setattr(wizard, "virtual_trials", made)
+    monkeypatch.setattr(wizard, "fit_thresholds", fit)
+    monkeypatch.setattr(wizard, "sensitivity", lambda *_: [])
+    monkeypatch.setattr(wizard, "save_sensitivity", lambda _, path: path.write_bytes(b"drawn"))
+    options = {"sim": True, "trials": 3, "held_out": 1, "seed": 7}
+    assert calibrate(config_path, PlayedDesk(), yes=True, **options) == 0
+    assert learned == [trials]
+    content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
+    figures = content["calibration"]["quality"]
+    for name, thresholds in (("", declined.found.thresholds), ("_defaults", PhasesConfig())):
+        accuracy = evaluate([trials[1]], thresholds).accuracy
+        assert figures[f"accuracy_held_out{name}"] == pytest.approx(accuracy, abs=1e-4)
+
+
+@pytest.mark.usefixtures("fitted")
 def test_with_nobody_to_ask_nothing_is_written(logs, config_path) -> None:
-    assert calibrate(config_path, PlayedDesk(), logs=logs) == 1
+    desk = PlayedDesk()
+    assert calibrate(config_path, desk, logs=logs) == 1
+    assert any("v_eps_mm_s" in text for text in desk.said)
     assert not (config_path.parent / "calibration").exists()
 
 
-def test_marks_take_the_place_of_a_scene_that_nobody_recorded(
-    unlabelled, config_path, tmp_path
-) -> None:
-    folders = tuple(shutil.copytree(log, tmp_path / log.name) for log in unlabelled)
-    marks = ["0.6 reach", "1.6 align", "g", "gra", "+0.4", "tra", "5.5 pre", "g", "rel", "+0.4"]
-    desk = PlayedDesk([*marks, "rea", "q", *marks, "-", "q", *marks, "-", "q"])
+MARKS = ["0.6 reach", "1.6 align", "g", "gra", "+0.4", "tra", "5.5 pre", "g", "rel", "+0.4"]
+
+
+def mark(config_path: Path, folders: tuple[Path, ...]) -> None:
+    desk = PlayedDesk([*MARKS, "rea", "q", *MARKS, "-", "q", *MARKS, "-", "q"])
     assert calibrate(config_path, desk, logs=folders, mark=True) == 0
-    assert (folders[2] / "phases.csv").read_text().splitlines()[-1].endswith(",-")
-    trials = logged_trials(folders, 100.0, LabelRules(), lambda *_: None)
-    for trial in trials:
-        closes = int(np.argmax([bool(closed) for _, _, closed, _ in trial.motion.inputs]))
-        assert trial.labels[0] == NOT_COUNTED
-        assert trial.labels[closes + 1] == CODE[Phase.GRASP]
-    assert calibrate(config_path, PlayedDesk(["y"]), logs=folders) == 0
+
+
+def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs, config_path) -> None:
+    mark(config_path, own_logs)
+    assert (own_logs[2] / "phases.csv").read_text().splitlines()[-1].endswith(",-")
+    for log in labelled(own_logs):
+        closes = int(np.argmax([bool(closed) for _, _, closed, _ in log.trial.motion.inputs]))
+        assert log.marked
+        assert log.trial.labels[0] == NOT_COUNTED
+        assert log.trial.labels[closes + 1] == CODE[Phase.GRASP]
+
+
+@pytest.mark.usefixtures("fitted")
+def test_after_a_yes_the_file_says_which_trials_a_person_marked(
+    logs, own_logs, config_path
+) -> None:
+    mark(config_path, own_logs)
+    folders = (logs[0], *own_logs[1:])
+    desk = PlayedDesk(["y"])
+    assert calibrate(config_path, desk, logs=folders, goal_height_mm=100.0) == 0
     assert load_config(config_path).calibrated_by == (f"phases-{STAMP}.yaml",)
-    assert "trial-2 (marked)" in file_in_force(config_path.parent).read_text(encoding="utf-8")
+    content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
+    assert content["calibration"]["source"] == (
+        "recorded trials: trial-0, trial-1 (marked), trial-2 (marked); "
+        "align and pre-release only below 100 mm"
+    )
+
+
+@pytest.mark.usefixtures("fitted")
+def test_marks_know_no_height(own_logs, config_path) -> None:
+    mark(config_path, own_logs)
+    assert calibrate(config_path, PlayedDesk(["y"]), logs=own_logs, goal_height_mm=100.0) == 0
+    assert "below" not in file_in_force(config_path.parent).read_text(encoding="utf-8")
+
+
+def test_marking_needs_somebody_at_the_terminal(own_logs, config_path) -> None:
+    with pytest.raises(ConfigError, match="--mark asks a person"):
+        calibrate(config_path, PlayedDesk(), logs=own_logs, mark=True)
 
 
 def test_a_log_whose_phases_nobody_knows_says_how_to_mark_it(unlabelled, config_path) -> None:
@@ -170,11 +285,45 @@ def test_a_log_whose_phases_nobody_knows_says_how_to_mark_it(unlabelled, config_
         calibrate(config_path, PlayedDesk(), logs=unlabelled)
 
 
-def test_bad_marks_stop_it_with_their_line(unlabelled, config_path, tmp_path) -> None:
-    folders = tuple(shutil.copytree(log, tmp_path / log.name) for log in unlabelled)
-    (folders[0] / "phases.csv").write_text("t_s,phase\n1.0,REACH\n900,ALIGN\n")
+def test_bad_marks_stop_it_with_their_line(own_logs, config_path) -> None:
+    (own_logs[0] / "phases.csv").write_text("t_s,phase\n1.0,REACH\n900,ALIGN\n")
     with pytest.raises(ConfigError, match=r"phases\.csv: line 3: 900 s is outside the log"):
-        calibrate(config_path, PlayedDesk(), logs=folders)
+        calibrate(config_path, PlayedDesk(), logs=own_logs)
+
+
+@pytest.mark.usefixtures("fitted")
+def test_only_trials_of_real_devices_count_for_real_devices(logs, own_logs, tmp_path) -> None:
+    config_path = shutil.copy(LITE6_CONFIG, tmp_path / "lite6.yaml")
+    mark(config_path, own_logs)
+    with pytest.raises(ConfigError, match="has real devices"):
+        calibrate(config_path, PlayedDesk(), logs=(logs[0], *own_logs[1:]), yes=True)
+    with pytest.raises(ConfigError, match="has real devices"):
+        calibrate(config_path, PlayedDesk(), sim=True, yes=True)
+    assert not load_config(config_path).calibrated_by
+    assert calibrate(config_path, PlayedDesk(), logs=own_logs, yes=True) == 0
+    assert load_config(config_path).calibrated_by
+
+
+def test_a_copy_of_a_log_is_no_trial_of_its_own(logs, config_path, tmp_path) -> None:
+    copy = shutil.copytree(logs[0], tmp_path / "trial-3")
+    with pytest.raises(ConfigError, match=r"trial-3: is a copy of .*trial-0"):
+        calibrate(config_path, PlayedDesk(), logs=(*logs, copy))
+
+
+def test_a_log_in_which_nothing_happened_is_refused_with_its_name(
+    logs, config_path, tmp_path
+) -> None:
+    empty = record(tmp_path / "empty", [], [])
+    with pytest.raises(LogError, match="empty: has no state of the arm"):
+        calibrate(config_path, PlayedDesk(), logs=(*logs[:2], empty))
+    with pytest.raises(LogError, match="empty: has no state of the arm"):
+        calibrate(config_path, PlayedDesk(["q"]), logs=(empty,), mark=True)
+
+
+def test_without_mujoco_simulated_trials_say_what_is_missing(config_path, monkeypatch) -> None:
+    monkeypatch.setattr("calibration.phases.sources.find_spec", lambda _: None)
+    with pytest.raises(SetupError, match="need MuJoCo"):
+        calibrate(config_path, PlayedDesk(), sim=True)
 
 
 def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_path) -> None:
@@ -195,10 +344,12 @@ def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_pa
         ({"logs": (Path("a"),) * 3, "trials": 5}, "--trials and --held-out are for --sim"),
         ({"logs": (Path("a"), Path("b"))}, "2 trials are too few"),
         ({"sim": True, "trials": 2}, "2 trials are too few"),
+        ({"logs": (Path("a"),)}, "1 trial is too few"),
         ({"logs": (Path("a"), Path("b"), Path("a"))}, "a: is given twice"),
         ({"logs": (Path("a"), Path("b"), Path("c"))}, "a: is no session folder"),
         ({"sim": True, "seed": -1}, "cannot be below 0"),
         ({"sim": True, "picture": Path("nowhere/a.png")}, "there is no folder nowhere"),
+        ({"sim": True, "picture": Path("/")}, "/ is a folder"),
         ({"sim": True, "goal_height_mm": 0.0}, "must be more than 0"),
     ],
 )
@@ -207,53 +358,8 @@ def test_wrong_use_is_refused_before_anything_is_made(config_path, options, reas
         calibrate(config_path, PlayedDesk(), **options)
 
 
-def test_the_command_line_takes_logs_and_tells_by_its_exit_code(logs, config_path, capsys) -> None:
-    arguments = ["calibrate", "phases", "--config", str(config_path)]
-    sources = [part for log in logs for part in ("--from", str(log))]
-    assert cli._main([*arguments, *sources, "--yes"]) == 0
-    assert "frame-wise accuracy" in capsys.readouterr().out
-    assert load_config(config_path).calibrated_by
-    assert cli._main([*arguments, *sources[:2]]) == 2
-    assert "too few" in capsys.readouterr().err
-
-
-# --- trials in virtual time ---------------------------------------------------------------------
-
-
-def test_the_same_seed_gives_the_same_trial_and_another_seed_another() -> None:
-    def beginning(seed: int) -> np.ndarray:
-        trial = VirtualTrial(load_config(), seed)
-        for _ in islice(trial.perform(), 100):
-            pass
-        return np.array([tick.arm.tcp.position for tick in trial.performed().ticks if tick.arm])
-
-    first = beginning(3)
-    assert (beginning(3) == first).all()
-    assert not np.array_equal(beginning(4), first)
-
-
-def test_simulated_trials_become_thresholds_that_beat_the_defaults_on_trials_not_seen(
-    config_path,
-) -> None:
-    desk = PlayedDesk()
-    assert calibrate(config_path, desk, sim=True, trials=4, held_out=1, yes=True) == 0
-    folder = config_path.parent / "calibration" / "rig"
-    written = yaml.safe_load((folder / f"phases-{STAMP}.yaml").read_text(encoding="utf-8"))
-    figures = written["calibration"]["quality"]
-    assert figures["trials"] == 4
-    assert figures["accuracy_leave_one_trial_out"] > figures["accuracy_defaults"]
-    assert figures["accuracy_held_out"] > figures["accuracy_held_out_defaults"]
-    assert load_config(config_path).policy.phases != PhasesConfig()
-
-
-def test_algorithm_1_over_a_recorded_trial_is_what_the_control_loop_said() -> None:
-    config = load_config()
-    trial = VirtualTrial(config, 5)
-    for _ in islice(trial.perform(), 240):
-        pass
-    ticks = trial.performed().ticks
-    motion = motion_of("seed 5", ticks, ticks[0].started_ns, config.policy.phases.smoothing_ms)
-    said = [CODE[tick.phase] for tick in ticks]
-    assert infer(motion, config.policy.phases).tolist() == said
-    assert len(set(said)) > 1
-    assert PhaseParameters.of(config.policy.phases) == PhaseParameters.of(PhasesConfig())
+def test_the_command_line_takes_logs_and_tells_by_its_exit_code(logs, written, capsys) -> None:
+    assert "frame-wise accuracy" in written.said
+    arguments = ["calibrate", "phases", "--config", str(written.config_path)]
+    assert cli._main([*arguments, "--from", str(logs[0])]) == 2
+    assert "1 trial is too few" in capsys.readouterr().err
