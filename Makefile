@@ -8,6 +8,10 @@ PY := .venv/bin/python
 run: $(READY)
 	$(PY) run_tams.py $(ARGS)
 
+# Beside others no test's library starts threads of its own.
+ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 LP_NUM_THREADS=1
+SIDE_BY_SIDE := --dist loadfile --no-loadscope-reorder
+
 # What computes runs side by side; what keeps time has the machine to itself (tests/pace.py).
 test: $(READY)
 	$(PY) -m ruff check .
@@ -16,8 +20,8 @@ test: $(READY)
 ifdef ARGS
 	$(PY) -m pytest $(ARGS)
 else
-	$(PY) -m pytest --ignore=tests/teleop -m untimed -n logical --dist loadfile
-	$(PY) -m pytest --ignore=tests/teleop -m waiting -n 3 --dist loadfile
+	$(ALONE) $(PY) -m pytest --ignore=tests/teleop -m untimed -n logical $(SIDE_BY_SIDE)
+	$(ALONE) $(PY) -m pytest --ignore=tests/teleop -m waiting -n 3 $(SIDE_BY_SIDE)
 	$(PY) -m pytest --ignore=tests/teleop -m timed
 	$(PY) -m coverage run -m pytest tests/teleop -n logical
 	$(PY) -m coverage combine --quiet

@@ -5,12 +5,12 @@
 | heap | what is in it | how it runs |
 |---|---|---|
 | untimed | computes, or waits for what it wants as long as it takes | as many at a time as cores |
-| waiting | a real socket, device or thread, most of the time asleep | three at a time |
-| timed | all others: whole sessions, pictures at their rate | one after another |
+| waiting | all others: a process, a socket or a thread, most of the time asleep | three at a time |
+| timed | whole sessions, and what has to keep up with real time | one after another |
 
 A module is untimed if a pattern names it and nothing in its text speaks of what keeps time; what it
 uses under another name is for the one who adds the pattern to look at. The patient ones start
-processes or read a clock, and are untimed all the same. Whatever no pattern names is timed.
+processes or read a clock, and are untimed all the same.
 """
 
 from __future__ import annotations
@@ -83,10 +83,6 @@ UNTIMED = (
     "video/test_ssim.py",
     "video/test_trace*",
 )
-TIMED_AMONG_THEM = (
-    "hw/sim/test_published_world.py",  # a rig process
-    "study/test_dask_pool.py",  # worker processes
-)
 PATIENT = (
     "calibration/test_cameras_latency.py",
     "calibration/test_cameras_wizard.py",
@@ -96,17 +92,16 @@ PATIENT = (
     "video/lockstep/test_against_rtpsession.py",  # under a stepped clock
     "video/lockstep/test_video.py",
 )
-WAITING = (
-    "contract/*",
-    "faults/test_arm_*",
-    "hw/test_*",
-    "hw/sim/test_controller_server.py",
-    "session/test_supervisor.py",
-    "test_cli.py",
-    "test_direct_recorder.py",
-    "test_recording.py",
-    "video/test_netem.py",
-    "video/test_relay*",
+TIMED = (
+    "console/test_home.py",
+    "console/test_trial.py",
+    "console/test_windows.py",
+    "faults/test_host_parts.py",
+    "faults/test_host_processes.py",
+    "faults/test_video_chain.py",
+    "session/test_hardware.py",
+    "test_cut_short.py",
+    "test_end_to_end.py",
 )
 _THE_MACHINES_OWN = re.compile(
     r"^\s*(?:import|from) (?:socket|subprocess|threading|multiprocessing)\b"
@@ -120,14 +115,15 @@ _THE_MACHINES_OWN = re.compile(
 def pace_of(module: Path) -> Pace:
     """Which heap the tests of this file are in."""
     if not module.is_relative_to(TESTS):
-        return Pace.TIMED
+        return Pace.WAITING
     name = str(module.relative_to(TESTS))
+    if _among(name, TIMED):
+        return Pace.TIMED
     if _among(name, PATIENT):
         return Pace.UNTIMED
-    computes = _among(name, UNTIMED) and not _among(name, TIMED_AMONG_THEM)
-    if computes and not keeps_time(module.read_text(encoding="utf-8")):
+    if _among(name, UNTIMED) and not keeps_time(module.read_text(encoding="utf-8")):
         return Pace.UNTIMED
-    return Pace.WAITING if _among(name, WAITING) else Pace.TIMED
+    return Pace.WAITING
 
 
 def keeps_time(source: str) -> bool:

@@ -87,8 +87,9 @@ def test_pictures_that_cannot_be_read_say_why():
     assert "squares are in between" in reading.reason
 
 
-@pytest.mark.parametrize("true_ms", [0.0, 12.5, 41.0])
-@pytest.mark.parametrize("exposure_ms", [2.0, 10.0, 25.0])
+@pytest.mark.parametrize(
+    ("true_ms", "exposure_ms"), [(0.0, 2.0), (41.0, 2.0), (12.5, 10.0), (0.0, 25.0), (41.0, 25.0)]
+)
 def test_a_known_latency_is_recovered_within_half_a_refresh(true_ms, exposure_ms):
     random = np.random.default_rng(7)
     screen = ScreenTimes(5 * NS_PER_S, PERIOD_NS, "synthetic")

@@ -178,13 +178,14 @@ def only_log(out: Path) -> SessionLog:
 class Application:
     """`run_tams.py run` in a process of its own, on the rig, armed once; ends it when left."""
 
-    def __init__(self, out: Path, **overrides: object) -> None:
+    def __init__(self, out: Path, quality: bool = False, **overrides: object) -> None:
+        """`quality`: the pictures are compared as well."""
         self.out = out / "logs"
         settings = {
             "include": [str(DEFAULT_CONFIG)],
             "headless": True,
             "recording": {"directory": str(self.out), "min_free_mb": 1.0},
-            "video": {"fps": FPS},
+            "video": {"fps": FPS, "quality": {"enabled": quality}},
             **overrides,
         }
         path = out / "application.yaml"
@@ -232,7 +233,8 @@ class Application:
         self._note_children()
         words = {child: child.cmdline() for child in self._children}
         for name, module in _MODULES.items():
-            (self._helpers[name],) = (child for child in words if module in words[child])
+            if found := [child for child in words if module in words[child]]:
+                (self._helpers[name],) = found
         if any(line.startswith("fault") for line in self.lines):
             pytest.skip("this machine was too busy for a session in real time")
         self.witness = Witness(self._control_port())

@@ -1,6 +1,6 @@
 """Processes stopped and killed while the arm moves, each seen from outside by the arm itself.
 
-That every other helper killed ends the session is in tests/test_end_to_end.py.
+That every other helper killed ends the session is in tests/test_cut_short.py.
 """
 
 from __future__ import annotations
@@ -106,8 +106,14 @@ def test_a_stopped_arm_is_a_fault_and_does_not_go_on_by_itself(
 
 
 def test_a_killed_measurement_of_the_pictures_is_told_and_neither_stops_the_arm_nor_the_session(
-    application: Application, witness: Witness
+    tmp_path: Path,
 ) -> None:
+    with Application(tmp_path, quality=True) as application:
+        witness = application.engaged()
+        kill_the_measurement(application, witness)
+
+
+def kill_the_measurement(application: Application, witness: Witness) -> None:
     before = len(application.lines)
     application.helper("quality").kill()
     application.says("the pictures' quality is not measured", before)

@@ -1,0 +1,127 @@
+"""Sessions as a user starts them that are cut short."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tams_app.process import PROJECT_DIRECTORY
+from tams_app.recording import read_log
+
+HELPERS = {
+    "rig": "hw.sim.rig",
+    "renderer": "hw.sim.renderer",
+    "relay": "tams_app.video.relay",
+    "guard": "hw.guard",
+}
+pytestmark = pytest.mark.timeout(180)
+
+
+class Running:
+    """A session that has got as far as to move the arm."""
+
+    def __init__(self, out):
+        self.out = out / "logs"
+        config = out / "few_pictures.yaml"  # nothing here is about pictures
+        config.write_text(
+            "version: 1\ninclude: [tams.yaml]\nvideo: {fps: 10, quality: {enabled: false}}\n"
+        )
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "run_tams.py", "run", "--sim", "--arm", "--headless"),
+                *("--config", str(config), "--out", str(self.out)),
+            ],
+            cwd=PROJECT_DIRECTORY,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for line in self.process.stdout:
+            if line.startswith("engaged"):
+                break
+        self.children = psutil.Process(self.process.pid).children(recursive=True)
+
+    def helper(self, name):
+        (found,) = (child for child in self.children if HELPERS[name] in child.cmdline())
+        return found
+
+    def wait_for_ticks(self, wanted):
+        """How many ticks the log on disk holds, once they are `wanted`."""
+        (path,) = self.out.glob("*/session.mcap")
+        deadline = time.monotonic() + 60
+        while (logged := len(read_log(path).ticks)) < wanted:
+            assert time.monotonic() < deadline, f"only {logged} ticks on disk"
+            time.sleep(0.2)
+        return logged
+
+    def end(self):
+        """Exit code, words on stderr and the log, once everything has ended."""
+        _, words = self.process.communicate(timeout=60)
+        _, alive = psutil.wait_procs(self.children, timeout=20)
+        zombies = [child for child in alive if child.status() == psutil.STATUS_ZOMBIE]
+        assert len(alive) == len(zombies), f"left behind: {alive}"
+        (folder,) = self.out.iterdir()
+        return self.process.returncode, words, read_log(folder / "session.mcap")
+
+
+@pytest.fixture
+def running(tmp_path):
+    session = Running(tmp_path)
+    yield session
+    if session.process.poll() is None:
+        session.process.kill()
+    session.process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupted_session_ends_in_order(running, number):
+    running.process.send_signal(number)
+    code, words, log = running.end()
+    assert (code, words) == (0, "")
+    assert not log.truncated
+    assert log.outcome.reason == f"ended by {number.name}"
+
+
+def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running):
+    running.process.send_signal(signal.SIGUSR1)
+    for line in running.process.stdout:
+        if line.startswith("fault"):
+            break
+    running.process.send_signal(signal.SIGINT)
+    code, _, log = running.end()
+    assert code == 0
+    assert log.ticks[-1].arming == "fault"
+    assert log.ticks[-1].reason == "emergency stop"
+    assert log.ticks[-1].arm.state == 4
+    (stop,) = log.stops
+    assert stop.stopped_ns is not None
+
+
+@pytest.mark.parametrize("name", HELPERS)
+def test_a_killed_helper_stops_the_arm_and_ends_the_session_with_a_sentence(running, name):
+    running.helper(name).kill()
+    code, words, log = running.end()
+    assert code == 1
+    assert len(words.strip().splitlines()) == 1
+    assert words.startswith("tams: ")
+    assert not log.truncated
+    assert log.outcome.completed is False
+    assert all(tick.twist.is_zero for tick in log.ticks[-2:])
+    assert log.ticks[-1].arming == "fault"
+    if name != "rig":  # which is the arm
+        assert log.ticks[-1].arm.state == 4
+        assert log.stops
+
+
+def test_a_killed_session_leaves_a_readable_log_and_no_process(running):
+    logged = running.wait_for_ticks(100)
+    running.process.kill()
+    code, _, log = running.end()
+    assert code == -signal.SIGKILL
+    assert not list(Path("/dev/shm").glob(f"tams-{running.process.pid}-*"))
+    assert log.truncated
+    assert len(log.ticks) >= logged
