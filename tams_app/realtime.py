@@ -50,13 +50,14 @@ def use_round_robin(priority: int) -> str:
     return _use("SCHED_RR", "rr", priority, 0)
 
 
-def use_nice(wanted: int, otherwise: int) -> int:
+def use_nice(wanted: int, otherwise: int) -> None:
     """Give the calling process the niceness `wanted`, or where that is refused `otherwise`."""
+    if not hasattr(os, "setpriority"):
+        return
     try:
         os.setpriority(os.PRIO_PROCESS, 0, wanted)
     except PermissionError:
         os.setpriority(os.PRIO_PROCESS, 0, otherwise)
-    return os.getpriority(os.PRIO_PROCESS, 0)
 
 
 def use_idle() -> None:
@@ -64,7 +65,7 @@ def use_idle() -> None:
     if hasattr(os, "SCHED_IDLE"):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     else:
-        os.nice(_LOWEST_NICE)
+        use_nice(_LOWEST_NICE, _LOWEST_NICE)
 
 
 def copy_scheduling(from_thread_id: int, to_thread_ids: Iterable[int]) -> None:

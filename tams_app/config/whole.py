@@ -36,7 +36,7 @@ class RigConfig(Section):
     """The simulated rig, started in processes of its own."""
 
     enabled: bool = True
-    render_nice: Annotated[int, Field(ge=0, le=19)] = 10
+    render_nice: Annotated[int, Field(ge=0, le=19)] = 10  # where no better one is permitted
     camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5  # grey levels of 255
     operator: OperatorConfig = OperatorConfig()
     # How the tracking frame truly stands to the arm, None: as hand.rotation says. Where they differ

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +17,7 @@ from hw.sim.truth import TruthReader
 from tams_app.clock import NS_PER_S, MonotonicClock
 from tams_app.errors import HelperError
 from tams_app.process import HelperProcess
+from tams_app.realtime import RENDERER_NICE
 
 SHAPE = FrameShape(VIEWS, 16, 8)
 PERIOD_NS = NS_PER_S // 30
@@ -107,6 +109,23 @@ def test_renderer_without_a_rig_says_so_in_one_sentence(name: str, tmp_path: Pat
         helper.wait_ready()
     helper.stop()
     assert helper.exit_code == 1
+
+
+def test_the_renderer_is_never_real_time_so_that_a_full_machine_keeps_its_control_loop(
+    name: str, tmp_path: Path
+) -> None:
+    rig, renderer = rig_process(name, tmp_path), renderer_process(name, tmp_path)
+    rig.start()
+    try:
+        rig.wait_ready()
+        renderer.start()
+        renderer.wait_ready()
+        assert renderer.pid is not None
+        assert os.sched_getscheduler(renderer.pid) == os.SCHED_OTHER
+        assert os.getpriority(os.PRIO_PROCESS, renderer.pid) in (RENDERER_NICE, 10)
+    finally:
+        renderer.stop()
+        rig.stop()
 
 
 def test_rig_and_renderer_deliver_every_view_and_survive_being_killed(
