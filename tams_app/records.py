@@ -321,6 +321,11 @@ class OperatorGlance:
         """The shares that counted for what he was about."""
         return self.to_block if self.about_block else self.to_container
 
+    @property
+    def sigma(self) -> float:
+        """How sure he was of the way to what he was about [m]."""
+        return self.block_sigma if self.about_block else self.container_sigma
+
 
 # --- what the log keeps besides -----------------------------------------------------------------
 

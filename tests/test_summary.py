@@ -100,7 +100,7 @@ KEYS: dict[str, Any] = {
         "missing_phases": [None],
         "by_phase": {},
     },
-    "operator": {"relied_on": None},
+    "operator": {"relied_on": None, "uncertainty_mm": None},
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tams_app.clock import NS_PER_S
@@ -80,7 +82,15 @@ def test_glances_that_told_nothing_or_came_before_the_first_phase_are_left_out()
 
 
 def test_without_glances_nobody_claims_to_know():
-    assert operator(log_of()) == {"relied_on": None}
-    assert operator(log_of(glance(0.5))) == {
-        "relied_on": {"by_phase": {}, "n": {}, "agreement": None}
-    }
+    assert operator(log_of()) == {"relied_on": None, "uncertainty_mm": None}
+    told = operator(log_of(glance(0.5)))
+    assert told["relied_on"] == {"by_phase": {}, "n": {}, "agreement": None}
+
+
+def test_how_sure_he_was_is_told_by_stage_of_what_he_was_about():
+    sure = [replace(glance(0.1), block_sigma=sigma) for sigma in (0.001, 0.002, 0.009)]
+    carrying = replace(glance(2.5, about_block=False), stage="carry", container_sigma=0.004)
+    told = operator(log_of(*sure, carrying))["uncertainty_mm"]
+    assert told["reach"]["p50"] == pytest.approx(2.0)
+    assert told["reach"]["p95"] == pytest.approx(8.3)
+    assert told["carry"] == {"p50": pytest.approx(4.0), "p95": pytest.approx(4.0), "n": 1}

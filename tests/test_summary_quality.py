@@ -141,10 +141,31 @@ def test_damage_counts_shown_frames_up_to_the_next_keyframe() -> None:
     assert summarise(log)["views"]["eih"]["frames_damaged"] == 0
 
 
+def test_what_loss_took_is_told_apart_from_what_coding_took() -> None:
+    log = Synthetic(1.0).log()
+    log.phases = [PhaseChange(capture_ns(0), Phase.REACH, "")]
+    scores = [0.5 if index > 20 else 0.9 for index in range(30)]
+    told = [quality("gt", index, score) for index, score in enumerate(scores)]
+    log.quality = [replace(one, shown_ns=None) if one.index == 20 else one for one in told]
+    log.packets = renumbered(log.packets)
+    hit = next(one for one in log.packets if one.view == "gt" and one.rtp_timestamp == 20 * 3000)
+    log.packets[log.packets.index(hit)] = replace(hit, delivered_ns=0, fate=PacketFate.LOST)
+    log.shown = [one for one in log.shown if one.index != 20]
+    reach = summarise(log)["primary_view"]["by_phase"]["REACH"]
+    assert reach["damaged_fraction"] == pytest.approx(9 / 29, abs=1e-4)
+    assert reach["undamaged_received_ssim"] == pytest.approx(0.9)
+
+
 def test_without_packets_nobody_knows_of_damage() -> None:
     log = Synthetic(1.0).log()
     log.packets = []
-    assert summarise(log)["views"]["gt"]["frames_damaged"] is None
+    log.phases = [PhaseChange(capture_ns(0), Phase.REACH, "")]
+    log.quality = [quality("gt", 0, 0.9)]
+    summary = summarise(log)
+    assert summary["views"]["gt"]["frames_damaged"] is None
+    reach = summary["primary_view"]["by_phase"]["REACH"]
+    assert reach["damaged_fraction"] is None
+    assert reach["undamaged_received_ssim"] is None
 
 
 def test_quality_survives_the_log(tmp_path: Path) -> None:

@@ -57,9 +57,38 @@ class TrialResult:
 
     def primary_ssim(self, kind: str, phase: str | None = None) -> float | None:
         """Of the primary view: the mean of the phases' means, or of one phase."""
-        primary = self.summary.get("primary_view") or {}
-        source = primary if phase is None else primary.get("by_phase", {}).get(phase) or {}
-        value = source.get(kind)
+        if phase is not None:
+            return self._of_phase(phase, kind)
+        value = (self.summary.get("primary_view") or {}).get(kind)
+        return None if value is None else float(value)
+
+    def damaged_fraction(self, phase: str) -> float | None:
+        """Share of the primary view's shown frames that loss damaged."""
+        return self._of_phase(phase, "damaged_fraction")
+
+    @property
+    def lost_ssim(self) -> float | None:
+        """What loss took of the primary view's received SSIM, mean of the phases; seldom above 0.
+
+        Of phases without an undamaged frame nothing is known: they have no part in it.
+        """
+        taken = [
+            received - undamaged
+            for phase in self.phases
+            if (received := self.primary_ssim("received_ssim", phase)) is not None
+            and (undamaged := self._of_phase(phase, "undamaged_received_ssim")) is not None
+        ]
+        return sum(taken) / len(taken) if taken else None
+
+    @property
+    def coding_ssim(self) -> float | None:
+        """The primary view's received SSIM without what loss took."""
+        received, lost = self.primary_ssim("received_ssim"), self.lost_ssim
+        return None if received is None or lost is None else received - lost
+
+    def _of_phase(self, phase: str, key: str) -> float | None:
+        by_phase = (self.summary.get("primary_view") or {}).get("by_phase", {})
+        value = (by_phase.get(phase) or {}).get(key)
         return None if value is None else float(value)
 
     @property
@@ -71,6 +100,11 @@ class TrialResult:
     def relied_on(self) -> Mapping[str, Mapping[str, float]]:
         operator = self.summary.get("operator") or {}
         return dict((operator.get("relied_on") or {}).get("by_phase") or {})
+
+    @property
+    def uncertainty_mm(self) -> Mapping[str, Mapping[str, float]]:
+        """The simulated operator's, by stage of his task: percentiles; empty where not known."""
+        return (self.summary.get("operator") or {}).get("uncertainty_mm") or {}
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,5 +138,7 @@ class RichProgress:
         self._progress.advance(self._task)
         if not self._progress.console.is_terminal:  # a log file: no bar, a line each
             task = self._progress.tasks[self._task]
-            left = timedelta(seconds=round(task.time_remaining or 0))
-            self.say(f"{task.completed:.0f} of {task.total:.0f} trials, {left} left")
+            line = f"{task.completed:.0f} of {task.total:.0f} trials"
+            if task.time_remaining is not None:  # one trial alone tells no speed
+                line += f", {timedelta(seconds=round(task.time_remaining))} left"
+            self.say(line)

@@ -1,4 +1,4 @@
-"""Which view the simulated operator relied on, beside what W says: a result, not an assumption."""
+"""Which view the simulated operator relied on, and how sure he was: results, not assumptions."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ import numpy as np
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase
-from tams_app.summary.numbers import ratio
+from tams_app.summary.numbers import percentiles, ratio
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
-    """`relied_on` is null where no glance was recorded: people do not say where they look.
+    """Both are null where no glance was recorded: people do not say where they look.
 
-    `by_phase`: the mean share of each view over the glances in that phase which told something,
-    `n` of them; `agreement`: the fraction of these glances in which the view that told most was
-    the phase's primary view (argmax W).
+    `relied_on`: `by_phase` is the mean share of each view over the glances in that phase which
+    told something, `n` of them; `agreement` the fraction of these glances in which the view that
+    told most was the phase's primary view (argmax W). `uncertainty_mm`: by stage of his task, one
+    standard deviation of the way to what he was about (block, then container), as he judged it.
     """
-    return {"relied_on": _relied_on(log) if log.glances else None}
+    if not log.glances:
+        return {"relied_on": None, "uncertainty_mm": None}
+    return {"relied_on": _relied_on(log), "uncertainty_mm": _uncertainty_mm(log.glances)}
 
 
 def _relied_on(log: SessionLog) -> dict[str, Any]:
@@ -37,6 +40,16 @@ def _relied_on(log: SessionLog) -> dict[str, Any]:
         },
         "n": {phase.value: len(glances) for phase, glances in found.items()},
         "agreement": ratio(agreeing, sum(map(len, found.values()))),
+    }
+
+
+def _uncertainty_mm(glances: list[OperatorGlance]) -> dict[str, Any]:
+    by_stage: dict[str, list[float]] = {}
+    for glance in glances:
+        by_stage.setdefault(glance.stage, []).append(1e3 * glance.sigma)
+    return {
+        stage: {**percentiles(np.array(found), ("p50", "p95")), "n": len(found)}
+        for stage, found in by_stage.items()
     }
 
 

@@ -20,6 +20,7 @@ from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean, rati
 from tams_app.video.damage import damaged_frames
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
+UNDAMAGED = "undamaged_received_ssim"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +28,16 @@ class QualityTable:
     """Frames of several views as columns; scores by kind are NaN where there is none.
 
     `view` is the place in `header.views`, `phase` that in `Phase`, −1 before the first.
+    `damaged` is 1 where loss spoilt the frame, 0 where not, NaN where it was not shown or nobody
+    knows; `damaged_frames` are the indices by view, None where the log has no packets of the view.
     `captured` are view and phase of all frames that were captured, shape (n, 2).
     """
 
     view: Integers
     phase: Integers
     scores: dict[str, Floats]
+    damaged: Floats
+    damaged_frames: dict[str, set[int] | None]
     captured: Integers
 
     @staticmethod
@@ -43,16 +48,27 @@ class QualityTable:
         captures = [(places.get(one.view, -1), one.capture_ns) for one in log.captured]
         captured = np.array(captures, dtype=np.int64).reshape(len(captures), 2)
         captured[:, 1] = _phase_at(log, captured[:, 1])
+        damage = {view: _damaged_and_shown(log, view) for view in places}
         return QualityTable(
             np.array([places[one.view] for one in frames], dtype=np.int64),
             _phase_at(log, np.array([one.capture_ns for one in frames], dtype=np.int64)),
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
+            np.array([_is_damaged(one, damage[one.view]) for one in frames], dtype=np.float64),
+            damage,
             captured,
         )
 
     def means(self, chosen: Flags) -> dict[str, Number]:
         """The mean of each kind over the chosen frames that have it."""
         return {kind: mean(_known(score[chosen])) for kind, score in self.scores.items()}
+
+    def damage(self, chosen: Flags) -> dict[str, Number]:
+        """The share of damaged frames among those shown, and the mean over the others."""
+        undamaged = chosen & (self.damaged == 0)
+        return {
+            "damaged_fraction": mean(_known(self.damaged[chosen])),
+            UNDAMAGED: mean(_known(self.scores["received_ssim"][undamaged])),
+        }
 
     def counts(self, chosen: Flags) -> dict[str, int]:
         """How many of the chosen frames have a score of each kind."""
@@ -73,11 +89,12 @@ def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, A
     """The three means of one view, how many frames are behind each, how many were damaged."""
     place = log.header.views.index(view)
     mine = table.view == place
+    damaged = table.damaged_frames[view]
     return {
         **table.means(mine),
         "ssim_n": table.counts(mine),
         "ssim_sampled_fraction": ratio(table.scored(mine), table.captures(place)),
-        "frames_damaged": _count_damaged(log, view),
+        "frames_damaged": None if damaged is None else len(damaged),
     }
 
 
@@ -100,6 +117,7 @@ def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
         if any(counts.values()):
             by_phase[phase.value] = {
                 **table.means(chosen),
+                **table.damage(chosen),
                 "n": counts,
                 "sampled_fraction": ratio(*sampled),
             }
@@ -137,8 +155,8 @@ def _mean_of_phases(
     return round(float(np.average(list(means.values()), weights=weights)), 4)
 
 
-def _count_damaged(log: SessionLog, view: str) -> int | None:
-    """Damaged frames that were shown; None where the log has no packets of the view."""
+def _damaged_and_shown(log: SessionLog, view: str) -> set[int] | None:
+    """Indices of the damaged frames that were shown; None where the log has no packets of it."""
     packets = [packet for packet in log.packets if packet.view == view]
     if not packets:
         return None
@@ -147,8 +165,13 @@ def _count_damaged(log: SessionLog, view: str) -> int | None:
     for one in log.shown:
         if one.view == view:
             shown_ns.setdefault(one.index, one.shown_ns)
-    damaged = damaged_frames(keyframe_of, packets, shown_ns, log.header.fps)
-    return len(damaged & shown_ns.keys())
+    return damaged_frames(keyframe_of, packets, shown_ns, log.header.fps) & shown_ns.keys()
+
+
+def _is_damaged(frame: FrameQuality, damaged: set[int] | None) -> float:
+    if damaged is None or frame.shown_ns is None:
+        return np.nan
+    return float(frame.index in damaged)
 
 
 def _known(scores: Floats) -> Floats:

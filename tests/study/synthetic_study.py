@@ -20,6 +20,7 @@ from tams_app.study.runner import TrialSpec
 
 NETWORK_TIME_S = {"s1": 24.0, "s2": 32.0, "s3": 55.0}
 NETWORK_SSIM = {"s1": 0.95, "s2": 0.88, "s3": 0.78}
+DAMAGED = {"s1": 0.0, "s2": 0.0, "s3": 0.2}  # share of the frames
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class PlantedRunner:
     lapses: float = 0.04  # share of trials that nobody completes
     judged: bool = True
     relied: bool = True
+    lost_ssim: dict[str, float] = field(default_factory=dict)  # what loss takes on s3, by strategy
+    damage_told: bool = True
     missing_phase: str | None = None
     fails: tuple[str, ...] = ()
 
@@ -84,6 +87,7 @@ def _summary(
             "received_ssim": round(value, 4),
             "delivered_ssim": round(value - 0.01, 4),
             "live_ssim": round(value - 0.03, 4),
+            **_damage(runner, spec, value),
             "n": {"received_ssim": 100, "delivered_ssim": 104, "live_ssim": 104},
         }
     primary = {
@@ -122,8 +126,17 @@ def _summary(
     if runner.relied:
         share = {"eih": 0.5, "gt": 0.3, "gs": 0.2}
         relied = {"by_phase": {phase.value: share for phase in Phase}}
-        content["operator"] = {"relied_on": relied}
+        uncertainty = {"reach": {"p50": 1.25, "p95": 2.5, "n": 40}}
+        content["operator"] = {"relied_on": relied, "uncertainty_mm": uncertainty}
     return content
+
+
+def _damage(runner: PlantedRunner, spec: TrialSpec, received: float) -> dict[str, float]:
+    if not runner.damage_told:
+        return {}
+    damaged = DAMAGED[spec.network]
+    lost = runner.lost_ssim.get(spec.strategy, 0.02) if damaged else 0.0
+    return {"damaged_fraction": damaged, "undamaged_received_ssim": round(received + lost, 4)}
 
 
 def small_config(**overrides: Any) -> Config:

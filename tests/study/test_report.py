@@ -16,7 +16,8 @@ from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import void
 from tams_app.study.report.blocks import Document, Listing, Paragraph, Picture, Section, Table
 from tams_app.study.report.build import build_document, write_report
-from tams_app.study.report.comparing import Finding, compare, judge
+from tams_app.study.report.comparing import Finding, Measure, compare, judge
+from tams_app.study.report.damage_section import damage_section
 from tams_app.study.report.design_section import design_section
 from tams_app.study.report.html import render_html
 from tams_app.study.report.model_table import model_blocks
@@ -152,6 +153,57 @@ def test_a_model_that_cannot_be_fitted_is_a_sentence(tmp_path: Path) -> None:
     assert "at least two participants" in first.text
 
 
+def test_what_coding_won_and_loss_took_again_are_told_apart(tmp_path: Path) -> None:
+    """Planted on s3: equal received SSIM, of which loss takes .03 more from TAMS."""
+    runner = PlantedRunner(noise_s=2.0, lapses=0.0, lost_ssim={"tams": 0.05, "equal": 0.02})
+    study = make_study(tmp_path, 12, **TWO_BY_TWO)
+    fill_study(study, runner)
+    data = read_results(study)
+
+    def difference(measure: Measure, network: str) -> float:
+        found = compare(data, "equal", network, measure).estimate
+        assert found is not None
+        return found.value
+
+    received = difference(received_ssim, "s3")
+    assert difference(lambda one: one.lost_ssim, "s3") == pytest.approx(-0.03)
+    assert difference(lambda one: one.coding_ssim, "s3") == pytest.approx(received + 0.03)
+    assert difference(lambda one: one.lost_ssim, "s1") == 0
+    section = damage_section(data)
+    told = [text for text in texts(section) if "by loss make" in text]
+    assert [text.split(",")[0] for text in told] == ["S3"]  # nothing is damaged on S1
+    assert "−0.0300 by loss" in told[0]
+    shares = [one for one in section.blocks if isinstance(one, Table) and "Share" in one.caption]
+    assert [one.caption.split()[-1] for one in shares] == ["S3"]
+    assert shares[0].rows[0][1].startswith("0.200 ")
+
+
+def test_a_study_that_knows_nothing_of_damage_says_so(tmp_path: Path) -> None:
+    study = make_study(tmp_path, 1, **TWO_BY_TWO)
+    fill_study(study, PlantedRunner(damage_told=False))
+    told = texts(damage_section(read_results(study)))
+    assert told == ["No trial tells which frames were damaged by loss."]
+
+
+def test_a_phase_without_an_undamaged_frame_has_no_part_in_what_loss_took(tmp_path: Path) -> None:
+    study = make_study(tmp_path, 1, **TWO_BY_TWO)
+    fill_study(study, PlantedRunner(lost_ssim={"tams": 0.05}))
+    (one, *_) = [one for one in read_results(study).results
+                 if (one.strategy, one.network) == ("tams", "s3")]  # fmt: skip
+    by_phase = one.summary["primary_view"]["by_phase"]
+    by_phase["GRASP"]["undamaged_received_ssim"] = None
+    assert one.lost_ssim == pytest.approx(-0.05)
+    for scores in by_phase.values():
+        scores["undamaged_received_ssim"] = None
+    assert one.lost_ssim is None
+    assert one.coding_ssim is None
+
+
+def test_how_sure_the_operator_was_stands_beside_what_he_relied_on(even: Document) -> None:
+    (table,) = tables(even, "How sure the simulated operator was")
+    assert table.rows[0] == ("Reach", "1.25", "1.25", "1.25", "1.25")
+
+
 def test_agreement_with_w_is_measured_and_not_assumed(even: Document, tmp_path: Path) -> None:
     (agreement,) = tables(even, "Agreement")
     # the planted operator is half of the time on EIH, W's choice in four of six phases
@@ -170,7 +222,7 @@ def test_the_report_is_one_page_without_links_and_its_figures_beside_it(tmp_path
     page = written.html.read_text(encoding="utf-8")
     assert not re.search(r"https?://|<script|<link|@import|url\(", page)
     assert "First &lt;b&gt;remark&lt;/b&gt;." in page
-    assert page.count("<img alt=") == len(written.figures) == 6
+    assert page.count("<img alt=") == len(written.figures) == 7
     assert all(len(alt) > 20 for alt in re.findall(r'<img alt="([^"]*)"', page))
     assert written.pdf.read_bytes().startswith(b"%PDF")
     names = {path.stem for path in written.figures}
@@ -179,6 +231,7 @@ def test_the_report_is_one_page_without_links_and_its_figures_beside_it(tmp_path
         "ssim_phases",
         "completion_time",
         "success",
+        "damage",
         "differences",
         "relied_on",
     }

@@ -8,6 +8,7 @@ from pathlib import Path
 from tams_app.errors import LogError
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.report.blocks import Document, Picture
+from tams_app.study.report.damage_section import damage_section
 from tams_app.study.report.design_section import design_section
 from tams_app.study.report.differences_section import differences_section
 from tams_app.study.report.fidelity_section import fidelity_section
@@ -54,6 +55,7 @@ def build_document(
             design_section(data, tolerance_ssim),
             tracking_section(data),
             fidelity_section(data),
+            damage_section(data),
             time_section(data),
             success_section(data),
             differences_section(data),

@@ -1,10 +1,10 @@
-"""Which view the operator relied on, beside what W says he should."""
+"""Which view the operator relied on, beside what W says he should, and how sure he was."""
 
 from __future__ import annotations
 
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
-from tams_app.study.report.blocks import Paragraph, Picture, Section, Table
+from tams_app.study.report.blocks import Block, Paragraph, Picture, Section, Table
 from tams_app.study.report.drawing import (
     COLOURS,
     HATCHES,
@@ -14,11 +14,11 @@ from tams_app.study.report.drawing import (
     new_figure,
     picture,
 )
-from tams_app.study.report.wording import PHASES, interval, name, phase_name
+from tams_app.study.report.wording import PHASES, interval, name, number, phase_name
 from tams_app.study.results import StudyData, TrialResult, participant_means
 from tams_app.study.statistics.intervals import Estimate, mean_interval
 
-_TITLE = "The view relied on and the weight matrix W"
+_TITLE = "The operator: the view relied on, the weight matrix W, and how sure he was"
 
 
 def operator_section(data: StudyData) -> Section:
@@ -26,7 +26,10 @@ def operator_section(data: StudyData) -> Section:
     if not any(one.relied_on for one in data.results):
         text = "No trial tells which view the operator relied on."
         return Section(_TITLE, (Paragraph(text),))
-    return Section(_TITLE, (_figure(data), _table(data), _agreement_table(data)))
+    blocks: list[Block] = [_figure(data), _table(data), _agreement_table(data)]
+    if any(one.uncertainty_mm for one in data.results):
+        blocks.append(_uncertainty_table(data))
+    return Section(_TITLE, tuple(blocks))
 
 
 def _weights(data: StudyData) -> WeightMatrix:
@@ -106,3 +109,31 @@ def _agreement_table(data: StudyData) -> Table:
     header = ("Strategy", *(name(one) for one in data.plan.networks))
     caption = "Agreement: share of time on W's primary view, mean of the phases, 95 % intervals"
     return Table(caption, header, tuple(rows))
+
+
+def _uncertainty_table(data: StudyData) -> Table:
+    """One row per stage of his task, in the order in which he comes to them."""
+    stages = dict.fromkeys(stage for one in data.results for stage in one.uncertainty_mm)
+    conditions = [
+        (strategy, network) for network in data.plan.networks for strategy in data.plan.strategies
+    ]
+    rows = tuple(
+        (
+            stage.capitalize(),
+            *(number(_median_mm(data, stage, *condition), 2) for condition in conditions),
+        )
+        for stage in stages
+    )
+    header = ("Stage", *(f"{name(network)}, {name(one)}" for one, network in conditions))
+    caption = (
+        "How sure the simulated operator was: one standard deviation of the way to block or "
+        "container [mm], as he judged it; medians of the trials, means over participants"
+    )
+    return Table(caption, header, rows)
+
+
+def _median_mm(data: StudyData, stage: str, strategy: str, network: str) -> float | None:
+    results = data.of(strategy, network)
+    values = [one.uncertainty_mm.get(stage, {}).get("p50") for one in results]
+    means = participant_means(results, values)
+    return sum(means) / len(means) if means else None
