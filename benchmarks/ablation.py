@@ -36,6 +36,7 @@ from tams_app.study.machine import machine
 
 RESULTS = Path(__file__).parent / "results" / "ablation.json"
 SEEDS, NETWORKS, PROCESSES = 5, ("s1", "s2", "s3"), 2
+TABLE_WIDTH = 180  # characters: no column is cut short
 
 # measure -> heading and format
 COLUMNS = {
@@ -168,8 +169,11 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=PROCESSES)
     parser.add_argument("--json", type=Path, default=RESULTS)
     options = parser.parse_args()
+    console = Console()
+    if not console.is_terminal:  # a log file has no width
+        console.width = TABLE_WIDTH
     report(
-        Console(),
+        console,
         options.json,
         options.seeds,
         options.networks,
