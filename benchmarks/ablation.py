@@ -19,20 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
 from benchmarks.ablation_cells import Cell, product_cell
 from benchmarks.ablation_table import FactorRange, Figures, Row, ranges, rows
 from benchmarks.ablation_trials import Trial, plan, record_hands, run
 from tams_app.study.machine import machine
+from tams_app.study.unattended import RichProgress
 
 RESULTS = Path(__file__).parent / "results" / "ablation.json"
 SEEDS, NETWORKS, PROCESSES = 5, ("s1", "s2", "s3"), 2
@@ -104,20 +97,11 @@ def report(
     processes: int = PROCESSES,
 ) -> None:
     """Measure, print, write."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with (
-        tempfile.TemporaryDirectory(prefix="tams-ablation-") as folder,
-        Progress(*columns, console=console) as bar,
-    ):
+    with tempfile.TemporaryDirectory(prefix="tams-ablation-") as folder:
+        console.print(f"recording a hand for each of {seeds} seeds")
         trials = plan(networks, record_hands(seeds, Path(folder)), full)
-        found = run(trials, Path(folder), processes, bar)
+        with RichProgress(console, len(trials)) as bar:
+            found = run(trials, Path(folder), processes, bar)
     told = collect(trials, found)
     moved = [
         one for network in networks for one in ranges([r for r in told if r.network == network])

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.progress import Progress
 
 from benchmarks.ablation_cells import Cell, configure, every, one_at_a_time, product_cell
 from benchmarks.ablation_table import Figures
@@ -19,6 +18,7 @@ from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.study.local_pool import LocalPool
+from tams_app.study.unattended import RichProgress
 
 _LATER_S = 5.0  # a replay may end so long after its recording
 
@@ -55,11 +55,10 @@ def record_hands(seeds: int, out: Path) -> dict[int, Path]:
 
 
 def run(
-    trials: Mapping[str, Trial], out: Path, processes: int, bar: Progress
+    trials: Mapping[str, Trial], out: Path, processes: int, bar: RichProgress
 ) -> dict[str, Figures]:
     """Every trial's figures by its id; TamsError if one fails."""
     runs = VirtualRuns({name: trial.config for name, trial in trials.items()})
-    task = bar.add_task("trials", total=len(trials))
     waiting, found = list(trials), {}
     with closing(LocalPool(runs, processes)) as pool:
         running = 0
@@ -72,7 +71,7 @@ def run(
                 if failure:
                     raise TamsError(f"{trials[job.spec.trial_id].cell.name} failed: {failure}")
                 found[job.spec.trial_id] = figures(job.folder)
-                bar.update(task, advance=1)
+                bar.advance()
     return {name: found[name] for name in trials}
 
 

@@ -62,6 +62,13 @@ class TrialResult:
         value = (self.summary.get("primary_view") or {}).get(kind)
         return None if value is None else float(value)
 
+    @property
+    def time_weighted_ssim(self) -> float | None:
+        """Received, of the primary view: each phase for as long as it lasted."""
+        primary = self.summary.get("primary_view") or {}
+        value = (primary.get("time_weighted") or {}).get("received_ssim")
+        return None if value is None else float(value)
+
     def damaged_fraction(self, phase: str) -> float | None:
         """Share of the primary view's shown frames that loss damaged."""
         return self._of_phase(phase, "damaged_fraction")

@@ -105,6 +105,7 @@ def _summary(
         "freezes": {"count": 1, "total_s": 0.3, "longest_s": 0.3},
         **primary,
     }
+    tams = spec.strategy == "tams"
     content = {
         "schema": 1,
         "version": "0.0.0",
@@ -119,6 +120,7 @@ def _summary(
         "views": dict.fromkeys(("eih", "gt", "gs"), view),
         "primary_view": {
             **primary,
+            "time_weighted": {"received_ssim": primary["received_ssim"] + 0.01 * tams},
             "missing_phases": [runner.missing_phase] if runner.missing_phase else [],
             "by_phase": by_phase,
         },

@@ -153,6 +153,12 @@ def test_a_model_that_cannot_be_fitted_is_a_sentence(tmp_path: Path) -> None:
     assert "at least two participants" in first.text
 
 
+def test_the_mean_weighed_by_time_stands_beside_that_of_the_phases(even: Document) -> None:
+    (table,) = tables(even, "Paired differences")
+    by_phases, by_time = (float(cell.split()[0].replace("−", "-")) for cell in table.rows[0][1:3])
+    assert by_time == pytest.approx(by_phases + 0.01, abs=1e-4)
+
+
 def test_what_coding_won_and_loss_took_again_are_told_apart(tmp_path: Path) -> None:
     """Planted on s3: equal received SSIM, of which loss takes .03 more from TAMS."""
     runner = PlantedRunner(noise_s=2.0, lapses=0.0, lost_ssim={"tams": 0.05, "equal": 0.02})

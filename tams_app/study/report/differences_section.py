@@ -15,6 +15,7 @@ def differences_section(data: StudyData) -> Section:
     def censored_s(result: TrialResult) -> float | None:
         return result.censored_time_s(data.limit_s)
 
+    by_time = Quantity("Received SSIM, phases by their time", "better →", _time_weighted, 4)
     quantities = (
         Quantity("Received SSIM", "better →", received_ssim, 4),
         Quantity(f"Time, censored at {data.limit_s:g} s [s]", "← better", censored_s, 2),
@@ -30,6 +31,11 @@ def differences_section(data: StudyData) -> Section:
         "Paired differences",
         (
             paired_figure(data, "differences", drawn, quantities),
-            paired_table(data, listed, quantities),
+            paired_table(data, listed, (quantities[0], by_time, *quantities[1:])),
         ),
     )
+
+
+def _time_weighted(result: TrialResult) -> float | None:
+    """Where trials of a pair have not the same phases, this cannot be moved by a short one."""
+    return result.time_weighted_ssim

@@ -15,14 +15,24 @@ from tams_app.study.statistics.mixed_model import (
     interaction_columns,
 )
 
+_SCENES = (
+    "Strategies share their scenes, networks do not, and the model knows neither. Its terms of "
+    "networks contain the luck of their scenes and look surer than they are; its standard errors "
+    "of strategies contain what a scene does to all of them and are wider than need be. The paired "
+    "differences below are free of both."
+)
+
 
 def model_blocks(data: StudyData) -> list[Block]:
     """One model of the completed trials, as in the paper, and one of the censored times."""
     limit = f"{data.limit_s:g} s"
-    return [
+    blocks = [
         *_blocks(data, "completed trials only", lambda one: one.completed_time_s),
         *_blocks(data, f"censored at {limit}", lambda one: one.censored_time_s(data.limit_s)),
     ]
+    if any(isinstance(block, Table) for block in blocks):
+        blocks.append(Paragraph(_SCENES))
+    return blocks
 
 
 def fit(data: StudyData, measure: Callable[[TrialResult], float | None]) -> MixedModel | NotFitted:
