@@ -11,7 +11,7 @@ import pytest
 from tams_app.clock import NS_PER_MS, MonotonicClock
 from tams_app.recording import Recorder, SessionLog, read_log
 from tams_app.recording.topics import FrameCaptured
-from tams_app.records import FrameQuality, PacketFate, PacketRecord, Phase, PhaseChange
+from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord, Phase, PhaseChange
 from tams_app.summary import summarise
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, capture_ns, header
 
@@ -154,6 +154,8 @@ def test_what_loss_took_is_told_apart_from_what_coding_took() -> None:
     reach = summarise(log)["primary_view"]["by_phase"]["REACH"]
     assert reach["damaged_fraction"] == pytest.approx(9 / 29, abs=1e-4)
     assert reach["undamaged_received_ssim"] == pytest.approx(0.9)
+    in_all = [one for one in log.packets if one.view == "gt" and one.kind is PacketKind.MEDIA]
+    assert reach["packets_per_frame"] == pytest.approx(len(in_all) / 30, abs=1e-4)
 
 
 def test_without_packets_nobody_knows_of_damage() -> None:
@@ -166,6 +168,7 @@ def test_without_packets_nobody_knows_of_damage() -> None:
     reach = summary["primary_view"]["by_phase"]["REACH"]
     assert reach["damaged_fraction"] is None
     assert reach["undamaged_received_ssim"] is None
+    assert reach["packets_per_frame"] is None
 
 
 def test_quality_survives_the_log(tmp_path: Path) -> None:

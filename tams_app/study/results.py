@@ -74,6 +74,16 @@ class TrialResult:
         return self._of_phase(phase, "damaged_fraction")
 
     @property
+    def packets_per_frame(self) -> float | None:
+        """Of the primary view, mean of the phases."""
+        known = [
+            packets
+            for phase in self.phases
+            if (packets := self._of_phase(phase, "packets_per_frame")) is not None
+        ]
+        return sum(known) / len(known) if known else None
+
+    @property
     def lost_ssim(self) -> float | None:
         """What loss took of the primary view's received SSIM, mean of the phases; seldom above 0.
 

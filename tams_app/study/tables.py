@@ -54,7 +54,12 @@ _VIEW: dict[str, str] = {
     **{kind: kind for kind in SSIM_KINDS},
 }
 
-_DAMAGE = ("damaged_fraction", "undamaged_received_ssim")
+# column -> key in a phase's scores
+_DAMAGE = {
+    "damaged_fraction": "damaged_fraction",
+    "undamaged_received_ssim": "undamaged_received_ssim",
+    "packets_per_frame_count": "packets_per_frame",
+}
 
 
 def trial_rows(data: StudyData) -> list[Row]:
@@ -121,7 +126,7 @@ def _phase_rows(result: TrialResult) -> list[Row]:
     for phase, scores in by_phase.items():
         row = _key(result) | {"phase": phase}
         row |= {kind: _number(scores.get(kind)) for kind in SSIM_KINDS}
-        row |= {key: _number(scores.get(key)) for key in _DAMAGE}
+        row |= {column: _number(scores.get(key)) for column, key in _DAMAGE.items()}
         row |= {f"{kind}_count": _number(value_at(scores, f"n.{kind}")) for kind in SSIM_KINDS}
         shares = result.relied_on.get(phase, {})
         row |= {f"relied_on_{view}_fraction": share for view, share in shares.items()}

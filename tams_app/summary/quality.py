@@ -8,6 +8,7 @@ its capture, whatever the strategy; before the first phase there is none.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +16,10 @@ import numpy as np
 
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
-from tams_app.records import FrameQuality, Phase
+from tams_app.records import FrameQuality, PacketKind, Phase
 from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean, ratio
 from tams_app.video.damage import damaged_frames
+from tams_app.video.frame_identity import index_of_rtp_timestamp
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 UNDAMAGED = "undamaged_received_ssim"
@@ -30,6 +32,7 @@ class QualityTable:
     `view` is the place in `header.views`, `phase` that in `Phase`, −1 before the first.
     `damaged` is 1 where loss spoilt the frame, 0 where not, NaN where it was not shown or nobody
     knows; `damaged_frames` are the indices by view, None where the log has no packets of the view.
+    `packets` are those that carried the frame, resends apart; NaN without a log of them.
     `captured` are view and phase of all frames that were captured, shape (n, 2).
     """
 
@@ -38,6 +41,7 @@ class QualityTable:
     scores: dict[str, Floats]
     damaged: Floats
     damaged_frames: dict[str, set[int] | None]
+    packets: Floats
     captured: Integers
 
     @staticmethod
@@ -55,6 +59,7 @@ class QualityTable:
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
             np.array([_is_damaged(one, damage[one.view]) for one in frames], dtype=np.float64),
             damage,
+            _packets_of(frames, log),
             captured,
         )
 
@@ -63,11 +68,15 @@ class QualityTable:
         return {kind: mean(_known(score[chosen])) for kind, score in self.scores.items()}
 
     def damage(self, chosen: Flags) -> dict[str, Number]:
-        """The share of damaged frames among those shown, and the mean over the others."""
+        """What loss did: the share of damaged frames among those shown, the mean over the others.
+
+        With it, how many packets a frame was: each of them can be lost.
+        """
         undamaged = chosen & (self.damaged == 0)
         return {
             "damaged_fraction": mean(_known(self.damaged[chosen])),
             UNDAMAGED: mean(_known(self.scores["received_ssim"][undamaged])),
+            "packets_per_frame": mean(_known(self.packets[chosen])),
         }
 
     def counts(self, chosen: Flags) -> dict[str, int]:
@@ -166,6 +175,16 @@ def _damaged_and_shown(log: SessionLog, view: str) -> set[int] | None:
         if one.view == view:
             shown_ns.setdefault(one.index, one.shown_ns)
     return damaged_frames(keyframe_of, packets, shown_ns, log.header.fps) & shown_ns.keys()
+
+
+def _packets_of(frames: list[FrameQuality], log: SessionLog) -> Floats:
+    sent = Counter(
+        (packet.view, index_of_rtp_timestamp(packet.rtp_timestamp, log.header.fps))
+        for packet in log.packets
+        if packet.kind is PacketKind.MEDIA
+    )
+    found = np.array([sent[one.view, one.index] for one in frames], dtype=np.float64)
+    return np.where(found > 0, found, np.nan)
 
 
 def _is_damaged(frame: FrameQuality, damaged: set[int] | None) -> float:

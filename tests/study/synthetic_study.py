@@ -138,7 +138,11 @@ def _damage(runner: PlantedRunner, spec: TrialSpec, received: float) -> dict[str
         return {}
     damaged = DAMAGED[spec.network]
     lost = runner.lost_ssim.get(spec.strategy, 0.02) if damaged else 0.0
-    return {"damaged_fraction": damaged, "undamaged_received_ssim": round(received + lost, 4)}
+    return {
+        "damaged_fraction": damaged,
+        "undamaged_received_ssim": round(received + lost, 4),
+        "packets_per_frame": 4.5,
+    }
 
 
 def small_config(**overrides: Any) -> Config:

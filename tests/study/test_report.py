@@ -179,6 +179,8 @@ def test_what_coding_won_and_loss_took_again_are_told_apart(tmp_path: Path) -> N
     told = [text for text in texts(section) if "by loss make" in text]
     assert [text.split(",")[0] for text in told] == ["S3"]  # nothing is damaged on S1
     assert "−0.0300 by loss" in told[0]
+    parts = next(one for one in section.blocks if isinstance(one, Table))
+    assert parts.rows[0][4].startswith("4.50 ")
     shares = [one for one in section.blocks if isinstance(one, Table) and "Share" in one.caption]
     assert [one.caption.split()[-1] for one in shares] == ["S3"]
     assert shares[0].rows[0][1].startswith("0.200 ")

@@ -49,6 +49,10 @@ def _lost(result: TrialResult) -> float | None:
     return result.lost_ssim
 
 
+def _packets(result: TrialResult) -> float | None:
+    return result.packets_per_frame
+
+
 _QUANTITIES = (
     Quantity("Received SSIM", "better →", received_ssim, _DIGITS),
     Quantity("Its part by coding", "better →", _coding, _DIGITS),
@@ -71,14 +75,15 @@ def _parts_table(data: StudyData) -> Table:
         (
             f"{name(network)}, {name(strategy)}",
             *(interval(_mean(data, strategy, network, one.measure), 4) for one in _QUANTITIES),
+            interval(_mean(data, strategy, network, _packets), 2),
         )
         for network in data.plan.networks
         for strategy in data.plan.strategies
     ]
-    header = ("Condition", "Received", "Undamaged frames", "What loss took")
+    header = ("Condition", "Received", "Undamaged frames", "What loss took", "Packets a frame")
     caption = (
         "Received SSIM of the primary view in two parts, means of the phase means, with 95 % "
-        "intervals over participants"
+        "intervals over participants; and how many packets, each of which can be lost, a frame is"
     )
     return Table(caption, header, tuple(rows))
 
