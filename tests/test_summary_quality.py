@@ -154,6 +154,10 @@ def test_what_loss_took_is_told_apart_from_what_coding_took() -> None:
     reach = summarise(log)["primary_view"]["by_phase"]["REACH"]
     assert reach["damaged_fraction"] == pytest.approx(9 / 29, abs=1e-4)
     assert reach["undamaged_received_ssim"] == pytest.approx(0.9)
+    resent = replace(hit, kind=PacketKind.REPAIR, fate=PacketFate.DELIVERED, delivered_ns=1)
+    log.packets.append(replace(resent, delivered_ns=capture_ns(29), rtp_timestamp=29 * 3000))
+    again = summarise(log)["primary_view"]["by_phase"]["REACH"]
+    assert again["packets_per_frame"] == reach["packets_per_frame"]  # a resend is no new packet
     in_all = [one for one in log.packets if one.view == "gt" and one.kind is PacketKind.MEDIA]
     assert reach["packets_per_frame"] == pytest.approx(len(in_all) / 30, abs=1e-4)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 class TrialResult:
     """One finished trial. The experimenter's verdict stands before the simulator's.
 
-    `relied_on`: by phase, the share of time that the operator relied on each view, where known.
+    `relied_on`: by phase, each view's share of what the operator's glances told him, where known.
     """
 
     trial: PlannedTrial
@@ -84,24 +85,34 @@ class TrialResult:
         return sum(known) / len(known) if known else None
 
     @property
-    def lost_ssim(self) -> float | None:
-        """What loss took of the primary view's received SSIM, mean of the phases; seldom above 0.
-
-        Of phases without an undamaged frame nothing is known: they have no part in it.
-        """
-        taken = [
-            received - undamaged
-            for phase in self.phases
-            if (received := self.primary_ssim("received_ssim", phase)) is not None
-            and (undamaged := self._of_phase(phase, "undamaged_received_ssim")) is not None
-        ]
-        return sum(taken) / len(taken) if taken else None
+    def coding_ssim(self) -> float | None:
+        """Received SSIM of the primary view's undamaged frames, mean of phases that have any."""
+        return self._mean_of_parted("undamaged_received_ssim")
 
     @property
-    def coding_ssim(self) -> float | None:
-        """The primary view's received SSIM without what loss took."""
-        received, lost = self.primary_ssim("received_ssim"), self.lost_ssim
-        return None if received is None or lost is None else received - lost
+    def parted_ssim(self) -> float | None:
+        """Received SSIM of the primary view over the same phases."""
+        return self._mean_of_parted("received_ssim")
+
+    @property
+    def lost_ssim(self) -> float | None:
+        """What loss took of it: the difference of the two, seldom above 0."""
+        received, coding = self.parted_ssim, self.coding_ssim
+        return None if received is None or coding is None else received - coding
+
+    @property
+    def parted_phases(self) -> tuple[str, ...]:
+        """Those with an undamaged frame: of the others nobody knows what coding took."""
+        return tuple(
+            phase
+            for phase in self.phases
+            if self._of_phase(phase, "undamaged_received_ssim") is not None
+            and self._of_phase(phase, "received_ssim") is not None
+        )
+
+    def _mean_of_parted(self, key: str) -> float | None:
+        known = [self._of_phase(phase, key) or 0.0 for phase in self.parted_phases]
+        return sum(known) / len(known) if known else None
 
     def _of_phase(self, phase: str, key: str) -> float | None:
         by_phase = (self.summary.get("primary_view") or {}).get("by_phase", {})
@@ -112,6 +123,31 @@ class TrialResult:
     def phases(self) -> tuple[str, ...]:
         """Those with a score of the primary view."""
         return tuple((self.summary.get("primary_view") or {}).get("by_phase", {}))
+
+    @property
+    def all_views_ssim(self) -> float | None:
+        """Received, mean over all views and all their frames, whichever is primary."""
+        views = (self.summary.get("views") or {}).values()
+        known = [one["received_ssim"] for one in views if one.get("received_ssim") is not None]
+        return sum(known) / len(known) if known else None
+
+    @property
+    def phase_seconds(self) -> Mapping[str, float]:
+        """How long each phase lasted in all."""
+        changes = self.summary.get("phases") or []
+        end = {"t_s": self.summary.get("duration_s")}
+        found: dict[str, float] = {}
+        for change, later in pairwise((*changes, end)):
+            found.setdefault(change["phase"], 0.0)
+            found[change["phase"]] += later["t_s"] - change["t_s"]
+        return found
+
+    @property
+    def glance_agreement(self) -> float | None:
+        """The fraction of glances in which W's primary view told the operator most."""
+        operator = self.summary.get("operator") or {}
+        value = (operator.get("relied_on") or {}).get("agreement")
+        return None if value is None else float(value)
 
     @property
     def relied_on(self) -> Mapping[str, Mapping[str, float]]:

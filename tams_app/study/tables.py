@@ -124,7 +124,8 @@ def _phase_rows(result: TrialResult) -> list[Row]:
     by_phase = (result.summary.get("primary_view") or {}).get("by_phase", {})
     rows = []
     for phase, scores in by_phase.items():
-        row = _key(result) | {"phase": phase}
+        lasted_s = result.phase_seconds.get(phase)
+        row = _key(result) | {"phase": phase, "duration_s": lasted_s and round(lasted_s, 4)}
         row |= {kind: _number(scores.get(kind)) for kind in SSIM_KINDS}
         row |= {column: _number(scores.get(key)) for column, key in _DAMAGE.items()}
         row |= {f"{kind}_count": _number(value_at(scores, f"n.{kind}")) for kind in SSIM_KINDS}

@@ -106,6 +106,7 @@ def _summary(
         **primary,
     }
     tams = spec.strategy == "tams"
+    phases = [{"t_s": 5.0 * number, "phase": one.value} for number, one in enumerate(Phase)]
     content = {
         "schema": 1,
         "version": "0.0.0",
@@ -114,6 +115,7 @@ def _summary(
         "network": spec.network,
         "budget_mode": "oracle",
         "duration_s": 40.0,
+        "phases": phases,
         "outcome": outcome,
         "arm": {"stops": []},
         "uplink": {"capacity_kbps": 6000.0, "loss_fraction": 0.003, "queue_ms": {"p95": 20.0}},
@@ -127,7 +129,7 @@ def _summary(
     }
     if runner.relied:
         share = {"eih": 0.5, "gt": 0.3, "gs": 0.2}
-        relied = {"by_phase": {phase.value: share for phase in Phase}}
+        relied = {"by_phase": {phase.value: share for phase in Phase}, "agreement": 0.6}
         uncertainty = {"reach": {"p50": 1.25, "p95": 2.5, "n": 40}}
         content["operator"] = {"relied_on": relied, "uncertainty_mm": uncertainty}
     return content

@@ -37,6 +37,7 @@ def test_values_are_those_of_the_summary(tmp_path: Path) -> None:
     assert row["primary_received_ssim"] == result.summary["primary_view"]["received_ssim"]
     phases = phase_rows(data)
     assert phases[0]["received_ssim_count"] == 100
+    assert [row["duration_s"] for row in phases[:6]] == [5.0] * 5 + [15.0]
     assert phases[0]["relied_on_eih_fraction"] == 0.5
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from tams_app.study.report.blocks import Block, Paragraph, Picture, Section, Table
 from tams_app.study.report.comparing import Measure, compare, others
 from tams_app.study.report.paired import Quantity, paired_figure, paired_table
-from tams_app.study.report.summary_section import received_ssim
 from tams_app.study.report.wording import PHASES, interval, name, number, phase_name
 from tams_app.study.results import StudyData, TrialResult, participant_means
-from tams_app.study.statistics.intervals import Estimate, mean_interval
+from tams_app.study.statistics.intervals import Estimate, bootstrap_mean, mean_interval
 
 _TITLE = "What coding takes, and what loss takes"
 _DIGITS = 4
@@ -23,9 +22,10 @@ def damage_section(data: StudyData) -> Section:
     blocks: list[Block] = [
         Paragraph(
             "A frame is damaged if one of its packets came too late or never, or if it was "
-            "predicted from a damaged one. Undamaged frames show what coding took. What loss took "
-            "is received SSIM minus that of the undamaged frames, phase by phase. Both parts add "
-            "up to received SSIM."
+            "predicted from a damaged one. Undamaged frames show what coding took; what loss took "
+            "is received SSIM minus theirs, phase by phase. This is an observation: keyframes that "
+            "loss made necessary count as coding, and undamaged frames are not a random sample. "
+            f"{_left_out(data)}"
         ),
         _parts_table(data),
         _figure(data),
@@ -41,6 +41,17 @@ def damage_section(data: StudyData) -> Section:
     return Section(_TITLE, tuple(blocks))
 
 
+def _left_out(data: StudyData) -> str:
+    lost = sum(len(one.phases) - len(one.parted_phases) for one in data.results)
+    if not lost:
+        return "Every phase of every trial has undamaged frames."
+    return f"Phases without an undamaged frame ({lost} in all trials) are left out of this section."
+
+
+def _received(result: TrialResult) -> float | None:
+    return result.parted_ssim
+
+
 def _coding(result: TrialResult) -> float | None:
     return result.coding_ssim
 
@@ -54,7 +65,7 @@ def _packets(result: TrialResult) -> float | None:
 
 
 _QUANTITIES = (
-    Quantity("Received SSIM", "better →", received_ssim, _DIGITS),
+    Quantity("Received SSIM", "better →", _received, _DIGITS),
     Quantity("Its part by coding", "better →", _coding, _DIGITS),
     Quantity("Its part by loss", "better →", _lost, _DIGITS),
 )
@@ -83,7 +94,8 @@ def _parts_table(data: StudyData) -> Table:
     header = ("Condition", "Received", "Undamaged frames", "What loss took", "Packets a frame")
     caption = (
         "Received SSIM of the primary view in two parts, means of the phase means, with 95 % "
-        "intervals over participants; and how many packets, each of which can be lost, a frame is"
+        "intervals over participants; and how many packets, each of which can be lost, carry a "
+        "frame"
     )
     return Table(caption, header, tuple(rows))
 
@@ -104,14 +116,18 @@ def _share_table(data: StudyData, network: str) -> Table:
         (
             phase_name(phase),
             *(
-                interval(_mean(data, strategy, network, damaged(phase)), 3)
+                interval(_resampled(data, strategy, network, damaged(phase)), 3)
                 for strategy in data.plan.strategies
             ),
         )
         for phase in PHASES
     )
     header = ("Phase", *(name(one) for one in data.plan.strategies))
-    return Table(f"Share of damaged frames in the primary view on {name(network)}", header, rows)
+    caption = (
+        f"Share of damaged frames among those shown of the primary view on {name(network)}, "
+        "bootstrapped 95 % intervals over participants"
+    )
+    return Table(caption, header, rows)
 
 
 def _sentences(data: StudyData, network: str) -> list[str]:
@@ -128,6 +144,12 @@ def _sentences(data: StudyData, network: str) -> list[str]:
                 f"{coding} by coding and {lost} by loss make {whole}."
             )
     return told
+
+
+def _resampled(data: StudyData, strategy: str, network: str, measure: Measure) -> Estimate | None:
+    """With an interval that stays among the values: shares end at 0 and 1."""
+    results = data.of(strategy, network)
+    return bootstrap_mean(participant_means(results, [measure(one) for one in results]))
 
 
 def _mean(data: StudyData, strategy: str, network: str, measure: Measure) -> Estimate | None:

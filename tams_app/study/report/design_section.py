@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
+import numpy as np
+
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import balance_sentence
 from tams_app.study.report.blocks import Block, Listing, Paragraph, Section, Table
@@ -21,6 +23,7 @@ def design_section(data: StudyData, tolerance_ssim: float | None) -> Section:
         Paragraph(balance_sentence(data.plan), verdict=True),
         _counts(data),
         Paragraph(_missing_trials(data)),
+        Paragraph(_phase_lengths(data)),
         Paragraph(_missing_phases(data)),
     ]
     if not_counted := _not_counted(data):
@@ -85,6 +88,15 @@ def _missing_phases(data: StudyData) -> str:
         f"Phases without a scored frame of the primary view: {listed(found)} of "
         f"{len(data.results)} trials; a trial's mean is over the phases it has."
     )
+
+
+def _phase_lengths(data: StudyData) -> str:
+    lasted_s = {
+        phase: float(np.median([one.phase_seconds.get(phase, 0.0) for one in data.results]))
+        for phase in PHASES
+    }
+    told = [f"{phase_name(phase)} {seconds:.2f} s" for phase, seconds in lasted_s.items()]
+    return f"Phases lasted, medians over all trials: {listed(told)}."
 
 
 def _not_counted(data: StudyData) -> tuple[str, ...]:

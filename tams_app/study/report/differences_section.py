@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from tams_app.study.report.blocks import Section
+from tams_app.study.report.blocks import Section, Table
+from tams_app.study.report.comparing import compare, others
 from tams_app.study.report.paired import Quantity, paired_figure, paired_table
 from tams_app.study.report.summary_section import received_ssim, success_share
-from tams_app.study.report.wording import name
+from tams_app.study.report.wording import interval, name
 from tams_app.study.results import StudyData, TrialResult
+from tams_app.study.statistics.pairs import Key, PairedDifference, paired_difference
 
 
 def differences_section(data: StudyData) -> Section:
@@ -15,7 +17,6 @@ def differences_section(data: StudyData) -> Section:
     def censored_s(result: TrialResult) -> float | None:
         return result.censored_time_s(data.limit_s)
 
-    by_time = Quantity("Received SSIM, phases by their time", "better →", _time_weighted, 4)
     quantities = (
         Quantity("Received SSIM", "better →", received_ssim, 4),
         Quantity(f"Time, censored at {data.limit_s:g} s [s]", "← better", censored_s, 2),
@@ -31,11 +32,53 @@ def differences_section(data: StudyData) -> Section:
         "Paired differences",
         (
             paired_figure(data, "differences", drawn, quantities),
-            paired_table(data, listed, (quantities[0], by_time, *quantities[1:])),
+            paired_table(data, listed, quantities),
+            _sensitivity_table(data),
         ),
     )
 
 
-def _time_weighted(result: TrialResult) -> float | None:
-    """Where trials of a pair have not the same phases, this cannot be moved by a short one."""
-    return result.time_weighted_ssim
+def _sensitivity_table(data: StudyData) -> Table:
+    """The same difference of received SSIM, meant in other ways."""
+    rows = []
+    for network in data.plan.networks:
+        for other in others(data):
+            found = (
+                compare(data, other, network, received_ssim),
+                _on_common_phases(data, other, network),
+                compare(data, other, network, lambda one: one.time_weighted_ssim),
+                compare(data, other, network, lambda one: one.all_views_ssim),
+            )
+            cells = (interval(one.estimate, 4, signed=True) for one in found)
+            rows.append((f"{name(network)}, against {name(other)}", *cells))
+    header = (
+        "Comparison",
+        "Primary view, mean of the phases",
+        "… of the phases that both trials have",
+        "… of phases weighed by their time",
+        "All views, all frames",
+    )
+    caption = (
+        f"Received SSIM, {name(data.plan.proposed)} minus the other, taken in other ways; 95 % "
+        "intervals. The last tells what the other views pay"
+    )
+    return Table(caption, header, tuple(rows))
+
+
+def _on_common_phases(data: StudyData, other: str, network: str) -> PairedDifference:
+    """Where one trial of a pair lacks a phase, the other's is left out too."""
+    first, second = (
+        {(one.participant, one.trial.repetition): one for one in data.of(strategy, network)}
+        for strategy in (data.plan.proposed, other)
+    )
+    differences: dict[Key, float] = {}
+    for key in first.keys() & second.keys():
+        steps = [
+            mine - its
+            for phase in first[key].phases
+            if (mine := first[key].primary_ssim("received_ssim", phase)) is not None
+            and (its := second[key].primary_ssim("received_ssim", phase)) is not None
+        ]
+        if steps:
+            differences[key] = sum(steps) / len(steps)
+    return paired_difference(differences, dict.fromkeys(differences, 0.0))

@@ -17,9 +17,9 @@ from tams_app.study.statistics.mixed_model import (
 
 _SCENES = (
     "Strategies share their scenes, networks do not, and the model knows neither. Its terms of "
-    "networks contain the luck of their scenes and look surer than they are; its standard errors "
-    "of strategies contain what a scene does to all of them and are wider than need be. The paired "
-    "differences below are free of both."
+    "networks include chance differences between scenes and look surer than they are; its standard "
+    "errors of strategies contain what a scene does to all of them and are wider than need be. The "
+    "paired differences below are free of both."
 )
 
 

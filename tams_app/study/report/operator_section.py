@@ -5,6 +5,7 @@ from __future__ import annotations
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.report.blocks import Block, Paragraph, Picture, Section, Table
+from tams_app.study.report.comparing import Measure
 from tams_app.study.report.drawing import (
     COLOURS,
     HATCHES,
@@ -22,11 +23,26 @@ _TITLE = "The operator: the view relied on, the weight matrix W, and how sure he
 
 
 def operator_section(data: StudyData) -> Section:
-    """Shares by phase against W; agreement: the share of time on W's primary view."""
+    """Shares by phase against W; agreement: the share that W's primary view had."""
     if not any(one.relied_on for one in data.results):
         text = "No trial tells which view the operator relied on."
         return Section(_TITLE, (Paragraph(text),))
-    blocks: list[Block] = [_figure(data), _table(data), _agreement_table(data)]
+    blocks: list[Block] = [
+        _figure(data),
+        _table(data),
+        _agreement_table(
+            data,
+            "Agreement: share that W's primary view had, mean of the phases, however short they "
+            "are, 95 % intervals",
+            lambda one: agreement(data, one),
+        ),
+        _agreement_table(
+            data,
+            "Agreement by glances: fraction of glances in which W's primary view told most, 95 % "
+            "intervals",
+            lambda one: one.glance_agreement,
+        ),
+    ]
     if any(one.uncertainty_mm for one in data.results):
         blocks.append(_uncertainty_table(data))
     return Section(_TITLE, tuple(blocks))
@@ -43,7 +59,7 @@ def _share(data: StudyData, phase: str, view: str) -> Estimate | None:
 
 
 def agreement(data: StudyData, result: TrialResult) -> float | None:
-    """Mean over a trial's phases of the share of time on the primary view."""
+    """Mean over a trial's phases of the primary view's share of what glances told."""
     weights = _weights(data)
     shares = [
         by_view.get(weights.primary_view(Phase(phase)), 0.0)
@@ -78,7 +94,7 @@ def _figure(data: StudyData) -> Picture:
     axis.set_ylabel("Share", fontsize=TEXT_PT)
     axis.set_ylim(0, 1.02)
     legend_above(figure, axis)
-    caption = "Left bars: share of time relied on each view; right, pale bars: the rows of W."
+    caption = "Left bars: each view's share of what glances told; right, pale bars: the rows of W."
     return picture(figure, "relied_on", caption, "The shares are those of the table below.")
 
 
@@ -94,26 +110,30 @@ def _table(data: StudyData) -> Table:
         for phase in PHASES
     )
     header = ("Phase", "Primary view by W", *(f"Relied on {view.upper()}" for view in views))
-    return Table("Share of time, mean over participants with 95 % intervals", header, rows)
+    return Table(
+        "Share of what glances told him of his way, mean over participants with 95 % intervals",
+        header,
+        rows,
+    )
 
 
-def _agreement_table(data: StudyData) -> Table:
+def _agreement_table(data: StudyData, caption: str, measure: Measure) -> Table:
     rows = []
     for strategy in data.plan.strategies:
         cells = []
         for network in data.plan.networks:
             results = data.of(strategy, network)
-            values = [agreement(data, one) for one in results]
+            values = [measure(one) for one in results]
             cells.append(interval(mean_interval(participant_means(results, values)), 2))
         rows.append((name(strategy), *cells))
     header = ("Strategy", *(name(one) for one in data.plan.networks))
-    caption = "Agreement: share of time on W's primary view, mean of the phases, 95 % intervals"
     return Table(caption, header, tuple(rows))
 
 
 def _uncertainty_table(data: StudyData) -> Table:
     """One row per stage of his task, in the order in which he comes to them."""
-    stages = dict.fromkeys(stage for one in data.results for stage in one.uncertainty_mm)
+    longest_first = sorted(data.results, key=lambda one: -len(one.uncertainty_mm))
+    stages = dict.fromkeys(stage for one in longest_first for stage in one.uncertainty_mm)
     conditions = [
         (strategy, network) for network in data.plan.networks for strategy in data.plan.strategies
     ]

@@ -84,7 +84,8 @@ def paired_figure(
         axis.tick_params(labelsize=SMALL_PT)
         axis.xaxis.set_major_locator(MaxNLocator(_TICKS))
     if one_scale:
-        ends = [end for axis in axes for end in axis.get_xlim()]
+        drawn = [axis for axis in axes if axis.containers] or axes
+        ends = [end for axis in drawn for end in axis.get_xlim()]
         for axis in axes:
             axis.set_xlim(min(ends), max(ends))
     legend_above(figure, axes[0])
