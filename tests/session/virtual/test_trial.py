@@ -198,7 +198,7 @@ def test_a_recorded_hand_moves_the_arm_the_same_way_without_looking(whole, log, 
     np.testing.assert_allclose(
         again.ticks[-1].arm.tcp.position, log.ticks[-1].arm.tcp.position, atol=1e-6
     )
-    assert summarise(again)["operator"] == {"relied_on": None}
+    assert summarise(again)["operator"] == {"relied_on": None, "uncertainty_mm": None}
 
 
 def test_the_folder_holds_log_configuration_and_summary(tmp_path):
