@@ -111,7 +111,11 @@ class TrialResult:
         )
 
     def _mean_of_parted(self, key: str) -> float | None:
-        known = [self._of_phase(phase, key) or 0.0 for phase in self.parted_phases]
+        known = [
+            value
+            for phase in self.parted_phases
+            if (value := self._of_phase(phase, key)) is not None
+        ]
         return sum(known) / len(known) if known else None
 
     def _of_phase(self, phase: str, key: str) -> float | None:

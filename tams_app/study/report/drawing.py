@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tams_app.study.report.blocks import Picture
+from tams_app.study.statistics.intervals import Estimate
 
 # Okabe and Ito's palette: told apart also with deficient colour vision
 COLOURS = ("#999999", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
@@ -45,6 +46,36 @@ def offsets(count: int, width: float = 0.8) -> list[float]:
     """Where `count` things stand side by side around a tick."""
     step = width / count
     return [(place - (count - 1) / 2) * step for place in range(count)]
+
+
+def draw_estimate(
+    axis: Axes,
+    where: float,
+    found: Estimate | None,
+    place: int,
+    label: str | None,
+    across: bool = False,
+) -> None:
+    """A marker for strategy number `place`, its interval upright at x, or lying (`across`) at y."""
+    if found is None:
+        return
+    error = None
+    if found.low is not None and found.high is not None:
+        error = [[found.value - found.low], [found.high - found.value]]
+    axis.errorbar(
+        *((found.value, where) if across else (where, found.value)),
+        xerr=error if across else None,
+        yerr=None if across else error,
+        fmt=MARKERS[place % len(MARKERS)],
+        color=COLOURS[place % len(COLOURS)],
+        markeredgecolor=INK,
+        markeredgewidth=0.5,
+        ecolor=INK,
+        elinewidth=0.9,
+        capsize=2.5,
+        markersize=6,
+        label=label,
+    )
 
 
 def legend_above(figure: Figure, axis: Axes) -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from matplotlib.axes import Axes
-
 from tams_app.study.report import paper
 from tams_app.study.report.blocks import Block, Paragraph, Picture, Section, Table
 from tams_app.study.report.comparing import compare, others
 from tams_app.study.report.drawing import (
-    COLOURS,
     INK,
     MARKERS,
     SMALL_PT,
     TEXT_PT,
     TITLE_PT,
+    draw_estimate,
     legend_above,
     new_figure,
     offsets,
@@ -77,7 +75,7 @@ def _overall_figure(data: StudyData) -> Picture:
     ):
         for column, network in enumerate(networks):
             first = column == 0
-            _draw_estimate(
+            draw_estimate(
                 axis,
                 column + shift,
                 estimate(data, strategy, network, "received_ssim"),
@@ -117,7 +115,7 @@ def _phase_figure(data: StudyData) -> Picture:
             for column, phase in enumerate(PHASES):
                 found = estimate(data, strategy, network, "received_ssim", phase)
                 label = name(strategy) if column == 0 else None
-                _draw_estimate(axis, column + shift, found, place, label)
+                draw_estimate(axis, column + shift, found, place, label)
         names = [phase_name(phase) for phase in PHASES]
         axis.set_xticks(range(len(PHASES)), names, rotation=35, ha="right", fontsize=SMALL_PT)
         axis.set_title(name(network), fontsize=TITLE_PT)
@@ -128,30 +126,6 @@ def _phase_figure(data: StudyData) -> Picture:
         f"{_whose(data)}. Each network has its own scale."
     )
     return picture(figure, "ssim_phases", caption, "The values are those of the tables below.")
-
-
-def _draw_estimate(
-    axis: Axes, x: float, found: Estimate | None, place: int, label: str | None
-) -> None:
-    if found is None:
-        return
-    error = None
-    if found.low is not None and found.high is not None:
-        error = [[found.value - found.low], [found.high - found.value]]
-    axis.errorbar(
-        x,
-        found.value,
-        yerr=error,
-        fmt=MARKERS[place % len(MARKERS)],
-        color=COLOURS[place % len(COLOURS)],
-        markeredgecolor=INK,
-        markeredgewidth=0.5,
-        ecolor=INK,
-        elinewidth=0.9,
-        capsize=2.5,
-        markersize=6,
-        label=label,
-    )
 
 
 def _phase_table(data: StudyData, network: str) -> Table:

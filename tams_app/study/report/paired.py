@@ -10,12 +10,11 @@ from matplotlib.ticker import MaxNLocator
 from tams_app.study.report.blocks import Picture, Table
 from tams_app.study.report.comparing import Measure, compare, others
 from tams_app.study.report.drawing import (
-    COLOURS,
     GRID,
     INK,
-    MARKERS,
     SMALL_PT,
     TITLE_PT,
+    draw_estimate,
     legend_above,
     new_figure,
     offsets,
@@ -59,24 +58,8 @@ def paired_figure(
             place = data.plan.strategies.index(other)
             for row, network in enumerate(networks):
                 found = compare(data, other, network, quantity.measure).estimate
-                if found is None:
-                    continue
-                error = None
-                if found.low is not None and found.high is not None:
-                    error = [[found.value - found.low], [found.high - found.value]]
-                axis.errorbar(
-                    found.value,
-                    row + shift,
-                    xerr=error,
-                    fmt=MARKERS[place % len(MARKERS)],
-                    color=COLOURS[place % len(COLOURS)],
-                    markeredgecolor=INK,
-                    markeredgewidth=0.5,
-                    ecolor=INK,
-                    elinewidth=0.9,
-                    capsize=2.5,
-                    label=f"against {name(other)}" if row == 0 else None,
-                )
+                label = f"against {name(other)}" if row == 0 else None
+                draw_estimate(axis, row + shift, found, place, label, across=True)
         axis.set_title(quantity.title, fontsize=TITLE_PT)
         axis.set_xlabel(quantity.better, fontsize=SMALL_PT)
         axis.set_ylim(len(networks) - 0.5, -0.5)
