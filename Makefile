@@ -12,7 +12,7 @@ run: $(READY)
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 LP_NUM_THREADS=1
 SIDE_BY_SIDE := --dist loadfile --no-loadscope-reorder
 
-# What computes runs side by side; what keeps time has the machine to itself (tests/pace.py).
+# What computes runs side by side; what keeps time has the machine to itself (see CONTRIBUTING).
 test: $(READY)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .

@@ -1,10 +1,10 @@
-"""Which decides how good the pictures are: allocation, encoder preset or loss repair?
+"""Which decides how good the frames are: allocation, encoder preset or loss repair?
 
 `python -m benchmarks.ablation`: in virtual time, each cell with the same recorded hands, scenes,
 noise and losses, so that the motion is the same and only the video differs. From what the product
 does on a network one factor at a time is changed; `--full` runs all combinations. Loss repair is
 switched by `video.repair`: with RTX forced on where the product's rule has it off, the jitter
-buffer waits for the resend; without PLI a damaged picture stays until the next keyframe (20 s).
+buffer waits for the resend; without PLI a damaged frame stays until the next keyframe (20 s).
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ from benchmarks.ablation_cells import Cell, configure, every, one_at_a_time, pro
 from benchmarks.ablation_table import Figures
 from benchmarks.recorded_motion import record_hand
 from benchmarks.virtual_runs import VirtualRuns, read_encoding_ms, read_summary
-from tams_app.clock import NS_PER_S
 from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.study.local_pool import LocalPool
 from tams_app.study.unattended import RichProgress
 

@@ -9,7 +9,7 @@ Live, only as many frames are scored as the machine has time for. Their scores a
 was shown, which no decoding afterwards could give; so they are compared with the virtual frames of
 the same moments of the hand ("at equal moments"), and the mean over all virtual frames stands
 beside it. Needs the machine to itself: about two minutes a seed. A machine that cannot draw 90
-pictures a second beside a session (`live_runs_kept_up`) takes a smaller `--fps`, for both runs.
+frames a second beside a session (`live_runs_kept_up`) takes a smaller `--fps`, for both runs.
 """
 
 from __future__ import annotations

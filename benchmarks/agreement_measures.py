@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.replay import Replay
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.recording import FrameSent
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import step_mean
 from tams_app.summary.tables import PacketTable, Targets
 from tams_app.summary.uplink import rate_kbps
@@ -22,7 +22,7 @@ Measures = dict[str, float | None]
 
 
 def view_measures(replay: Replay, view: str) -> Measures:
-    """Rates, times, pictures and loss of one view; SSIM over all frames that have a score."""
+    """Rates, times, frames and loss of one view; SSIM over all frames that have a score."""
     log, span = replay.log, replay.span
     packets, targets = PacketTable.of(log), Targets.of(log)
     mine = packets.is_video & (packets.view == log.header.views.index(view))
@@ -97,7 +97,7 @@ def _scored(replay: Replay, view: str, kind: str) -> list[tuple[int, FrameQualit
 
 
 def _times(replay: Replay, view: str) -> Measures:
-    """Where a picture's time goes [ms], medians; `latency` is the sum of all of it."""
+    """Where a frame's time goes [ms], medians; `latency` is the sum of all of it."""
     sent = {one.index: one for one in _sent(replay, view)}
     shown = {one.index: one.shown_ns for one in reversed(replay.log.shown) if one.view == view}
     both = [(one, shown[index]) for index, one in sent.items() if index in shown]
@@ -118,7 +118,7 @@ def _times(replay: Replay, view: str) -> Measures:
 
 
 def _frames(replay: Replay, view: str) -> Measures:
-    """What became of the pictures, and how large they are by type."""
+    """What became of the frames, and how large they are by type."""
     captured = [
         one.index
         for one in replay.log.captured

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.replay import Replay
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.records import Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 _GRID_NS = 10 * NS_PER_MS
 

@@ -19,17 +19,17 @@ from benchmarks.agreement_measures import (
 )
 from benchmarks.agreement_motion import motion_difference
 from benchmarks.recorded_motion import LIVE, HandSpan, record_hand
-from benchmarks.replay import Replay, first_pictures, read_replays
+from benchmarks.replay import Replay, first_frames, read_replays
 from benchmarks.runs import Run, run_session
 from benchmarks.virtual_runs import VirtualRuns, read_summary
-from tams_app.clock import NS_PER_S
 from tams_app.config import Config, dump_config, load_config
 from tams_app.errors import TamsError
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.session.recorders import LOG_NAME
 from tams_app.study.trial_process import TrialProcess
 
 MISSED = "frames_missed_by_renderer_share"
-AT_MOST_MISSED, AT_MOST_LATE = 0.01, 0.005  # `make bench` promises the ticks; a picture or two
+AT_MOST_MISSED, AT_MOST_LATE = 0.01, 0.005  # `make bench` promises the ticks; a frame or two
 _START_UP_S = 30.0  # a live session may take so long before its first tick, and the verdict after
 
 
@@ -103,14 +103,14 @@ def _pair(seed: int, live: Replay, virtual: Replay, session: Run, summary: dict[
                 name = f"{kind}_ssim_at_equal_moments"
                 column[view][name] = float(np.mean(values)) if len(values) else None
                 column[view][f"{name}_n"] = float(len(values))
-    first_live, first_virtual = first_pictures(live), first_pictures(virtual)
+    first_live, first_virtual = first_frames(live), first_frames(virtual)
     facts = {
         "compared_s": round(live.span.seconds, 3),
         "outcome": {"live": session.summary["outcome"], "virtual": summary["outcome"]},
         "late_ticks_share": session.summary["control"]["late_fraction"],
         "load_percent": session.summary["system"]["cpu_percent"],
         "motion": asdict(motion_difference(live, virtual)),
-        "first_picture": {
+        "first_frame": {
             view: {
                 "index": [first_live[view][0], first_virtual[view][0]],
                 "bytes": [len(first_live[view][1]), len(first_virtual[view][1])],

@@ -16,8 +16,8 @@ from calibration.cameras.latency_step import measure_offsets_by_light, read_scre
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.which_step import bind_views
 from calibration.desk import PlayedDesk
-from tams_app.clock import MonotonicClock
 from tams_app.config import Config, load_config
+from tams_app.runtime.clock import MonotonicClock
 
 _RING_S = 9.0
 

@@ -19,7 +19,7 @@ SCALE = 0.4
 
 
 def middle_frame(path: Path) -> Image:
-    """The picture in the middle of a clip, made smaller."""
+    """The frame in the middle of a clip, made smaller."""
     video = cv2.VideoCapture(str(path))
     video.set(cv2.CAP_PROP_POS_FRAMES, video.get(cv2.CAP_PROP_FRAME_COUNT) // 2)
     there, image = video.read()

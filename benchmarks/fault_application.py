@@ -1,4 +1,4 @@
-"""The application without pictures: real control loop, driver and guard, and a hand at full speed.
+"""The application without frames: real control loop, driver and guard, and a hand at full speed.
 
 Specification: control_port, report_port, servo, fault (see `_faults`, happens on SIGUSR1), folder.
 Ready facts: guard_pid; said when the arm is engaged and the hand begins to move.
@@ -16,12 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from hw.boundary import session_boundary
 from hw.controller import Controller
-from hw.lite6 import Lite6
-from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from hw.lite6.arm import Lite6
 from tams_app.config import Config, load_config
-from tams_app.process import HelperSide
-from tams_app.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, Haptic, Pose, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
+from tams_app.runtime.worker import Worker
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.guarding import Guarding
@@ -30,7 +31,6 @@ from tams_app.session.supervisor import ArmSupervisor
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.video.repair import repair_rule
-from tams_app.worker import Worker
 
 STALL_S = 0.2
 PATIENCE_S = 20.0
@@ -143,7 +143,7 @@ class Application:
             config.control.rate_hz,
             self.hand,
             self.arm,
-            build.teleop(config, build.picture_delay_ns(network, repair_rule(network, 300.0))),
+            build.teleop(config, build.video_delay_ns(network, repair_rule(network, 300.0))),
             build.phase_tracker(config),
             build.smoothed_speed(config),
             self.signals,
@@ -173,7 +173,7 @@ def _faults(application: Application) -> dict[str, Callable[[], None]]:
     def release() -> None:
         application.hand.trigger = 0.0
 
-    def hide_the_picture() -> None:
+    def hide_the_video() -> None:
         application.video_age_ns = _STALE_NS
 
     def stall() -> None:
@@ -181,7 +181,7 @@ def _faults(application: Application) -> dict[str, Callable[[], None]]:
 
     return {
         "deadman released": release,
-        "stale video": hide_the_picture,
+        "stale video": hide_the_video,
         "emergency stop": application.signals.estop,
         "control loop stalled 200 ms": stall,
     }

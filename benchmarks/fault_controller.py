@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from hw.sim.controller_codes import ErrorCode, Register, State
-from hw.sim.controller_model import ControllerModel
-from hw.sim.controller_server import ControllerServer
-from hw.sim.plant import IdealPlant
-from tams_app.clock import MonotonicClock
-from tams_app.process import HelperSide
-from tams_app.realtime import RIG_PRIORITY, use_fifo
+from hw.sim.controller.codes import ErrorCode, Register, State
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.server import ControllerServer
 from tams_app.records import Vector
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.realtime import RIG_PRIORITY, use_fifo
 
 CYCLES, EVENTS = "cycles.bin", "events.bin"
 CYCLE = np.dtype([("t_ns", "<i8"), ("joints", "<f8", 6)])

@@ -23,9 +23,9 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.fault_controller import CYCLE, CYCLES, EVENT, EVENTS, Kind, Trace
-from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig
-from tams_app.process import HelperProcess
+from tams_app.runtime.process import HelperProcess
 
 RESULTS = Path(__file__).parent / "results" / "faults.json"
 SERVOS = ("velocity", "pose")

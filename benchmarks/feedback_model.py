@@ -21,19 +21,19 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.arrivals import Arrivals, NotingLink
-from benchmarks.moving_pictures import picture
+from benchmarks.moving_frames import image
 from benchmarks.rtpsession_views import RtpSessionView
 from tams_app import gst
-from tams_app.clock import NS_PER_S
 from tams_app.config import Config, Network, load_config
 from tams_app.records import Frame, PacketRecord
-from tams_app.video.lockstep.agenda import Agenda
-from tams_app.video.lockstep.quiescence import Quiescence
-from tams_app.video.lockstep.shared import ProcessingTimes, VideoRecords
-from tams_app.video.lockstep.stepped_clock import SteppedClock
-from tams_app.video.lockstep.video import LockstepVideo
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule, repair_rule
+from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.virtual_time.wait_idle import Quiescence
 
 NETWORKS = ("s1", "s2", "s3")
 START_NS = NS_PER_S
@@ -131,7 +131,7 @@ def run_model(
         for record in records:
             arrivals.note(record)
 
-    video = LockstepVideo(
+    video = VirtualVideo(
         config.video,
         network,
         rule,
@@ -157,14 +157,14 @@ def run_rtpsession(
 ) -> Counter[str]:
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
-    clock, agenda, quiescence = SteppedClock(START_NS), Agenda(), Quiescence()
+    clock, events, quiescence = SteppedClock(START_NS), EventQueue(), Quiescence()
     clock.become_default()
     capacity = network_capacity(network, START_NS)
     arrivals = Arrivals(START_NS)
     link = NotingLink(arrivals, network, capacity, config.video.views, seed)
     targets = _targets(config, network)
     views = {
-        view: RtpSessionView(view, config.video, rule, targets[view], link, agenda, clock)
+        view: RtpSessionView(view, config.video, rule, targets[view], link, events, clock)
         for view in config.video.views
     }
 
@@ -175,7 +175,7 @@ def run_rtpsession(
 
     def advance_to(now_ns: int) -> None:
         while True:
-            wait_ns, action_ns = clock.next_ns(), agenda.next_ns
+            wait_ns, action_ns = clock.next_ns(), events.next_ns
             due = [time for time in (wait_ns, action_ns) if time is not None and time <= now_ns]
             if not due:
                 clock.move_to(now_ns)
@@ -184,7 +184,7 @@ def run_rtpsession(
             if wait_ns is not None and wait_ns <= clock.now_ns():
                 clock.end_next_wait()
             else:
-                agenda.do_next()
+                events.do_next()
             settle()
 
     def push(frame: Frame) -> None:
@@ -232,7 +232,7 @@ def _drive(
         now_ns = START_NS + index * NS_PER_S // fps
         advance_to(now_ns)
         for place, view in enumerate(config.video.views):
-            push(Frame(view, index, now_ns, picture(index + 40 * place)))
+            push(Frame(view, index, now_ns, image(index + 40 * place)))
     advance_to(START_NS + seconds * NS_PER_S + AFTER_NS)
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.clock import FixedRate, MonotonicClock
-from tams_app.realtime import use_fifo
+from tams_app.runtime.clock import FixedRate, MonotonicClock
+from tams_app.runtime.realtime import use_fifo
 
 RATE_HZ = 120.0
 SECONDS = 10.0

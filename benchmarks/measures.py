@@ -93,7 +93,7 @@ def latency_figures(run: Run) -> list[Figure]:
 
 
 def rig_figures(runs: list[Run]) -> list[Figure]:
-    """Pictures per second, and the load of every process [% of one core]."""
+    """Frames per second, and the load of every process [% of one core]."""
     rates = [_frame_rate(run, view) for run in runs for view in run.log.header.views]
     samples = [sample for run in runs for sample in run.log.system]
     names = sorted({name for sample in samples for name in sample.helper_cpu_percent})
@@ -103,7 +103,7 @@ def rig_figures(runs: list[Run]) -> list[Figure]:
     ]
     app = _mean(sample.app_cpu_percent for sample in samples)
     return [
-        Figure("rig", "pictures per second, worst view", min(rates), "/s", at_least=29.5),
+        Figure("rig", "frames per second, worst view", min(rates), "/s", at_least=29.5),
         Figure("load", "application", app, "%"),
         *load,
     ]

@@ -1,6 +1,6 @@
 """The operator who sees, on perfect video: `python -m benchmarks.operator --seeds 40`.
 
-His parameters are set by this and by nothing else: with lossless, undelayed pictures he succeeds in
+His parameters are set by this and by nothing else: with lossless, undelayed frames he succeeds in
 at least 95 % of the seeds, in about the times of the paper's people under S1. Seed n is scene n
 with participant n. Virtual time, one process per core asked for, at low priority.
 """
@@ -25,8 +25,8 @@ from rich.table import Table
 
 from benchmarks.operator_calibration import NormalisedErrors, calibration
 from benchmarks.operator_rig import Distort, OperatorRig
-from hw.sim.scene import VIEWS
-from hw.sim.task import Stage
+from hw.sim.operator.task import Stage
+from hw.sim.world.scene import VIEWS
 from tams_app.config import DEFAULT_CONFIG, load_config
 from tams_app.records import Image
 
@@ -94,7 +94,7 @@ def run_trial(
 def _errors(rig: OperatorRig) -> list[float]:
     """Horizontal errors of the gap to the block [mm] before the grasp.
 
-    Only of glances at a tool that hardly moves: the picture is up to 33 ms older than the glance.
+    Only of glances at a tool that hardly moves: the frame is up to 33 ms older than the glance.
     """
     errors = []
     for before, seen in pairwise(rig.watched):
@@ -166,9 +166,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="the first seed (default 0)")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--delay-ms", type=float, default=0.0, help="of the pictures; not to tune")
+    parser.add_argument("--delay-ms", type=float, default=0.0, help="of the frames; not to tune")
     parser.add_argument(
-        "--distort", choices=_DISTORTIONS, default="none", help="the pictures; not to tune"
+        "--distort", choices=_DISTORTIONS, default="none", help="the frames; not to tune"
     )
     parser.add_argument("--json", type=Path, default=RESULTS / "operator.json")
     options = parser.parse_args()

@@ -1,7 +1,7 @@
 """Whether the operator is as sure as he has a right to be: his errors in his own sigmas.
 
 What he goes by (the way from tool to block and to container, the block's heading against the tool)
-at every glance, against what the pictures before him showed. Had he judged himself perfectly, 68,
+at every glance, against what the frames before him showed. Had he judged himself perfectly, 68,
 95 and 99.7 % of the errors would be within one, two and three sigmas.
 """
 
@@ -13,10 +13,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from hw.sim.belief import Belief
-from hw.sim.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL, TOOL_YAW
-from hw.sim.task import Stage
-from hw.sim.vision.detections import Thing
+from hw.sim.operator.belief import Belief
+from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL, TOOL_YAW
+from hw.sim.operator.task import Stage
+from hw.sim.operator.vision.detections import Thing
 from tams_app.records import Pose, SceneTruth, Vector
 
 SPEEDS_MM_S = ("0-5", "5-20", "20-50", "50-")  # of the tool, as asked
@@ -44,7 +44,7 @@ class NormalisedErrors:
 def normalised_errors(
     belief: Belief, stage: Stage, speed_m_s: float, shown: Sequence[SceneTruth]
 ) -> NormalisedErrors:
-    """`shown`: what was the case in each picture on screen; their mean is what he is held to."""
+    """`shown`: what was the case in each frame on screen; their mean is what he is held to."""
     errors: dict[str, list[float]] = {}
     if shown and belief.seen[Thing.TOOL]:
         for thing, where in _PLACES.items():

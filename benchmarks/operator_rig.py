@@ -1,4 +1,4 @@
-"""The operator who sees, at a rig in virtual time, with the pictures as the cameras take them.
+"""The operator who sees, at a rig in virtual time, with the images as the cameras take them.
 
 No codec, no link, no delay: what his parameters are set by, and a bench for what delay and blur do
 to him. Everything between hand and arm is the product's.
@@ -11,14 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from benchmarks.operator_calibration import NormalisedErrors, normalised_errors
-from hw.sim.camera_pictures import CameraPictures, stagger_ns
-from hw.sim.scene import VIEWS
-from hw.sim.seeing import Reliance
-from hw.sim.station import seat
-from hw.sim.task import Stage
-from tams_app.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from hw.sim.operator.seeing import Reliance
+from hw.sim.operator.station import seat
+from hw.sim.operator.task import Stage
+from hw.sim.world.camera_images import CameraImages, stagger_ns
+from hw.sim.world.scene import VIEWS
 from tams_app.config import Config
 from tams_app.records import Image, Outcome, SceneTruth, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks
 from tams_app.session.signals import Signals
@@ -36,14 +36,14 @@ class Watched:
     reliance: Reliance
     believed_gap: Vector  # from tool to block [m], shape (3,), at the glance
     true_gap: Vector
-    errors: NormalisedErrors  # against what the pictures on screen showed
+    errors: NormalisedErrors  # against what the images on screen showed
 
 
 class Screen:
-    """The newest picture of each view, drawn only when somebody looks."""
+    """The newest frame of each view, drawn only when somebody looks."""
 
     def __init__(
-        self, config: Config, cameras: CameraPictures, delay_ns: int, distort: Distort
+        self, config: Config, cameras: CameraImages, delay_ns: int, distort: Distort
     ) -> None:
         self._cameras = cameras
         self._distort = distort
@@ -65,8 +65,8 @@ class Screen:
             while len(taken) > 1 and taken[1][0] <= now_ns - self._delay_ns:
                 taken.popleft()
 
-    def pictures(self) -> Mapping[str, Image | None]:
-        """What is on screen: None for a view until its first picture has arrived."""
+    def images(self) -> Mapping[str, Image | None]:
+        """What is on screen: None for a view until its first frame has arrived."""
         shown: dict[str, Image | None] = {}
         for view in VIEWS:
             t_ns, index, qpos, _ = self._taken[view][0]
@@ -76,7 +76,7 @@ class Screen:
         return shown
 
     def shown(self) -> list[SceneTruth]:
-        """What was the case in the pictures that are on screen."""
+        """What was the case in the images that are on screen."""
         newest = [self._taken[view][0] for view in VIEWS]
         return [truth for t_ns, _, _, truth in newest if t_ns <= self.now_ns - self._delay_ns]
 
@@ -95,16 +95,16 @@ class OperatorRig:
     def __init__(
         self, config: Config, participant: int, delay_ms: float = 0.0, distort: Distort = _as_it_is
     ) -> None:
-        """`distort`: what becomes of each picture before it is shown (a bench's, not a codec's)."""
+        """`distort`: what becomes of each frame before it is shown (a bench's, not a codec's)."""
         delay_ns = round(delay_ms * NS_PER_MS)
         self._config = config
         self._clock = VirtualClock()
         self._robot = robot = VirtualRobot(config, self._clock, _ignore)
         sigma = config.rig.camera_noise_sigma
-        self._cameras = CameraPictures(robot.layout, config.seed, sigma)
+        self._cameras = CameraImages(robot.layout, config.seed, sigma)
         self._screen = Screen(config, self._cameras, delay_ns, distort)
         self.watched: list[Watched] = []
-        station = seat(config, participant, self._screen.pictures, self._note)
+        station = seat(config, participant, self._screen.images, self._note)
         self.eyes, self.operator = station.eyes, station.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
         hooks = ControlHooks(

@@ -1,4 +1,4 @@
-"""The README's pictures from a session: `python -m benchmarks.pictures LOG_FOLDER`.
+"""The README's frames from a session: `python -m benchmarks.frames LOG_FOLDER`.
 
 docs/views.jpg: what the operator saw of the three views at three moments; docs/bitrates.png.
 """
@@ -22,8 +22,8 @@ DELAY_NS = 500_000_000  # into the phase: by then its bits have arrived
 SCALE = 0.6
 
 
-def picture_at(folder: Path, log: SessionLog, view: str, t_ns: int) -> Image:
-    """The picture of `view` last sent before `t_ns`, decoded."""
+def frame_at(folder: Path, log: SessionLog, view: str, t_ns: int) -> Image:
+    """The frame of `view` last sent before `t_ns`, decoded."""
     sent = [frame for frame in log.sent if frame.view == view and frame.encoded_ns <= t_ns]
     with tempfile.NamedTemporaryFile(suffix=".h264") as stream:
         frames = list(read_video(folder / "session.mcap", view))
@@ -58,7 +58,7 @@ def main() -> None:
         targets = [one for one in log.allocations if one.t_ns <= t_ns][-1].target_kbps
         cells = [
             label(
-                picture_at(folder, log, view, t_ns),
+                frame_at(folder, log, view, t_ns),
                 f"{view.upper()}  {phase.value}  {targets[view]} kbit/s",
             )
             for view in log.header.views

@@ -1,6 +1,6 @@
 """A hand recorded in virtual time without any video: the scripted operator's, who sees truly.
 
-What he does depends on neither picture nor network, so that every run that replays it
+What he does depends on neither frame nor network, so that every run that replays it
 (`rig.hand_trajectory`) is asked for the same motion. Everything between hand and arm is the
 product's. A recording takes some eight seconds of a core.
 """
@@ -12,17 +12,17 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from hw.sim.operator import Operator
-from hw.sim.operator_hand import operator_hand
-from hw.sim.perception import TruePerception
-from hw.sim.virtual_controller import VirtualController
-from hw.sim.wiring import rig_wiring
-from tams_app.clock import NS_PER_S, VirtualClock
+from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator_hand import operator_hand
+from hw.sim.operator.perception import TruePerception
+from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.wiring import rig_wiring
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.direct import DirectRecorder
 from tams_app.records import Outcome, SceneTruth
+from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks
 from tams_app.session.recorders import session_header
@@ -52,7 +52,7 @@ class Waits:
         return self.confirm_s <= since_s < self.confirm_s + 0.5 or since_s >= self.squeeze_s
 
 
-# A live session's first pictures come after its first tick, and its arm takes a second or two to
+# A live session's first frames come after its first tick, and its arm takes a second or two to
 # release the brakes.
 LIVE = Waits(confirm_s=3.0, squeeze_s=9.0)
 

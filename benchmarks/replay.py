@@ -48,7 +48,7 @@ def read_replays(paths: Sequence[Path], squeeze_ns: int, end_ns: int) -> list[Re
     ]
 
 
-def first_pictures(replay: Replay) -> dict[str, tuple[int, bytes]]:
+def first_frames(replay: Replay) -> dict[str, tuple[int, bytes]]:
     """Index and bytes of the first encoded frame of each view."""
     found = {}
     for view in replay.log.header.views:

@@ -23,20 +23,20 @@ from tams_app.records import (
 )
 from tams_app.video import pipelines
 from tams_app.video.link import Link
-from tams_app.video.lockstep.agenda import Agenda
-from tams_app.video.lockstep.stepped_clock import SteppedClock
 from tams_app.video.packets import identify
 from tams_app.video.ports import media_ssrc
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
 from tams_app.video.view_encoder import ViewEncoder
+from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
 
 _SOURCE = "appsrc name={} is-live=true format=time caps={}"
 _SINK = "appsink name={} async=false sync=false"
 
 
 class RtpSessionView:
-    """One view with real sessions on the way that `lockstep` models."""
+    """One view with real sessions on the way that `virtual_time` models."""
 
     def __init__(
         self,
@@ -45,17 +45,17 @@ class RtpSessionView:
         rule: RepairRule,
         start_kbps: float,
         link: Link,
-        agenda: Agenda,
+        events: EventQueue,
         clock: SteppedClock,
     ) -> None:
         self.view = view
         self.counts: Counter[str] = Counter()
         self.shown: list[ShownFrame] = []
         self.report_bytes: Counter[tuple[str, int]] = Counter()
-        self._link, self._agenda, self._clock = link, agenda, clock
+        self._link, self._events, self._clock = link, events, clock
         self._wire_bytes = 0
         self._frames = ViewEncoder(view, config, clock, start_kbps, 80.0, _ignore, _ignore)
-        self._pictures = ViewDecoder(view, config, rule, clock, self.shown.append)
+        self._images = ViewDecoder(view, config, rule, clock, self.shown.append)
         self._sender = gst.parse_pipeline(
             pipelines.session_sender(
                 config,
@@ -95,7 +95,7 @@ class RtpSessionView:
             self._sender.get_by_name("rtx").set_property("ssrc-map", ssrcs)
         self._receiver.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
         self._frames.attach(self._sender)
-        self._pictures.attach(self._receiver)
+        self._images.attach(self._receiver)
 
     def start(self) -> None:
         """Let both pipelines play.
@@ -111,13 +111,13 @@ class RtpSessionView:
     def push(self, frame: Frame) -> None:
         buffer = self._frames.admit(frame, self._wire_bytes)
         if buffer is not None:
-            self._sender.get_by_name("pictures").emit("push-buffer", buffer)
+            self._sender.get_by_name("frames").emit("push-buffer", buffer)
 
     def set_target_kbps(self, kbps: float) -> None:
         self._frames.set_target_kbps(kbps)
 
     def stats(self) -> ReceiverStats:
-        return self._pictures.stats()
+        return self._images.stats()
 
     def close(self) -> None:
         gst.shut_down(self._sender)
@@ -149,7 +149,7 @@ class RtpSessionView:
             self.counts["plis_sent"] += plis
             due_ns = self._link.feedback(now_ns, self.view)
             self._deliver(due_ns, self._sender, "feedback_in", datagram)
-            self._agenda.post(due_ns, partial(self._count_arrived, asked, plis))
+            self._events.post(due_ns, partial(self._count_arrived, asked, plis))
 
     def keyframes_forced(self) -> int:
         return self._frames.keyframes - 1
@@ -159,7 +159,7 @@ class RtpSessionView:
         self.counts["plis_arrived"] += plis
 
     def _deliver(self, due_ns: int, pipeline: Any, entrance: str, datagram: bytes) -> None:
-        self._agenda.post(due_ns, lambda: self._enter(pipeline, entrance, datagram))
+        self._events.post(due_ns, lambda: self._enter(pipeline, entrance, datagram))
 
     def _enter(self, pipeline: Any, entrance: str, datagram: bytes) -> None:
         modules = gst.load()

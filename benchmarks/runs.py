@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tams_app.process import PROJECT_DIRECTORY
 from tams_app.recording import SessionLog, read_log
+from tams_app.runtime.process import PROJECT_DIRECTORY
 
 MOVING_M_S = 0.005
 

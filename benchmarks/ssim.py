@@ -11,10 +11,10 @@ from skimage.metrics import structural_similarity
 
 from benchmarks.figures import Figure
 from hw.sim.layout import draw_layout
-from hw.sim.scene import VIEWS, build_model
-from hw.sim.scene_renderer import SceneRenderer
+from hw.sim.world.scene import VIEWS, build_model
+from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
-from tams_app.video.quality import Fate, Picture, Scorer
+from tams_app.video.quality import Fate, Image, Scorer
 from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
 
 ROUNDS = 15
@@ -81,8 +81,8 @@ def _theirs(one: Luma, other: Luma) -> float:
 
 def _fate(captured: Luma, shown: Luma) -> Fate:
     """A frame that was shown, while its like was on screen at its capture (moments not known)."""
-    own = Picture(shown)
-    return Fate("eih", 0, 0, 1, None, False, None, Picture(captured), own, own, Picture(shown))
+    own = Image(shown)
+    return Fate("eih", 0, 0, 1, None, False, None, Image(captured), own, own, Image(shown))
 
 
 def _renders(seed: int) -> list[Luma]:

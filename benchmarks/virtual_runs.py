@@ -17,7 +17,7 @@ from tams_app.records import Frame
 from tams_app.session.virtual.trial import run_virtual_trial
 from tams_app.study.runner import SUMMARY_NAME, TrialSpec
 from tams_app.study.trial_process import Job
-from tams_app.video.lockstep.video import LockstepVideo
+from tams_app.video.virtual_time.video import VirtualVideo
 
 ENCODING_NAME = "encoding.json"
 
@@ -58,12 +58,12 @@ def read_encoding_ms(folder: Path) -> float:
 def _time_encoding() -> list[float]:
     """Note what each push into an encoder costs from now on: it returns once it has encoded."""
     costs: list[float] = []
-    push: Callable[[LockstepVideo, Frame], None] = LockstepVideo.push
+    push: Callable[[VirtualVideo, Frame], None] = VirtualVideo.push
 
-    def timed(video: LockstepVideo, frame: Frame) -> None:
+    def timed(video: VirtualVideo, frame: Frame) -> None:
         began_s = time.process_time()
         push(video, frame)
         costs.append((time.process_time() - began_s) * 1e3)
 
-    LockstepVideo.push = timed  # type: ignore[method-assign, assignment]
+    VirtualVideo.push = timed  # type: ignore[method-assign, assignment]
     return costs

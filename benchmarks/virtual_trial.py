@@ -22,31 +22,31 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from hw.sim.camera_pictures import CameraPictures
-from hw.sim.inprocess_arm import InProcessArm
-from hw.sim.seeing import SeeingPerception
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.operator.seeing import SeeingPerception
+from hw.sim.world.camera_images import CameraImages
 from tams_app.config import load_config
 from tams_app.recording.direct import DirectRecorder
 from tams_app.session.control import ControlLoop
 from tams_app.session.trial_loop import RATE_HZ, TrialLoop
 from tams_app.session.virtual import trial as trial_module
-from tams_app.session.virtual.scoring import PictureScores
+from tams_app.session.virtual.scoring import FrameScores
 from tams_app.session.virtual.trial import VirtualTrial, run_virtual_trial
 from tams_app.study.machine import machine
-from tams_app.video.lockstep.video import LockstepVideo
+from tams_app.video.virtual_time.video import VirtualVideo
 
 RESULTS = Path(__file__).parent / "results"
 TARGET = 0.5  # virtual seconds per second of one core
 # part -> where it is done
 PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "start": ((VirtualTrial, "__init__"),),
-    "rendering": ((CameraPictures, "take"),),
-    "encoding": ((LockstepVideo, "push"),),
-    "link, jitter buffers, decoding": ((LockstepVideo, "advance_to"),),
+    "rendering": ((CameraImages, "take"),),
+    "encoding": ((VirtualVideo, "push"),),
+    "link, jitter buffers, decoding": ((VirtualVideo, "advance_to"),),
     "SSIM": (
-        (PictureScores, "captured"),
-        (PictureScores, "shown"),
-        (PictureScores, "finish"),
+        (FrameScores, "captured"),
+        (FrameScores, "shown"),
+        (FrameScores, "finish"),
     ),
     "the operator's eyes": ((SeeingPerception, "watch"),),
     "arm and physics": ((InProcessArm, "_catch_up"),),
@@ -57,7 +57,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
 REFERENCE = "11 by 11 Gaussian window over 640 by 480 float32, separable"
 _REFERENCE_ROUNDS = 5
 _REFERENCE_PART = "reference"
-REST = "agenda, trial rules, policy"
+REST = "events, trial rules, policy"
 
 
 class Reference:

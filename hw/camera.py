@@ -8,7 +8,7 @@ from tams_app.records import Frame
 
 
 class Camera(ABC):
-    """One camera of 640x480 BGR pictures at 30 frames per second."""
+    """One camera of 640x480 BGR frames at 30 frames per second."""
 
     view: str
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from hw.file_camera import FileSource, PatternSource
-from hw.gst_camera import GstCamera, Note, PictureSource
-from hw.v4l2_camera import V4l2Source
-from tams_app.clock import Clock
+from hw.v4l2.camera import V4l2Source
+from hw.v4l2.file_camera import FileSource, PatternSource
+from hw.v4l2.gst_camera import FrameSource, GstCamera, Note
 from tams_app.config import CameraConfig, VideoConfig
+from tams_app.runtime.clock import Clock
 
 
 def make_camera(
@@ -14,10 +14,10 @@ def make_camera(
 ) -> GstCamera:
     """The camera of `view`, not started yet; ConfigError if its settings cannot go together.
 
-    `clock` must be CLOCK_MONOTONIC, by which the pictures are timed. `note` is called with level
+    `clock` must be CLOCK_MONOTONIC, by which the frames are timed. `note` is called with level
     and sentence, from the thread that calls next_frame, when the camera goes blind and comes back.
     """
-    source: PictureSource
+    source: FrameSource
     if config.source == "file":
         source = FileSource(config.file, video)
     elif config.source == "pattern":

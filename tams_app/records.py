@@ -173,7 +173,7 @@ class Allocation:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A captured picture: BGR, shape (height, width, 3); `index` counts captures of its view."""
+    """A captured frame: BGR, shape (height, width, 3); `index` counts captures of its view."""
 
     view: str
     index: int
@@ -205,7 +205,7 @@ class DroppedFrame:
 
 @dataclass(frozen=True, slots=True)
 class ShownFrame:
-    """A decoded picture that reached the receiver's mailbox: BGR, shape (height, width, 3)."""
+    """A decoded frame that reached the receiver's mailbox: BGR, shape (height, width, 3)."""
 
     view: str
     index: int  # capture index, exact also under loss
@@ -218,7 +218,7 @@ class FrameQuality:
     """What became of one captured frame. Scores are SSIM, None where they were not computed.
 
     `age_ns`: of what was on screen when it was captured (None: nothing, or nobody knows);
-    `frozen`: that picture stayed for more than 200 ms; `damaged`: None where nobody tells live.
+    `frozen`: that frame stayed for more than 200 ms; `damaged`: None where nobody tells live.
     """
 
     view: str

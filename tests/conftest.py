@@ -6,8 +6,6 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from .pace import Pace, pace_of
-
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
 
@@ -15,17 +13,17 @@ settings.load_profile("unhurried")
 settings.register_profile("steady", derandomize=True, database=None, deadline=None)
 
 
-def pytest_ignore_collect(collection_path, config):
-    """What another heap's tests are in need not be imported."""
-    wanted = config.option.markexpr
-    if wanted not in list(Pace) or not collection_path.name.startswith("test_"):
-        return None
-    return True if pace_of(collection_path) != wanted else None
+GROUPS = ("untimed", "waiting", "timed")
 
 
 def pytest_collection_modifyitems(items):
+    """Every test belongs to one group of `make test`: its module says which (`pytestmark`)."""
     for item in items:
-        item.add_marker(pace_of(item.path).value)
+        groups = [name for name in GROUPS if item.get_closest_marker(name)]
+        if len(groups) != 1:
+            raise pytest.UsageError(
+                f"{item.nodeid}: pytestmark must name one of {', '.join(GROUPS)}, not {groups}"
+            )
 
 
 @pytest.fixture(autouse=True)

@@ -1,9 +1,9 @@
-"""A helper process for tests/test_process.py: does what its specification says."""
+"""A helper process for tests/runtime/test_process.py: does what its specification says."""
 
 import os
 import signal
 
-from tams_app.process import HelperSide
+from tams_app.runtime.process import HelperSide
 
 
 def main() -> None:

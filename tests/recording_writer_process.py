@@ -10,8 +10,8 @@ import sys
 import time
 from pathlib import Path
 
-from tams_app.clock import MonotonicClock
 from tams_app.recording import Recorder
+from tams_app.runtime.clock import MonotonicClock
 from tests.synthetic_session import header, tick
 
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.recording import FrameCaptured, FrameSent, FrameShown, Header, SessionLog
 from tams_app.records import (
     IP_UDP_HEADER_BYTES,
@@ -32,6 +31,7 @@ from tams_app.records import (
     Tick,
     Twist,
 )
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 START_NS = 5 * NS_PER_S
 VIEWS = ("eih", "gt", "gs")

@@ -8,6 +8,8 @@ from benchmarks.ablation_cells import FACTORS, Cell, every, one_at_a_time, produ
 from benchmarks.ablation_table import ranges, rows
 from tams_app.config import load_config
 
+pytestmark = pytest.mark.untimed
+
 PRODUCT = Cell("tams", "superfast", "PLI")
 EQUAL = Cell("equal", "superfast", "PLI")
 FAST = Cell("tams", "ultrafast", "PLI")

@@ -12,10 +12,12 @@ from benchmarks.agreement_measures import PRIMARY, matched_ssim, view_measures
 from benchmarks.agreement_motion import motion_difference
 from benchmarks.agreement_verdicts import Agreement, compare, overall
 from benchmarks.replay import Replay
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.records import FrameQuality
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.tables import Span
 from tests.synthetic_session import START_NS, Synthetic, capture_ns
+
+pytestmark = pytest.mark.untimed
 
 RATES = st.floats(10, 5000)
 

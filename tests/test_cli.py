@@ -12,7 +12,9 @@ import pytest
 from tams_app import __version__
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
-from tams_app.process import PROJECT_DIRECTORY
+from tams_app.runtime.process import PROJECT_DIRECTORY
+
+pytestmark = pytest.mark.waiting
 
 
 def run(capsys, *arguments):
@@ -129,7 +131,7 @@ def test_hardware_needs_a_camera_for_every_view(capsys, tmp_path):
 
 
 @pytest.mark.parametrize("camera", [{"source": "pattern"}, {"source": "file", "file": "a.mkv"}])
-def test_a_real_arm_is_not_driven_by_pictures_that_do_not_show_it(capsys, tmp_path, camera):
+def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(capsys, tmp_path, camera):
     cameras = {"eih": {"path": "/dev/video0"}, "gt": {"path": "/dev/video2"}, "gs": camera}
     arm = {"host": "127.0.0.1", "control_port": 1, "report_port": 2}
     station = {"include": [str(DEFAULT_CONFIG)], "rig": {"enabled": False}}

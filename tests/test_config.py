@@ -8,6 +8,8 @@ from tams_app.config import DEFAULT_CONFIG, dump_config, load_config, stop_time_
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 
 def test_the_default_is_the_paper_s_set_up():
     config = load_config()

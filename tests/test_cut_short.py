@@ -9,16 +9,16 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tams_app.process import PROJECT_DIRECTORY
 from tams_app.recording import read_log
+from tams_app.runtime.process import PROJECT_DIRECTORY
 
 HELPERS = {
     "rig": "hw.sim.rig",
-    "renderer": "hw.sim.renderer",
+    "renderer": "hw.sim.world.renderer",
     "relay": "tams_app.video.relay",
-    "guard": "hw.guard",
+    "guard": "hw.guard.process",
 }
-pytestmark = pytest.mark.timeout(180)
+pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
 
 
 class Running:
@@ -26,7 +26,7 @@ class Running:
 
     def __init__(self, out):
         self.out = out / "logs"
-        config = out / "few_pictures.yaml"  # nothing here is about pictures
+        config = out / "few_frames.yaml"  # nothing here is about frames
         config.write_text(
             "version: 1\ninclude: [tams.yaml]\nvideo: {fps: 10, quality: {enabled: false}}\n"
         )

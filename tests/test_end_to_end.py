@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tams_app.config import load_config
-from tams_app.process import PROJECT_DIRECTORY
 from tams_app.recording import read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
 
 
 def command(out, *options):
@@ -56,7 +56,7 @@ def require_real_time(summary):
         pytest.skip(f"this machine was too busy for a session in real time: {late:.0%} late ticks")
 
 
-def test_a_session_leaves_log_configuration_summary_and_picture(finished):
+def test_a_session_leaves_log_configuration_summary_and_frame(finished):
     folder, words = finished
     names = {path.name for path in folder.iterdir()}
     assert names == {"session.mcap", "config.yaml", "summary.json", "bitrates.png", "helpers"}
@@ -154,7 +154,7 @@ def test_the_commanded_speed_never_exceeds_its_limit(log):
     assert 0.05 < max(speeds) <= 0.25 + 1e-9
 
 
-def test_the_pictures_were_compared_with_what_was_captured(summary, log):
+def test_the_frames_were_compared_with_what_was_captured(summary, log):
     captured = {(frame.view, frame.index) for frame in log.captured}
     told = [(one.view, one.index) for one in log.quality]
     assert len(set(told)) == len(told)
@@ -168,7 +168,7 @@ def test_the_pictures_were_compared_with_what_was_captured(summary, log):
     assert summary["primary_view"]["by_phase"]["REACH"]["live_ssim"] is not None
 
 
-def test_report_makes_summary_and_picture_anew_from_the_log(finished, summary):
+def test_report_makes_summary_and_frame_anew_from_the_log(finished, summary):
     folder, _ = finished
     for name in ("summary.json", "bitrates.png"):
         (folder / name).unlink()

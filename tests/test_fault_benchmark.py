@@ -7,6 +7,8 @@ from benchmarks.fault_controller import CYCLE, CYCLES, EVENT, EVENTS, Kind, Trac
 from benchmarks.faults import Motion, Scenario
 from tams_app.config import ArmConfig
 
+pytestmark = pytest.mark.untimed
+
 MS = 1_000_000
 BEGIN_NS = 1_000 * MS
 FAULT_NS = BEGIN_NS + 400 * MS

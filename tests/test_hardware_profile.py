@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from hw.sim.layout import BLOCK_HEIGHT_M, draw_layout
-from hw.sim.task import GRASP_ABOVE_CENTRE_M, RELEASE_HEIGHT_M, TRAVEL_HEIGHT_M
+from hw.sim.operator.task import GRASP_ABOVE_CENTRE_M, RELEASE_HEIGHT_M, TRAVEL_HEIGHT_M
 from tams_app.config import CONFIG_DIRECTORY, dump_config, load_config
 from tams_app.errors import ConfigError
 from tams_app.session.build import check_ready_pose
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.workspace import Workspace
+
+pytestmark = pytest.mark.untimed
 
 PROFILE = CONFIG_DIRECTORY / "lite6.yaml"
 GUIDE = CONFIG_DIRECTORY.parent / "docs" / "OPERATOR.md"

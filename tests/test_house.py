@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.untimed
+
 ROOT = Path(__file__).parent.parent
 PURE_ROOMS = ("tams_app/teleop", "tams_app/policy")
 FORBIDDEN_IN_PURE_ROOMS = {
@@ -62,7 +64,7 @@ def test_no_room_imports_one_further_out(room):
 
 
 def test_threads_are_made_by_the_session_the_drivers_and_worker_only():
-    allowed = ("tams_app/session/", "tams_app/worker.py", "tams_app/process.py")
+    allowed = ("tams_app/session/", "tams_app/runtime/worker.py", "tams_app/runtime/process.py")
     for path in modules("tams_app"):
         relative = path.relative_to(ROOT).as_posix()
         if not relative.startswith(allowed):

@@ -6,6 +6,8 @@ import pytest
 
 from tams_app.lite6_errors import CONTROLLER_ERRORS, describe_arm_error
 
+pytestmark = pytest.mark.untimed
+
 
 def test_an_error_is_told_with_its_number_its_meaning_and_its_own_advice() -> None:
     told = describe_arm_error(24)

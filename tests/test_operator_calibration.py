@@ -13,12 +13,14 @@ from benchmarks.operator_calibration import (
     calibration,
     normalised_errors,
 )
-from hw.sim.belief import Belief
-from hw.sim.belief_state import BLOCK, BLOCK_YAW, CONTAINER, SIZE, TOOL, TOOL_YAW
-from hw.sim.seeing import fixed_cameras, wrist_camera
-from hw.sim.task import Stage
-from hw.sim.vision.detections import Thing
+from hw.sim.operator.belief import Belief
+from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, SIZE, TOOL, TOOL_YAW
+from hw.sim.operator.seeing import fixed_cameras, wrist_camera
+from hw.sim.operator.task import Stage
+from hw.sim.operator.vision.detections import Thing
 from tams_app.records import Pose, SceneTruth
+
+pytestmark = pytest.mark.untimed
 
 DOWN = Rotation.from_euler("x", math.pi)
 

@@ -20,7 +20,6 @@ import pytest
 from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_S, MonotonicClock
 from tams_app.errors import LogError
 from tams_app.recording import (
     Facts,
@@ -57,7 +56,10 @@ from tams_app.records import (
     SystemSample,
     Tick,
 )
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock
 from tests.synthetic_session import START_NS, header, live_records, tick
+
+pytestmark = pytest.mark.waiting
 
 PROJECT = Path(__file__).resolve().parent.parent
 POSE = Pose(np.array([0.3, -0.1, 0.02]), Rotation.from_quat([0.0, 0.6, 0.0, 0.8]))

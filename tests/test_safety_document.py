@@ -10,6 +10,8 @@ from tams_app.teleop import safety
 from tams_app.teleop.safety import CLEARABLE, ArmingState, Reason
 from tests.teleop.arming_table import ARROWS
 
+pytestmark = pytest.mark.untimed
+
 ROOT = Path(__file__).parent.parent
 DOCUMENT = (ROOT / "docs" / "SAFETY.md").read_text(encoding="utf-8")
 NAMED = sorted(set(re.findall(r"`(tests/[\w/]+\.py(?:::\w+)?)`", DOCUMENT)))

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from tams_app.clock import NS_PER_S
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase, PhaseChange
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.summary.operator import operator
 from tests.synthetic_session import START_NS, header
+
+pytestmark = pytest.mark.untimed
 
 # the primary view: gt (the first of equals) everywhere but in ALIGN, where it is eih
 PHASES = [(0, Phase.REACH), (2, Phase.ALIGN), (4, Phase.REACH)]

@@ -13,7 +13,7 @@ _CHUNK_S = 0.5
 def until_done(
     desk: Desk, bench: Bench, cameras: Sequence[str], most_s: float, every: int = 1
 ) -> Iterator[Shot]:
-    """Pictures until Enter is pressed, a simulated person has finished, or `most_s` are over."""
+    """Images until Enter is pressed, a simulated person has finished, or `most_s` are over."""
     for _ in range(round(most_s / _CHUNK_S)):
         yield from bench.shots(cameras, _CHUNK_S, every)
         if desk.pressed() or bench.done:

@@ -26,7 +26,7 @@ class Task(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture of the camera called `camera`, and when the process had it."""
+    """An image of the camera called `camera`, and when the process had it."""
 
     camera: str
     frame: Frame
@@ -76,7 +76,7 @@ class Bench(Protocol):
         """Whether a simulated person has finished what was asked last."""
 
     def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
-        """The pictures of some cameras as they come for so long; each `every`-th only."""
+        """The images of some cameras as they come for so long; each `every`-th only."""
 
     def chosen_settings(self, camera: str) -> Settings:
         """What its automatic has chosen, as far as the camera tells."""
@@ -88,7 +88,7 @@ class Bench(Protocol):
         """Show the time pattern; SetupError where there is no display."""
 
     def live(self, camera: str, seconds: float) -> Iterator[tuple[Image, int]]:
-        """Pictures with capture times on the process's own clock, at the camera's pace."""
+        """Images with capture times on the process's own clock, at the camera's pace."""
 
     def close(self) -> None:
         """Let go of all cameras; may be called twice."""

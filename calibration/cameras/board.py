@@ -1,4 +1,4 @@
-"""The ChArUco board: drawn to be printed, and found in pictures."""
+"""The ChArUco board: drawn to be printed, and found in images."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Board:
             (self.columns, self.rows), square_m, square_m * self.marker_share, dictionary
         )
 
-    def picture(self, pixels_per_mm: float) -> Image:
+    def image(self, pixels_per_mm: float) -> Image:
         """The board without margin, BGR."""
         width, height = (round(part * pixels_per_mm) for part in self.size_mm)
         grey = self.charuco().generateImage((width, height), marginSize=0, borderBits=1)
@@ -55,7 +55,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True)
 class BoardView:
-    """The board's corners in one picture: where they are on it and in the picture."""
+    """The board's corners in one image: where they are on it and in the image."""
 
     object_points: Points  # [m], shape (n, 1, 3)
     image_points: Points  # [px], shape (n, 1, 2)
@@ -68,17 +68,17 @@ class BoardFinder:
         self._board = board.charuco()
         self._detector = cv2.aruco.CharucoDetector(self._board)
 
-    def find(self, picture: Image) -> BoardView | None:
-        """The corners in a BGR picture; None if fewer than `FEWEST_CORNERS` are seen."""
-        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    def find(self, image: Image) -> BoardView | None:
+        """The corners in a BGR image; None if fewer than `FEWEST_CORNERS` are seen."""
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         corners: Any  # OpenCV's stubs want a list; it takes the array
         corners, ids, _, _ = self._detector.detectBoard(grey)
         if ids is None or len(ids) < FEWEST_CORNERS:
             return None
-        on_board, in_picture = self._board.matchImagePoints(corners, ids)
+        on_board, in_image = self._board.matchImagePoints(corners, ids)
         if np.linalg.matrix_rank(on_board[:, 0, :2] - on_board[0, 0, :2]) < 2:
             return None  # all on one line
-        return BoardView(np.asarray(on_board), np.asarray(in_picture))
+        return BoardView(np.asarray(on_board), np.asarray(in_image))
 
 
 def print_board(board: Board, path: Path) -> None:
@@ -99,7 +99,7 @@ def print_board(board: Board, path: Path) -> None:
     axes = figure.add_axes(
         (left / _PAGE_MM[0], bottom / _PAGE_MM[1], width / _PAGE_MM[0], height / _PAGE_MM[1])
     )
-    axes.imshow(board.picture(_PX_PER_MM), interpolation="nearest", aspect="auto")
+    axes.imshow(board.image(_PX_PER_MM), interpolation="nearest", aspect="auto")
     axes.set_axis_off()
     page = figure.add_axes((0, 0, 1, 1), facecolor="none", zorder=-1)
     page.set_xlim(0, _PAGE_MM[0])

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.records import Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 FEWEST_EVENTS = 5
 _LEAST_STEP_GREY = 8.0  # between light and dark
@@ -26,10 +26,10 @@ class Offset:
 
 
 def switchings(brightness: Sequence[float], capture_ns: Sequence[int]) -> list[tuple[int, bool]]:
-    """When the light was switched, and whether on, from mean grey levels of successive pictures.
+    """When the light was switched, and whether on, from mean grey levels of successive images.
 
     The middle of the interval in which the brightness crossed half way, moved by how far the
-    picture after it had come already: [ns]. Hysteresis of a quarter keeps flicker out.
+    image after it had come already: [ns]. Hysteresis of a quarter keeps flicker out.
     """
     levels = np.asarray(brightness, np.float64)
     if len(levels) < 3:
@@ -55,7 +55,7 @@ def _crossing_ns(
     low: float,
     high: float,
 ) -> int:
-    """Half way, on a straight line from the last picture before the change to the first after."""
+    """Half way, on a straight line from the last image before the change to the first after."""
     middle = (low + high) / 2
     first = place - 1
     while first > 0 and abs(levels[first] - levels[first - 1]) > 0.1 * (high - low):

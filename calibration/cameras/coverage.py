@@ -11,18 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from calibration.cameras.board import BoardView
 
-COLUMNS, ROWS = 5, 4  # fields of the picture
+COLUMNS, ROWS = 5, 4  # fields of the image
 FEWEST_VIEWS = 12
 _FIELDS_NEEDED = 0.8
 _TILT_DEG = 18.0
 _FEWEST_TILTED = 2  # to each side
-_SIMILAR = 0.03  # of the picture's width, mean distance of the same corners
+_SIMILAR = 0.03  # of the image's width, mean distance of the same corners
 _DIRECTIONS = ("left", "right", "top", "bottom")
 
 
 @dataclass(slots=True)
 class Coverage:
-    """The views taken so far of one camera with pictures of `width` x `height`."""
+    """The views taken so far of one camera with images of `width` x `height`."""
 
     width: int
     height: int
@@ -45,13 +45,13 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Of the fields of the picture that corners were in."""
+        """Of the fields of the image that corners were in."""
         return float(self.covered.mean())
 
     def wanting(self) -> str:
         """What is still to be shown, "" when it suffices."""
         if self.share < _FIELDS_NEEDED:
-            return f"hold the board to the {self._empty_part()} of the picture"
+            return f"hold the board to the {self._empty_part()} of the image"
         for direction, count in self.tilted.items():
             if count < _FEWEST_TILTED:
                 return f"tilt the board: its {direction} edge away from the camera"
@@ -70,7 +70,7 @@ class Coverage:
     def _tilts(self, view: BoardView) -> list[str]:
         """Which edges are farther away than the others by a tilt that counts.
 
-        A lens of a common webcam's width is good enough for that: focal length = picture width.
+        A lens of a common webcam's width is good enough for that: focal length = image width.
         """
         nominal = np.array(
             [[self.width, 0, self.width / 2], [0, self.width, self.height / 2], [0, 0, 1.0]]
@@ -100,7 +100,7 @@ class Coverage:
 
 
 def _by_corner(view: BoardView) -> dict[tuple[float, float], NDArray[np.float32]]:
-    """Where each corner of the board [m] is in the picture [px]."""
+    """Where each corner of the board [m] is in the image [px]."""
     return {
         (float(on_board[0, 0]), float(on_board[0, 1])): pixel[0]
         for on_board, pixel in zip(view.object_points, view.image_points, strict=True)

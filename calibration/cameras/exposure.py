@@ -1,4 +1,4 @@
-"""Whether a picture is too bright, too dark, smeared by motion, or beaten by a lamp."""
+"""Whether an image is too bright, too dark, smeared by motion, or beaten by a lamp."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _WHITE, _BLACK = 253, 2  # grey levels from and up to which detail is lost
 _CLIPPED = 0.02  # share of the pixels that may be
 _DARK, _BRIGHT = 60.0, 190.0  # mean grey levels
 _FLICKER = 0.02  # of the brightness
-_SWEEP_S = 2.0  # in which a thing crosses the picture: 320 px/s at 640, 250 mm/s seen from 0.8 m
+_SWEEP_S = 2.0  # in which a thing crosses the image: 320 px/s at 640, 250 mm/s seen from 0.8 m
 _SMEAR_PX = 3.0
-_FEWEST_FOR_FLICKER = 30  # pictures
+_FEWEST_FOR_FLICKER = 30  # images
 _BANDS = 24  # of rows
 _LIT_GREY = 8
 
@@ -29,23 +29,23 @@ class Exposure:
     mean_grey: float
     too_bright: float  # share of pixels at the top
     too_dark: float  # share at the bottom
-    flicker: float | None  # amplitude over brightness; None: too few pictures
+    flicker: float | None  # amplitude over brightness; None: too few images
 
 
-def measure_exposure(pictures: Sequence[Image]) -> Exposure:
-    """From pictures, BGR, of one camera at its full rate; at least one."""
-    greys = [np.asarray(cv2.cvtColor(one, cv2.COLOR_BGR2GRAY), np.uint8) for one in pictures]
+def measure_exposure(images: Sequence[Image]) -> Exposure:
+    """From images, BGR, of one camera at its full rate; at least one."""
+    greys = [np.asarray(cv2.cvtColor(one, cv2.COLOR_BGR2GRAY), np.uint8) for one in images]
     last = greys[-1]
     return Exposure(
         mean_grey=float(last.mean()),
-        too_bright=float((pictures[-1].max(axis=2) >= _WHITE).mean()),
+        too_bright=float((images[-1].max(axis=2) >= _WHITE).mean()),
         too_dark=float((last <= _BLACK).mean()),
         flicker=_flicker(greys) if len(greys) >= _FEWEST_FOR_FLICKER else None,
     )
 
 
 def smear_px(exposure_us: float, width_px: int) -> float:
-    """How far a thing that crosses the picture in two seconds moves within one exposure [px]."""
+    """How far a thing that crosses the image in two seconds moves within one exposure [px]."""
     return width_px / _SWEEP_S * exposure_us / 1e6
 
 
@@ -90,7 +90,7 @@ def _flicker(greys: Sequence[Image]) -> float:
     """Amplitude of brightness over time, band by band (rolling shutters show lamps as bands).
 
     The median over the bands leaves out what moves in a part of the scene. A lamp that flickers at
-    a multiple of the frame rate stands still in the picture and is not seen.
+    a multiple of the frame rate stands still in the image and is not seen.
     """
     rows = np.array([grey.mean(axis=1) for grey in greys], np.float64)
     usable = rows.shape[1] // _BANDS * _BANDS

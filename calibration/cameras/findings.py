@@ -21,7 +21,7 @@ class Findings:
 
     view: str
     camera: str
-    picture: Image | None = None
+    image: Image | None = None
     sharpness: Sharpness | None = None
     exposure: Exposure | None = None
     rate: Rate | None = None

@@ -1,4 +1,4 @@
-"""How sharp a picture is, whatever it shows and however much light there is."""
+"""How sharp an image is, whatever it shows and however much light there is."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SOFT_FROM_PX = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Sharpness:
-    """Of one picture."""
+    """Of one image."""
 
     blur_px: float  # Gaussian radius by which its edges are washed out; nan if there are none
     tenengrad: float  # gradient energy over contrast, noise taken off [1/px²]: to turn a ring by
@@ -30,12 +30,12 @@ class Sharpness:
 
     @property
     def measurable(self) -> bool:
-        """Whether there is anything in the picture to focus on."""
+        """Whether there is anything in the image to focus on."""
         return not math.isnan(self.blur_px)
 
 
 def sharpness(image: Image) -> Sharpness:
-    """Measure one BGR picture.
+    """Measure one BGR image.
 
     A step edge washed out by σ and smoothed by s has gradient energy ∝ 1/√(σ²+s²), so two
     smoothings tell σ, and neither contrast nor the number of edges matters. White noise adds

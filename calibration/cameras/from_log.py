@@ -11,10 +11,10 @@ from calibration.cameras.focus import focus_advice, sharpness
 from calibration.cameras.latency import FEWEST_READINGS, latency
 from calibration.cameras.timing import FEWEST_FRAMES, measure_rate, rate_advice
 from calibration.desk import Desk
-from tams_app.clock import NS_PER_MS
 from tams_app.errors import LogError
 from tams_app.recording import SessionLog, read_log, read_reference
 from tams_app.records import Frame, Image
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 
 _PICTURES = 90  # of each view, for flicker
@@ -30,11 +30,11 @@ def findings_of_log(desk: Desk, folder: Path) -> list[Findings]:
     LogError if the folder holds no session.
     """
     log = read_log(folder / LOG_NAME)
-    pictures = _reference(folder / REFERENCE_NAME, log)
+    references = _reference(folder / REFERENCE_NAME, log)
     views = sorted({record.view for record in log.captured})
     if not views:
-        raise LogError(f"{folder}: no camera gave a picture in this session")
-    found = [_one(view, log, pictures.get(view, [])) for view in views]
+        raise LogError(f"{folder}: no camera gave a pixel in this session")
+    found = [_one(view, log, references.get(view, [])) for view in views]
     for each in found:
         words = "; ".join(each.advice) if each.advice else "nothing wrong with it"
         rate = f"{each.rate.rate_hz:.2f} Hz, {each.rate.missed} missed, " if each.rate else ""
@@ -44,7 +44,7 @@ def findings_of_log(desk: Desk, folder: Path) -> list[Findings]:
                 f"{each.view.upper()}: capture to shown {each.to_shown.median_ms:.1f} ms over the "
                 "session's network."
             )
-    if not pictures:
+    if not references:
         desk.say(
             f"{folder}: has no {REFERENCE_NAME}, so focus and exposure cannot be told: record a "
             "session with --record-reference."
@@ -68,7 +68,7 @@ def _one(view: str, log: SessionLog, frames: list[Frame]) -> Findings:
         found.to_shown = latency(delays, 0.0, outlier_ms=None)
     if frames:
         images: list[Image] = [frame.image for frame in frames]
-        found.picture = images[-1]
+        found.image = images[-1]
         found.sharpness = sharpness(images[-1])
         found.exposure = measure_exposure(images)
         found.advice += [line for line in (focus_advice(found.sharpness),) if line]
@@ -77,7 +77,7 @@ def _one(view: str, log: SessionLog, frames: list[Frame]) -> Findings:
 
 
 def _reference(path: Path, log: SessionLog) -> dict[str, list[Frame]]:
-    """The first pictures of each view; none without the file."""
+    """The first images of each view; none without the file."""
     frames: dict[str, list[Frame]] = {}
     if path.is_file():
         views = len({record.view for record in log.captured})

@@ -18,8 +18,8 @@ from calibration.desk import Desk
 from tams_app.errors import TamsError
 
 _PATIENCE_S = 180.0
-_EVERY = 4  # pictures: the finder takes some tens of milliseconds
-_STILL_PX = 1.5  # between two pictures looked at
+_EVERY = 4  # images: the finder takes some tens of milliseconds
+_STILL_PX = 1.5  # between two images looked at
 
 
 def measure_intrinsics(desk: Desk, bench: Bench, found: Findings, board: Board) -> None:
@@ -27,7 +27,7 @@ def measure_intrinsics(desk: Desk, bench: Bench, found: Findings, board: Board) 
     view = found.view.upper()
     desk.say(
         f"{view}: hold the board before it, still for a moment in each place: everywhere in the "
-        "picture, near and far, tilted to all four sides. Enter ends it early."
+        "image, near and far, tilted to all four sides. Enter ends it early."
     )
     bench.prompt(Task.SHOW_BOARD, found.view)
     coverage = _collect(desk, bench, found, board)
@@ -66,7 +66,7 @@ def _collect(desk: Desk, bench: Bench, found: Findings, board: Board) -> Coverag
         desk.show(
             Text(
                 f"{found.view.upper()}: {len(coverage.views)} views, {coverage.share:.0%} of the "
-                f"picture; {word}. {wanting}"
+                f"image; {word}. {wanting}"
             )
         )
         if not wanting:

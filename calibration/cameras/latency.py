@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.clock import NS_PER_MS
+from tams_app.runtime.clock import NS_PER_MS
 
 FEWEST_READINGS = 20
-_OUTLIER_MS = 50.0  # from the median: a damaged reading, not a late picture
+_OUTLIER_MS = 50.0  # from the median: a damaged reading, not a late image
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def latency(
 def camera_latency(
     capture_ns: Sequence[int], counts: Sequence[int], screen: ScreenTimes
 ) -> Latency:
-    """From the light of the screen to each picture's capture time."""
+    """From the light of the screen to each image's capture time."""
     samples = [
         (captured - screen.lit_ns(count)) / NS_PER_MS
         for captured, count in zip(capture_ns, counts, strict=True)
@@ -73,7 +73,7 @@ def camera_latency(
 
 
 def chained(first: Latency, second: Latency) -> Latency:
-    """The whole of two stretches measured on different pictures: each value with each other."""
+    """The whole of two stretches measured on different images: each value with each other."""
     sums = (first.samples_ms[:, None] + second.samples_ms[None, :]).ravel()
     low, median, high = (float(part) for part in np.percentile(sums, (5, 50, 95)))
     return Latency(median, low, high, float(np.hypot(first.error_ms, second.error_ms)), 0, sums)

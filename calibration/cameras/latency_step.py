@@ -24,8 +24,8 @@ from calibration.cameras.latency import (
 from calibration.cameras.stream_delay import stream_delays_ms
 from calibration.cameras.time_pattern import PatternReader
 from calibration.desk import Desk
-from tams_app.clock import NS_PER_MS, Clock
 from tams_app.config import Config
+from tams_app.runtime.clock import NS_PER_MS, Clock
 
 _READINGS = 60
 _PATIENCE_S = 30.0
@@ -79,7 +79,7 @@ def measure_offsets_by_light(desk: Desk, bench: Bench, views: Sequence[Findings]
 
 def _read_screen(desk: Desk, bench: Bench, found: Findings, screen: ScreenTimes) -> None:
     view = found.view.upper()
-    desk.say(f"{view}: point it at the screen, so that the pattern fills most of the picture.")
+    desk.say(f"{view}: point it at the screen, so that the pattern fills most of the image.")
     bench.prompt(Task.SHOW_SCREEN, found.view)
     reader, counts, times, reasons = PatternReader(), list[int](), list[int](), Counter[str]()
     for _ in range(round(_PATIENCE_S / _CHUNK_S)):
@@ -113,7 +113,7 @@ def _stream(desk: Desk, bench: Bench, found: Findings, config: Config, clock: Cl
     bench.prompt(Task.REST, "")
     delays = stream_delays_ms(found.view, config, bench.live(found.camera, _STREAM_S), clock)
     if len(delays) < FEWEST_READINGS:
-        desk.say(f"{view}: only {len(delays)} pictures came through encoder and decoder.")
+        desk.say(f"{view}: only {len(delays)} images came through encoder and decoder.")
         return
     found.to_shown = latency(delays, 0.0, outlier_ms=None)
     desk.say(

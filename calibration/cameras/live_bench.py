@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from calibration.cameras.bench import Settings, Shot, Task
 from calibration.cameras.latency import ScreenTimes
 from calibration.cameras.screen import shown_pattern
-from hw.gst_camera import GstCamera
-from hw.v4l2_camera import V4l2Source
-from hw.v4l2_controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
-from hw.v4l2_devices import CameraInfo, choose_camera, choose_mode, list_cameras
-from hw.v4l2_wire import V4l2Device
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
+from hw.v4l2.camera import V4l2Source
+from hw.v4l2.controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
+from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
+from hw.v4l2.gst_camera import GstCamera
+from hw.v4l2.wire import V4l2Device
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Image
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 
 _POLL_NS = 2 * NS_PER_MS
 _BY_PATH = "/v4l/by-path/"

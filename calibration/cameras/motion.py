@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from tams_app.records import Image
 
-_SIZE = (160, 120)  # width, height: averaging takes a picture's noise down and keeps a hand
+_SIZE = (160, 120)  # width, height: averaging takes an image's noise down and keeps a hand
 _MAD_TO_SIGMA = 1.4826  # of a normal distribution
 _SIGMAS = 5.0
-_LEAST_GREYS = 6.0  # what compression alone changes from picture to picture
-_CLEAR_SHARE = 0.04  # of the picture, in the mean of the window
+_LEAST_GREYS = 6.0  # what compression alone changes from image to image
+_CLEAR_SHARE = 0.04  # of the image, in the mean of the window
 _CLEAR_RATIO = 3.0  # times what the next camera sees
 _FEWEST_PICTURES = 15
 
@@ -23,9 +23,9 @@ Grey = NDArray[np.float32]
 
 
 class MotionMeter:
-    """One camera's share of the picture that moves, from one picture to the next.
+    """One camera's share of the image that moves, from one image to the next.
 
-    `rest` with pictures of a scene at rest first: it learns the noise. Changes that a whole row
+    `rest` with images of a scene at rest first: it learns the noise. Changes that a whole row
     has in common (the lamp, the automatic exposure: a gain) do not count.
     """
 
@@ -35,14 +35,14 @@ class MotionMeter:
         self._resting: list[float] = []
 
     def rest(self, image: Image) -> None:
-        """A picture, BGR, while nothing moves."""
+        """An image, BGR, while nothing moves."""
         change = self._change(image)
         if change is not None:
             self._sigma = max(self._sigma, _MAD_TO_SIGMA * float(np.median(np.abs(change))))
             self._resting.append(self._share(change))
 
     def moved(self, image: Image) -> float:
-        """The share of the picture, 0 to 1, that moves now beyond what it did at rest."""
+        """The share of the image, 0 to 1, that moves now beyond what it did at rest."""
         change = self._change(image)
         if change is None:
             return 0.0
@@ -75,7 +75,7 @@ class Attribution:
 
     camera: str
     reason: str
-    shares: dict[str, float]  # mean share of the picture that moved, by camera
+    shares: dict[str, float]  # mean share of the image that moved, by camera
 
 
 def attribute(moved: Mapping[str, Sequence[float]], taken: Mapping[str, str]) -> Attribution:
@@ -83,10 +83,10 @@ def attribute(moved: Mapping[str, Sequence[float]], taken: Mapping[str, str]) ->
     shares = {name: float(np.mean(seen)) if len(seen) else 0.0 for name, seen in moved.items()}
     blind = [name for name, seen in moved.items() if len(seen) < _FEWEST_PICTURES]
     if len(blind) == len(moved):
-        return Attribution("", "no camera gave enough pictures: look at their cables", shares)
+        return Attribution("", "no camera gave enough images: look at their cables", shares)
     first, *others = sorted(shares, key=lambda name: shares[name], reverse=True)
     if shares[first] < _CLEAR_SHARE:
-        best = f"{100 * shares[first]:.1f} % of the picture at most"
+        best = f"{100 * shares[first]:.1f} % of the image at most"
         return Attribution(
             "", f"hardly anything moved ({best}): wave a hand right before the lens", shares
         )

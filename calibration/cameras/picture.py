@@ -50,8 +50,8 @@ def draw_findings(found: Sequence[Findings], path: Path) -> None:
 
 def _view(axes: Axes, found: Findings) -> None:
     axes.set_title(f"{found.view.upper()}: {found.camera}", fontsize=9)
-    if found.picture is not None:
-        axes.imshow(cv2.cvtColor(found.picture, cv2.COLOR_BGR2RGB))
+    if found.image is not None:
+        axes.imshow(cv2.cvtColor(found.image, cv2.COLOR_BGR2RGB))
     axes.set_xticks([])
     axes.set_yticks([])
     axes.set_xlabel("\n".join(figures(found)), fontsize=7.5, loc="left")

@@ -35,7 +35,7 @@ class Lens:
         self._rays = np.column_stack([rays, np.ones(len(rays))])
 
     def window_on(self, pose: Placed, pixels_per_m: float, shape: tuple[int, int]) -> Window:
-        """To see flat pictures of `shape` (height, width) there, again and again."""
+        """To see flat images of `shape` (height, width) there, again and again."""
         normal = pose.axes[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = (normal @ pose.origin) / (self._rays @ normal)
@@ -49,7 +49,7 @@ class Lens:
 
 
 class Window:
-    """Where each pixel of a camera looks on a flat picture, which may change."""
+    """Where each pixel of a camera looks on a flat image, which may change."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class Window:
         self._uncovered = np.asarray(1 - cover[..., None], np.float32)
 
     def see(self, flat: Image, behind: Image) -> Image:
-        """The picture `behind` with `flat` before it; both BGR."""
+        """The image `behind` with `flat` before it; both BGR."""
         sampled = cv2.remap(
             flat,
             self._u,
@@ -91,18 +91,18 @@ class Placed:
 
 
 def lens_of(focal_px: float, width: int, height: int) -> Lens:
-    """One without distortion that looks along the middle of its picture."""
+    """One without distortion that looks along the middle of its image."""
     matrix = np.array(
         [[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1.0]]
     )
     return Lens(matrix, np.zeros(5), width, height)
 
 
-def exposed(pictures: list[Image], shares: list[float]) -> Image:
+def exposed(images: list[Image], shares: list[float]) -> Image:
     """One exposure over several scenes: their light adds up, greys do not; shares sum to 1."""
-    if len(pictures) == 1:
-        return pictures[0]
-    light = np.zeros(pictures[0].shape, np.float32)
-    for picture, share in zip(pictures, shares, strict=True):
-        light += np.float32(share) * _LIGHT[picture]
+    if len(images) == 1:
+        return images[0]
+    light = np.zeros(images[0].shape, np.float32)
+    for image, share in zip(images, shares, strict=True):
+        light += np.float32(share) * _LIGHT[image]
     return np.asarray(np.rint(255 * np.clip(light, 0, 1) ** (1 / GAMMA)), np.uint8)

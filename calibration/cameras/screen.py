@@ -10,8 +10,8 @@ from typing import Any
 from calibration.cameras.latency import ScreenTimes
 from calibration.cameras.time_pattern import COUNTS, TimePattern
 from tams_app import gst
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.errors import SetupError
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 
 _ELEMENTS = ("appsrc", "videoconvert", "ximagesink")
 _STARTING_NS = 5 * NS_PER_S
@@ -28,7 +28,7 @@ def check_display() -> None:
 def shown_pattern(clock: Clock, rate_hz: int, module_px: int) -> Iterator[ScreenTimes]:
     """Count on the screen `rate_hz` times a second; SetupError if there is no display.
 
-    The window's sink puts each picture on at its own time of CLOCK_MONOTONIC, and leaves out what
+    The window's sink puts each image on at its own time of CLOCK_MONOTONIC, and leaves out what
     would be late, so the times follow from the start. What the display itself takes after that
     (compositor, half a refresh in the mean, the panel: some 10 to 50 ms) no program can see: it
     is part of what is measured.
@@ -58,7 +58,7 @@ def shown_pattern(clock: Clock, rate_hz: int, module_px: int) -> Iterator[Screen
         yield ScreenTimes(
             pipeline.get_base_time(),
             period_ns,
-            f"ximagesink at {rate_hz} pictures a second, each at its time of CLOCK_MONOTONIC; the "
+            f"ximagesink at {rate_hz} images a second, each at its time of CLOCK_MONOTONIC; the "
             "display's own delay is not taken off",
         )
     finally:
@@ -73,7 +73,7 @@ class _Counting:
         self._count = 0
 
     def on_need(self, source: Any, _length: int) -> None:
-        picture = self._pattern.draw(self._count % COUNTS)
+        image = self._pattern.draw(self._count % COUNTS)
         at_ns = self._count * self._period_ns
         self._count += 1
-        source.emit("push-buffer", gst.raw_buffer(picture.tobytes(), at_ns, self._period_ns))
+        source.emit("push-buffer", gst.raw_buffer(image.tobytes(), at_ns, self._period_ns))

@@ -16,13 +16,13 @@ from calibration.cameras.latency import ScreenTimes
 from calibration.cameras.plane import Lens, lens_of
 from calibration.cameras.simulated_person import SimulatedPerson
 from hw.sim.layout import draw_layout
-from hw.sim.scene_renderer import HEIGHT, WIDTH, SceneRenderer
-from hw.sim.sensor_noise import SensorNoise
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
-from hw.sim.world import World
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock, VirtualClock
+from hw.sim.world.scene_renderer import HEIGHT, WIDTH, SceneRenderer
+from hw.sim.world.sensor_noise import SensorNoise
+from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
 from tams_app.records import Frame, Image
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock, VirtualClock
 
 _SCREEN_HZ = 60
 _SEED = 0xCA3
@@ -45,7 +45,7 @@ class CameraTruth:
 
 
 class SimulatedBench:
-    """Pictures of the rig at rest, rendered once, with what the person holds before them."""
+    """Images of the rig at rest, rendered once, with what the person holds before them."""
 
     source = "the simulated rig and a simulated person"
     attended = False
@@ -109,7 +109,7 @@ class SimulatedBench:
         self._clock.sleep_until_ns(end_ns)
 
     def _next(self, name: str, from_ns: int) -> tuple[int, str, int]:
-        """When the camera's first picture from a time on begins, and its index."""
+        """When the camera's first image from a time on begins, and its index."""
         truth = self.truth[name]
         index = math.ceil((from_ns - truth.phase_ns) * truth.rate_hz / NS_PER_S)
         return truth.phase_ns + math.ceil(index * NS_PER_S / truth.rate_hz), name, index

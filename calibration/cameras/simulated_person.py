@@ -13,8 +13,8 @@ from calibration.cameras.board import Board
 from calibration.cameras.latency import ScreenTimes
 from calibration.cameras.plane import GAMMA, Lens, Placed, Window, exposed
 from calibration.cameras.time_pattern import TimePattern
-from tams_app.clock import NS_PER_S
 from tams_app.records import Image
+from tams_app.runtime.clock import NS_PER_S
 
 _SKIN = (120, 150, 205)  # BGR
 _BOARD_PX_PER_MM = 5.0
@@ -43,7 +43,7 @@ class SimulatedPerson:
         self._pattern = TimePattern(_MODULE_PX)
         random = np.random.default_rng(_SWITCH_SEED)
         self._switchings_s = np.cumsum(random.uniform(*_SWITCH_S, _SWITCHINGS))
-        self._board_picture = board.picture(_BOARD_PX_PER_MM)
+        self._board_image = board.image(_BOARD_PX_PER_MM)
         self._windows: dict[tuple[str, str, int], Window] = {}
 
     def ask(self, task: Task, view: str, now_ns: int) -> None:
@@ -61,20 +61,20 @@ class SimulatedPerson:
         """What `view` sees in an exposure from `start_ns` to `end_ns`, `scene` behind it."""
         middle_s = ((start_ns + end_ns) / 2 - self._since_ns) / NS_PER_S
         meant = self._view in ("", view)
-        picture = scene
+        image = scene
         if self._task is Task.WAVE:
-            picture = self._hand(scene, middle_s, 1.0 if meant else 0.12)
+            image = self._hand(scene, middle_s, 1.0 if meant else 0.12)
         elif self._task is Task.SHOW_SCREEN and meant and screen is not None:
-            picture = self._filmed_screen(view, scene, start_ns, end_ns, screen)
+            image = self._filmed_screen(view, scene, start_ns, end_ns, screen)
         elif self._task is Task.SWITCH_LIGHT:
-            picture = self._lit(scene, start_ns, end_ns)
+            image = self._lit(scene, start_ns, end_ns)
         elif self._task is Task.SHOW_BOARD and meant:
             number = int(middle_s / _POSE_S)
             window = self._window_on_board(view, number)
-            picture = window.see(self._board_picture, scene)
+            image = window.see(self._board_image, scene)
         elif self._task is Task.FOCUS and view == self._view:
             self._blur_px[view] = self._ring(view, middle_s)
-        return _blurred(picture, self._blur_px[view])
+        return _blurred(image, self._blur_px[view])
 
     def _ring(self, view: str, after_s: float) -> float:
         """Turned through the best place to the other end, and back to where the bar was highest."""
@@ -87,14 +87,14 @@ class SimulatedPerson:
 
     def _hand(self, scene: Image, after_s: float, size: float) -> Image:
         height, width = scene.shape[:2]
-        picture = scene.copy()
+        image = scene.copy()
         centre = (
             int(width * (0.5 + 0.25 * math.sin(7.0 * after_s))),
             int(height * (0.5 + 0.1 * math.cos(5.0 * after_s))),
         )
         axes = (max(3, int(0.2 * size * width)), max(3, int(0.3 * size * height)))
-        cv2.ellipse(picture, centre, axes, 15 * math.sin(6 * after_s), 0, 360, _SKIN, -1)
-        return picture
+        cv2.ellipse(image, centre, axes, 15 * math.sin(6 * after_s), 0, 360, _SKIN, -1)
+        return image
 
     def _lit(self, scene: Image, start_ns: int, end_ns: int) -> Image:
         fine = np.linspace(start_ns, end_ns, 20) - self._since_ns
@@ -108,13 +108,13 @@ class SimulatedPerson:
         """The screen's light adds up over all refreshes that the exposure saw."""
         first = (start_ns - screen.start_ns) // screen.period_ns
         last = (end_ns - 1 - screen.start_ns) // screen.period_ns
-        shares, pictures = [], []
+        shares, images = [], []
         for count in range(first, last + 1):
             lit_from = screen.start_ns + count * screen.period_ns
             part_ns = min(end_ns, lit_from + screen.period_ns) - max(start_ns, lit_from)
             shares.append(part_ns / (end_ns - start_ns))
-            pictures.append(self._pattern.draw(count))
-        return self._window_on_screen(view).see(exposed(pictures, shares), scene)
+            images.append(self._pattern.draw(count))
+        return self._window_on_screen(view).see(exposed(images, shares), scene)
 
     def _window_on_screen(self, view: str) -> Window:
         lens = self._lenses[view]
@@ -135,7 +135,7 @@ class SimulatedPerson:
             lens,
             place,
             _BOARD_PX_PER_MM * 1000,
-            self._board_picture.shape[:2],
+            self._board_image.shape[:2],
         )
 
     def _window(
@@ -154,11 +154,11 @@ class SimulatedPerson:
 
 
 def next_pose(lens: Lens, width_m: float, height_m: float, number: int) -> Placed:
-    """Pose `number` of a board shown everywhere in the picture, tilted to all sides."""
+    """Pose `number` of a board shown everywhere in the image, tilted to all sides."""
     random = np.random.default_rng([_POSE_SEED, number])
     columns, rows = 3, 3
     column, row = number % columns, number // columns % rows
-    share = random.uniform(0.45, 0.75)  # of the picture's width
+    share = random.uniform(0.45, 0.75)  # of the image's width
     distance = lens.matrix[0, 0] * width_m / (share * lens.size[0])
     room_x = lens.size[0] / lens.matrix[0, 0] * distance / 2 - 0.35 * width_m
     room_y = lens.size[1] / lens.matrix[1, 1] * distance / 2 - 0.35 * height_m
@@ -177,7 +177,7 @@ def _mix(share: float) -> float:
     return _LIGHT_OFF + (1 - _LIGHT_OFF) * share
 
 
-def _blurred(picture: Image, blur_px: float) -> Image:
+def _blurred(image: Image, blur_px: float) -> Image:
     if blur_px < 0.3:
-        return picture.copy()
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), blur_px), np.uint8)
+        return image.copy()
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.uint8)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack
 
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, Image, ShownFrame
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.video.networks import resolve_network
 from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
@@ -21,11 +21,11 @@ _LAST_WAIT_NS = 500 * NS_PER_MS
 
 
 def stream_delays_ms(
-    view: str, config: Config, pictures: Iterator[tuple[Image, int]], clock: Clock
+    view: str, config: Config, images: Iterator[tuple[Image, int]], clock: Clock
 ) -> list[float]:
-    """From each picture's capture time to when it could be shown [ms], without the first ones.
+    """From each image's capture time to when it could be shown [ms], without the first ones.
 
-    `pictures` gives BGR images with capture times [ns] on `clock` at the pace of a camera. Shown is
+    `images` gives BGR images with capture times [ns] on `clock` at the pace of a camera. Shown is
     in the receiver's mailbox: the window's and the display's own time come on top. TamsError if
     the chain fails.
     """
@@ -44,7 +44,7 @@ def stream_delays_ms(
         )
         receiver.start(ports)
         sender.start(ports)
-        for index, (image, capture_ns) in enumerate(pictures):
+        for index, (image, capture_ns) in enumerate(images):
             captured[index] = capture_ns
             sender.push(Frame(view, index, capture_ns, image))
             if failure := sender.poll() or receiver.poll():

@@ -1,11 +1,11 @@
 """A number on a screen that a camera can read: which refresh of the screen it saw.
 
-Four ArUco markers at the corners give the screen's place in the picture. Between them stand pairs
+Four ArUco markers at the corners give the screen's place in the image. Between them stand pairs
 of squares, one white and one black, whose order is one bit: the difference of two neighbours needs
-no threshold and no even light. The number is in Gray code (one bit changes at a time), so a picture
+no threshold and no even light. The number is in Gray code (one bit changes at a time), so an image
 exposed over two refreshes reads as one of the two and never as a third. So does a screen that is
 redrawn just then, unless the parity pair stands on the other side of that line: it refuses the
-picture then, and most that are damaged otherwise.
+image then, and most that are damaged otherwise.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _PAIRS_PER_ROW = 3
 _ORDER = (15, 14, 13, 9, 8, 7, 2, 1, 0, 3, 4, 16, 6, 5, 10, 12, 11)
 _PARITY = 16
 
-_SAMPLE_PX = 6  # per module, of the straightened picture
+_SAMPLE_PX = 6  # per module, of the straightened image
 _LEAST_CONTRAST = 25.0  # grey levels between the black and the white of a pair
 _CLEAR = 0.25  # of that contrast: below, a pair is in between
 _MOST_UNCLEAR = 3  # pairs: two that change and the parity
@@ -44,16 +44,16 @@ Corners = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What one picture says, or why it says nothing."""
+    """What one image says, or why it says nothing."""
 
     count: int  # -1 if not read
     reason: str  # "" if read
     unclear: int  # pairs caught between two refreshes
-    width_px: float  # of the pattern in the picture
+    width_px: float  # of the pattern in the image
 
 
 class TimePattern:
-    """Draws numbers with modules of `module_px` pixels; the picture is BGR."""
+    """Draws numbers with modules of `module_px` pixels; the image is BGR."""
 
     def __init__(self, module_px: int) -> None:
         self._module = module_px
@@ -73,19 +73,19 @@ class TimePattern:
 
     def draw(self, count: int) -> Image:
         """The pattern that shows `count`, 0 to COUNTS-1; a new array."""
-        picture = self._blank.copy()
+        image = self._blank.copy()
         code = gray_code(count)
         side = _CELL * self._module
         for place, bit in enumerate(_ORDER):
             one = bit_of(code, bit)
             x, y = (part * self._module for part in _pair_at(place))
             black = x if one else x + side
-            picture[y : y + side, black : black + side] = 0
-        return np.asarray(picture, np.uint8)
+            image[y : y + side, black : black + side] = 0
+        return np.asarray(image, np.uint8)
 
 
 class PatternReader:
-    """Finds and reads the pattern in pictures."""
+    """Finds and reads the pattern in images."""
 
     def __init__(self) -> None:
         parameters = cv2.aruco.DetectorParameters()
@@ -95,9 +95,9 @@ class PatternReader:
             cv2.aruco.getPredefinedDictionary(_DICTIONARY), parameters
         )
 
-    def read(self, picture: Image) -> Reading:
-        """Read one BGR picture; never raises for what it shows."""
-        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    def read(self, image: Image) -> Reading:
+        """Read one BGR image; never raises for what it shows."""
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         corners, ids, _ = self._detector.detectMarkers(grey)
         known = _known_markers(corners, ids)
         if len(known) < 2:
@@ -107,17 +107,17 @@ class PatternReader:
                 0,
                 0.0,
             )
-        to_picture = _homography(known)
-        if to_picture is None:
+        to_image = _homography(known)
+        if to_image is None:
             return Reading(-1, "the corners seen do not fit one screen", 0, 0.0)
         scale = np.diag([1 / _SAMPLE_PX, 1 / _SAMPLE_PX, 1.0])
         straight = cv2.warpPerspective(
             grey,
-            to_picture @ scale,
+            to_image @ scale,
             (COLUMNS * _SAMPLE_PX, ROWS * _SAMPLE_PX),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         )
-        return _decode(np.asarray(straight, np.uint8), _width(to_picture))
+        return _decode(np.asarray(straight, np.uint8), _width(to_image))
 
 
 def gray_code(count: int) -> int:
@@ -164,9 +164,9 @@ def _homography(known: dict[int, Corners]) -> NDArray[np.float64] | None:
     return None if found is None else np.asarray(found, np.float64)
 
 
-def _width(to_picture: NDArray[np.float64]) -> float:
+def _width(to_image: NDArray[np.float64]) -> float:
     edge = np.array([[[0.0, ROWS / 2]], [[float(COLUMNS), ROWS / 2]]])
-    left, right = cv2.perspectiveTransform(edge, to_picture)[:, 0]
+    left, right = cv2.perspectiveTransform(edge, to_image)[:, 0]
     return float(np.linalg.norm(right - left))
 
 
@@ -183,7 +183,7 @@ def _decode(straight: Image, width_px: float) -> Reading:
     if count_unclear > _MOST_UNCLEAR:
         return Reading(
             -1,
-            f"{count_unclear} squares are in between: a shorter exposure, or a sharper picture",
+            f"{count_unclear} squares are in between: a shorter exposure, or a sharper image",
             count_unclear,
             width_px,
         )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.records import Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 FEWEST_FRAMES = 30
 _RATE_TOLERANCE = 0.01
@@ -88,9 +88,9 @@ def rate_advice(rate: Rate, fps: int) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class ClockCheck:
-    """A camera's timestamps against the clock of the process that read its pictures."""
+    """A camera's timestamps against the clock of the process that read its images."""
 
-    age_ms: float  # median: from the timestamp to the picture in hand
+    age_ms: float  # median: from the timestamp to the image in hand
     youngest_ms: float
     drift_ppm: float  # by which the timestamps' clock runs slower than the process's
     drift_error_ppm: float  # one standard error
@@ -98,7 +98,7 @@ class ClockCheck:
 
 
 def check_clock(capture_ns: Sequence[int], delivered_ns: Sequence[int]) -> ClockCheck:
-    """From the timestamps and when each picture was in hand; ValueError if there are too few.
+    """From the timestamps and when each image was in hand; ValueError if there are too few.
 
     Delivery takes at least some constant time, so the lower edge of the ages must stay level: its
     slope is the drift (the youngest of each tenth of the time, a line through them).
@@ -112,9 +112,9 @@ def check_clock(capture_ns: Sequence[int], delivered_ns: Sequence[int]) -> Clock
     age_ms, youngest_ms = float(np.median(ages_ms)), float(ages_ms.min())
     problem = ""
     if youngest_ms < 0:
-        problem = "pictures carry times that lie ahead: not the host's monotonic clock"
+        problem = "images carry times that lie ahead: not the host's monotonic clock"
     elif age_ms > _OLDEST_MS:
-        problem = f"pictures are {age_ms / 1000:.1f} s old: not the host's monotonic clock"
+        problem = f"images are {age_ms / 1000:.1f} s old: not the host's monotonic clock"
     elif abs(drift_ppm) > max(_LARGEST_DRIFT_PPM, _SIGMAS * error_ppm):
         problem = f"timestamps drift by {drift_ppm:.0f} ppm: the camera keeps a clock of its own"
     return ClockCheck(age_ms, youngest_ms, drift_ppm, error_ppm, problem)

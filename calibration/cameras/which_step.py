@@ -45,7 +45,7 @@ def bind_views(desk: Desk, bench: Bench, views: Sequence[str]) -> dict[str, str]
 def _at_rest(desk: Desk, bench: Bench) -> dict[str, MotionMeter]:
     bench.prompt(Task.REST, "")
     if bench.attended:
-        desk.say(f"Step out of all pictures within {_STEP_BACK_S:g} s; Enter if you are out.")
+        desk.say(f"Step out of all images within {_STEP_BACK_S:g} s; Enter if you are out.")
         for _ in until_done(desk, bench, bench.cameras, _STEP_BACK_S):
             pass  # what moves now is not at rest yet
     desk.say(f"Keep out and let everything rest for {_REST_S:g} s.")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.cameras import intrinsics_step, latency_step, picture_step
+from calibration.cameras import image_step, intrinsics_step, latency_step
 from calibration.cameras.asking import agreed
 from calibration.cameras.bench import Bench
 from calibration.cameras.board import Board, print_board
@@ -30,9 +30,9 @@ from calibration.cameras.steps import (
 from calibration.cameras.which_step import bind_views
 from calibration.desk import Desk
 from calibration.store import CalibrationSet
-from tams_app.clock import Clock, MonotonicClock
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.runtime.clock import Clock, MonotonicClock
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,11 +153,11 @@ def _measure(
     looking = [step for step in (FOCUS, EXPOSURE, RATE) if step in steps]
     for each in found:
         if FOCUS in steps:
-            picture_step.focus(desk, bench, each)
+            image_step.focus(desk, bench, each)
         if looking:
-            picture_step.look(desk, bench, each, looking)
+            image_step.look(desk, bench, each, looking)
         if EXPOSURE in steps:
-            picture_step.offer_settings(desk, bench, each)
+            image_step.offer_settings(desk, bench, each)
 
     def wanted(step: str) -> bool:
         offered = not options.only and agreed(desk, bench, OFFERED[step], otherwise=False)

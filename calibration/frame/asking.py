@@ -17,7 +17,7 @@ from calibration.frame.recorded import MIN_TRAVEL_M, travel_m
 from calibration.frame.sources import ButtonSource, HandSource
 from calibration.frame.stroke import Stroke, check_line, fit_line
 from calibration.frame.touches import Touch
-from hw.openvr_components import ROLES, configured_role_map
+from hw.openvr.components import ROLES, configured_role_map
 from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Vector
 

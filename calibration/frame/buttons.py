@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from calibration.frame.reasons import Reason, RefusedError
-from hw.openvr_components import ROLES, ComponentReading, role_map
-from tams_app.clock import NS_PER_S
+from hw.openvr.components import ROLES, ComponentReading, role_map
 from tams_app.errors import ConfigError
+from tams_app.runtime.clock import NS_PER_S
 
 PRESSED = 0.6  # of the way, as the clutch has it
 FREE = 0.3

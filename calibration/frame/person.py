@@ -1,7 +1,7 @@
 """The simulated person of `calibrate frame --sim`: does what is prompted, as well as people do.
 
 He knows where the robot's axes point, but not quite: each stroke sets out in a slightly wrong
-direction and is slightly bent. His hand trembles and his muscles add noise (`hw.sim.hand`).
+direction and is slightly bent. His hand trembles and his muscles add noise (`sim.operator.hand`).
 """
 
 from __future__ import annotations
@@ -14,15 +14,17 @@ from scipy.spatial.transform import Rotation
 
 from calibration.frame.prompts import Move, Press, Prompt, Reach
 from calibration.frame.rotation import Matrix
-from hw.sim.hand import Button, Hand, HandWish
-from tams_app.clock import NS_PER_MS, NS_PER_S
+from hw.sim.operator.hand import Button, Hand, HandWish
 from tams_app.records import Haptic, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 # With something straight to move along, such as a table's edge: assumed, nobody measured it.
 DIRECTION_ERROR_DEG = 1.0  # per axis, each stroke anew
 BOW = 0.02  # of the length, each stroke anew
 TOUCH_ERROR_M = 0.002  # per axis, each touch anew
-MOTOR_NOISE = 0.02  # along an edge; in free air people have 0.05 to 0.15 (hw.sim.participant)
+MOTOR_NOISE = (
+    0.02  # along an edge; in free air people have 0.05 to 0.15 (hw.sim.operator.participant)
+)
 
 _TRAVEL = 1.5  # of the arm's reach: a stroke
 _LEAN_M = 0.6  # from rest, with the whole body: for touches

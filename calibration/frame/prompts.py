@@ -38,7 +38,7 @@ class Reach:
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """Press and let go one part of the controller, of `hw.openvr_components.ROLES`."""
+    """Press and let go one part of the controller, of `hw.openvr.components.ROLES`."""
 
     role: str
 

@@ -16,7 +16,7 @@ from calibration.frame.prompts import SIX_WAYS, Move
 from calibration.frame.reasons import RefusedError
 from calibration.frame.stroke import ASKED_LENGTH_M, MIN_SAMPLES, Stroke, fit_line
 from calibration.frame.touches import TouchFit
-from hw.openvr_components import ROLES, ComponentReading
+from hw.openvr.components import ROLES, ComponentReading
 from tams_app.records import ControllerSample
 
 _ARROWS = {"+x": "⊙", "−x": "⊗", "+y": "←", "−y": "→", "+z": "↑", "−z": "↓"}

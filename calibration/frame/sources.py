@@ -11,16 +11,16 @@ import numpy as np
 from calibration.frame.person import PromptedPerson
 from calibration.frame.prompts import Prompt
 from calibration.frame.rotation import Matrix
-from hw.openvr_components import ComponentReading
-from hw.openvr_controller import OpenVrController
-from hw.openvr_raw import RawComponents
-from hw.sim.operator_hand import operator_hand
-from hw.sim.virtual_controller import VirtualController
-from hw.sim.wiring import rig_wiring
-from tams_app.clock import NS_PER_S, Clock, FixedRate, VirtualClock
+from hw.openvr.components import ComponentReading
+from hw.openvr.controller import OpenVrController
+from hw.openvr.raw import RawComponents
+from hw.sim.operator.operator_hand import operator_hand
+from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.wiring import rig_wiring
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample
+from tams_app.runtime.clock import NS_PER_S, Clock, FixedRate, VirtualClock
 
 _GIVE_UP_NS = 30 * NS_PER_S  # for a simulated person, who does what is asked at once
 SAMPLE_RATE_HZ = 120.0

@@ -23,10 +23,10 @@ from calibration.frame.rounds import fit_moves, fit_touched
 from calibration.frame.sources import HandSource, LiveSetup, Setup, SimulatedSetup
 from calibration.frame.touches import TouchFit, check_points
 from calibration.store import CalibrationSet
-from tams_app.clock import MonotonicClock
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
+from tams_app.runtime.clock import MonotonicClock
 
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its

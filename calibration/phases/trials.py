@@ -9,12 +9,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.clock import NS_PER_S
 from tams_app.config import PhasesConfig
 from tams_app.errors import LogError
 from tams_app.policy.phases import PhaseParameters, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.records import Phase, Tick
+from tams_app.runtime.clock import NS_PER_S
 
 Codes: TypeAlias = NDArray[np.int8]
 Floats: TypeAlias = NDArray[np.float64]

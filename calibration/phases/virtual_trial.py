@@ -1,7 +1,7 @@
 """One pick-and-place in virtual time, without pictures: what the control loop saw, and the truth.
 
 All that moves is that of a study's trial (`tams_app.session.virtual`): scene, arm, control loop,
-arming, rules and agenda. Left out is what makes such a trial dear, drawing, sending and looking at
+arming, rules and events. Left out is what makes such a trial dear, drawing, sending and looking at
 pictures; so its participant has perfect eyes. Nothing here knows the thresholds that are sought.
 """
 
@@ -11,16 +11,16 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from hw.controller import Controller
-from hw.sim.efference import EfferenceCopy
-from hw.sim.operator import Operator
-from hw.sim.operator_hand import operator_hand
-from hw.sim.participant import ParticipantProfile
-from hw.sim.perception import TruePerception
-from hw.sim.virtual_controller import VirtualController
-from hw.sim.wiring import rig_wiring
-from tams_app.clock import NS_PER_S, VirtualClock
+from hw.sim.operator.efference import EfferenceCopy
+from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator_hand import operator_hand
+from hw.sim.operator.participant import ParticipantProfile
+from hw.sim.operator.perception import TruePerception
+from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.wiring import rig_wiring
 from tams_app.config import Config
 from tams_app.records import SceneTruth, Tick
+from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.observer import TickObserver
@@ -33,7 +33,7 @@ from tams_app.session.virtual.rhythm import repeat
 from tams_app.session.virtual.robot import VirtualRobot
 from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS, NoGuard
 from tams_app.study.trial import TrialJudge
-from tams_app.video.lockstep.agenda import Agenda
+from tams_app.video.virtual_time.event_queue import EventQueue
 
 _YIELD_NS = NS_PER_S // 10
 
@@ -76,7 +76,7 @@ class VideolessTrial:
         self.scene: list[SceneTruth] = []
         self._rate_hz = config.control.rate_hz
         self._clock = VirtualClock(START_NS)
-        self._agenda = Agenda()
+        self._events = EventQueue()
         self._ended = False
         self._robot = VirtualRobot(config, self._clock, _say_nothing)
         self._hand = SharpEyedHand(config, seed, self._robot.truth)
@@ -129,18 +129,18 @@ class VideolessTrial:
     def _begin(self) -> None:
         self._robot.arm.connect()
         self._hand.controller.start()
-        repeat(self._agenda, START_NS, self._rate_hz, self._tick)
-        repeat(self._agenda, START_NS, SCENE_RATE_HZ, lambda _due_ns: self._trial_loop.look())
-        self._agenda.post(START_NS + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
+        repeat(self._events, START_NS, self._rate_hz, self._tick)
+        repeat(self._events, START_NS, SCENE_RATE_HZ, lambda _due_ns: self._trial_loop.look())
+        self._events.post(START_NS + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
 
     def _go_on(self, until_ns: int) -> None:
         while not self._ended:
-            due_ns = self._agenda.next_ns
+            due_ns = self._events.next_ns
             assert due_ns is not None, "the control loop always has something to do"
             if due_ns > until_ns:
                 return
             self._clock.sleep_until_ns(due_ns)
-            self._agenda.do_next()
+            self._events.do_next()
 
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)

@@ -9,8 +9,8 @@ import numpy as np
 
 from calibration.weights.decoding import Picture
 from calibration.weights.segments import Segment
-from tams_app.clock import NS_PER_S
 from tams_app.records import Image
+from tams_app.runtime.clock import NS_PER_S
 
 STRIP_HEIGHT = 32  # above the pictures, for their names
 _TEXT_BASELINE = 23

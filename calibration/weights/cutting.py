@@ -11,9 +11,9 @@ from calibration.weights.clips import ClipFolder, ClipTimes, CutSession
 from calibration.weights.composing import STRIP_HEIGHT, instants, newest_at, side_by_side
 from calibration.weights.segments import Segment, Selection, select
 from calibration.weights.sources import RecordedSession
-from tams_app.clock import NS_PER_S
 from tams_app.errors import LogError
 from tams_app.records import Image
+from tams_app.runtime.clock import NS_PER_S
 
 Progress = Callable[[Segment, float], None]  # the clip being cut, and how much of it [0..1]
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from tams_app import gst
-from tams_app.clock import NS_PER_MS
 from tams_app.config import VideoConfig
 from tams_app.errors import LogError
 from tams_app.records import EncodedFrame, Image
+from tams_app.runtime.clock import NS_PER_MS
 
 _ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
 _UNDERWAY = 8  # frames inside the pipeline before one is waited for

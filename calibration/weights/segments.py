@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from tams_app.clock import NS_PER_S
 from tams_app.records import Phase, PhaseChange
+from tams_app.runtime.clock import NS_PER_S
 
 SHORTEST_S = 0.5  # less cannot be judged
 LONGEST_S = 8.0  # more wears the rater out

@@ -16,11 +16,11 @@ from pydantic import ValidationError
 from calibration.weights.decoding import Picture, decode
 from calibration.weights.segments import Segment, phase_segments
 from tams_app import gst
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config.reader import describe_validation_error
 from tams_app.config.streaming import VideoConfig
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 
 _GAP_NS = 500 * NS_PER_MS  # what a busy recorder may leave out

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from hw.sim.controller_model import ControllerModel
-from hw.sim.controller_server import ControllerServer
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.server import ControllerServer
 from hw.sim.layout import draw_layout
-from hw.sim.published_world import PublishedWorld
-from hw.sim.shared_block import remove_memory
-from hw.sim.world import World
-from hw.sim.world_memory import WorldWriter
-from tams_app.clock import MonotonicClock
+from hw.sim.world.published_world import PublishedWorld
+from hw.sim.world.shared_block import remove_memory
+from hw.sim.world.world import World
+from hw.sim.world.world_memory import WorldWriter
 from tams_app.errors import TamsError
-from tams_app.process import HelperSide
-from tams_app.realtime import RIG_PRIORITY, use_fifo
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.realtime import RIG_PRIORITY, use_fifo
 
 
 def main() -> None:

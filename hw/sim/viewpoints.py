@@ -26,9 +26,9 @@ class FixedViewpoint:
     fovy_deg: float
 
     def axes(self) -> NDArray[np.float64]:
-        """The picture's right, down and forward axes as columns, shape (3, 3), base frame.
+        """The image's right, down and forward axes as columns, shape (3, 3), base frame.
 
-        The world stands upright in the picture; from above, up in the picture is +x.
+        The world stands upright in the image; from above, up in the image is +x.
         """
         forward = np.subtract(self.target, self.place)
         forward /= np.linalg.norm(forward)
@@ -55,7 +55,7 @@ class WristViewpoint:
     fovy_deg: float
 
     def axes(self) -> NDArray[np.float64]:
-        """The picture's right, down and forward axes as columns, shape (3, 3), flange frame."""
+        """The image's right, down and forward axes as columns, shape (3, 3), flange frame."""
         sine, cosine = math.sin(math.radians(self.tilt_deg)), math.cos(math.radians(self.tilt_deg))
         down: Vector = np.array([-cosine, 0.0, sine])
         right: Vector = np.array([0.0, 1.0, 0.0])

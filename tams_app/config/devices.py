@@ -53,7 +53,7 @@ _V4L2_ONLY = (
 
 
 class CameraConfig(Section):
-    """Where one view's pictures come from."""
+    """Where one view's frames come from."""
 
     source: Literal["v4l2", "file", "pattern"] = "v4l2"
     # A V4L2 device; every one of these that is given must match, so that swapped numbers show.

@@ -258,7 +258,7 @@ class LimitsConfig(Section):
 
 
 ControlAgeMs = Annotated[float, Field(gt=0, le=2000)]
-PictureAgeMs = Annotated[float, Field(gt=0, le=5000)]
+VideoAgeMs = Annotated[float, Field(gt=0, le=5000)]
 
 
 class FreshnessConfig(Section):
@@ -275,8 +275,8 @@ class FreshnessConfig(Section):
     buttons_ms: ControlAgeMs = 100.0
     arm_state_ms: ControlAgeMs = 100.0
     arm_reply_ms: ControlAgeMs = 100.0
-    video_slow_ms: PictureAgeMs = 500.0
-    video_hold_ms: PictureAgeMs = 1000.0
+    video_slow_ms: VideoAgeMs = 500.0
+    video_hold_ms: VideoAgeMs = 1000.0
 
     @model_validator(mode="after")
     def _order(self) -> Self:

@@ -78,11 +78,11 @@ class PolicyConfig(Section):
 
 
 class QualityConfig(Section):
-    """Whether a session compares the pictures shown with those captured while it runs (SSIM).
+    """Whether a session compares the frames shown with those captured while it runs (SSIM).
 
     A process of idle priority (220 MB) that takes up to half a core where cores are idle, and
-    hardly anything where they are not; how many pictures it scores is reported. The application's
-    threads pay .1 ms for each picture captured or shown. Where that is too much, switch it off: the
+    hardly anything where they are not; how many frames it scores is reported. The application's
+    threads pay .1 ms for each frame captured or shown. Where that is too much, switch it off: the
     SSIM keys of summary.json are null then.
     """
 

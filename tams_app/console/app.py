@@ -8,7 +8,6 @@ from contextlib import ExitStack
 
 from rich.console import Console
 
-from tams_app.clock import MonotonicClock
 from tams_app.config import Config
 from tams_app.console.confirmations import Confirmations
 from tams_app.console.report import report_session
@@ -17,10 +16,11 @@ from tams_app.console.status import LinesOf, StatusLine, status_lines
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import TamsError
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
-from tams_app.worker import Worker
 
 POLL_S = 0.05
 
@@ -132,7 +132,7 @@ def _tell_how_to_begin(session: Session, has_keys: bool, has_windows: bool) -> N
     if not has_windows:
         session.note(
             "warning",
-            "this computer shows no pictures: arm the arm only if the operator sees them elsewhere",
+            "this computer shows no frames: arm the arm only if the operator sees them elsewhere",
         )
 
 

@@ -19,14 +19,14 @@ from tams_app.config import Config
 from tams_app.console import device_checks
 from tams_app.console.findings import Check, Finding
 from tams_app.errors import SetupError, TamsError
-from tams_app.realtime import use_fifo
+from tams_app.runtime.realtime import use_fifo
+from tams_app.runtime.worker import Worker
 from tams_app.video.ports import requested_ports
-from tams_app.worker import Worker
 
 RENDER_TIMEOUT_S = 60
 SHARED_BYTES = 8_000_000  # frames and world state of the rig
 _RENDER = (
-    "from hw.sim.layout import draw_layout; from hw.sim.scene_renderer import SceneRenderer; "
+    "from hw.sim.layout import draw_layout; from hw.sim.world.scene_renderer import SceneRenderer; "
     "SceneRenderer(draw_layout(0)).close()"
 )
 _WINDOW_SINKS = ("ximagesink", "xvimagesink", "glimagesink", "waylandsink")
@@ -111,7 +111,7 @@ def rendering(config: Config) -> Iterator[Finding]:
             timeout=RENDER_TIMEOUT_S,
         )
     except subprocess.TimeoutExpired:
-        yield Finding("MuJoCo rendering", False, f"no picture within {RENDER_TIMEOUT_S} s", fix)
+        yield Finding("MuJoCo rendering", False, f"no frame within {RENDER_TIMEOUT_S} s", fix)
         return
     last_words = result.stderr.strip().splitlines()[-1:] or [f"ended with {result.returncode}"]
     ok = result.returncode == 0

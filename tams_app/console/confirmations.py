@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tams_app.clock import NS_PER_MS
+from tams_app.runtime.clock import NS_PER_MS
 
 REPEAT_NS = 700 * NS_PER_MS  # a held key repeats after up to 0.66 s (X11's default), then faster
 

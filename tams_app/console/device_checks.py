@@ -13,7 +13,7 @@ def arm(config: Config) -> Iterator[Finding]:
     """The Lite 6 at the configured address."""
     if config.rig.enabled:
         return
-    from hw.lite6_discovery import find_arm
+    from hw.lite6.discovery import find_arm
 
     info = find_arm(config.arm)
     if info.problem:
@@ -26,9 +26,9 @@ def controller(config: Config) -> Iterator[Finding]:
     """The controller of the operator's hand, and the mapping of its buttons."""
     if config.rig.enabled:
         return
-    from hw.openvr_controller import OpenVrController
-    from hw.openvr_devices import list_controllers
-    from tams_app.clock import MonotonicClock
+    from hw.openvr.controller import OpenVrController
+    from hw.openvr.devices import list_controllers
+    from tams_app.runtime.clock import MonotonicClock
 
     what, hand = "Controller", config.controller.hand
     try:
@@ -52,7 +52,7 @@ def cameras(config: Config) -> Iterator[Finding]:
 
 def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
     from hw.make_camera import make_camera
-    from tams_app.clock import MonotonicClock
+    from tams_app.runtime.clock import MonotonicClock
 
     what, warnings = f"Camera {view}", list[str]()
 

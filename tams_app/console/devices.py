@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 
 from rich.console import Console
 
-from hw.lite6_discovery import find_arm
-from hw.openvr_devices import ControllerInfo, list_controllers
-from hw.v4l2_devices import CameraInfo, choose_camera, list_cameras
+from hw.lite6.discovery import find_arm
+from hw.openvr.devices import ControllerInfo, list_controllers
+from hw.v4l2.devices import CameraInfo, choose_camera, list_cameras
 from tams_app.config import CameraConfig, Config
 from tams_app.errors import TamsError
 

@@ -13,8 +13,8 @@ from rich.console import Console
 
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import DeviceError
-from tams_app.mailbox import BoundedQueue
-from tams_app.worker import Worker
+from tams_app.runtime.mailbox import BoundedQueue
+from tams_app.runtime.worker import Worker
 
 _POLL_S = 0.02
 _LAST_WORDS_S = 1.0

@@ -11,16 +11,16 @@ from rich.console import Console
 
 from hw.arm import Arm
 from hw.boundary import reach_boundary
-from hw.guard_link import GuardLink, guard_specification
-from hw.lite6 import Lite6
-from hw.lite6_codes import controller_error_sentence
-from tams_app.clock import MonotonicClock
+from hw.guard.link import GuardLink, guard_specification
+from hw.lite6.arm import Lite6
+from hw.lite6.codes import controller_error_sentence
 from tams_app.config import Config
 from tams_app.console.dialogue import Dialogue
 from tams_app.console.signals import handled_signals
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
-from tams_app.process import HelperProcess
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.process import HelperProcess
 from tams_app.session.build import check_ready_pose
 from tams_app.session.guarding import SILENCE_NS
 from tams_app.session.home_run import HomeRun
@@ -66,7 +66,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         dialogue = Dialogue(keys, console or Console(), request.check)
         stack.callback(dialogue.close)
         dialogue.start()
-        process = HelperProcess("guard", "hw.guard", guard_specification(config.arm), None)
+        process = HelperProcess("guard", "hw.guard.process", guard_specification(config.arm), None)
         stack.callback(process.stop)
         boundary = reach_boundary(config.arm, config.limits)
         arm = Lite6(config.arm, clock, config.control.rate_hz, boundary)

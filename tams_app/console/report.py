@@ -1,4 +1,4 @@
-"""What a session leaves for people: summary.json, the picture of the bitrates, a table."""
+"""What a session leaves for people: summary.json, the frame of the bitrates, a table."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write_summary(folder: Path) -> tuple[SessionLog, dict[str, Any]]:
     try:
         save_bitrates(log, folder / FIGURE_NAME)
     except OSError as error:
-        raise LogError(f"{folder}: the picture cannot be written: {error.strerror}") from error
+        raise LogError(f"{folder}: the frame cannot be written: {error.strerror}") from error
     return log, summary
 
 

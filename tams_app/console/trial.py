@@ -6,13 +6,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from tams_app.clock import MonotonicClock
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.report import write_summary
 from tams_app.console.status import arm_line, minutes, reason_lines
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import TamsError
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.session import Session
@@ -38,7 +38,7 @@ class LiveTrialRunner:
         self._console = console or Console()
 
     def run(self, spec: TrialSpec, folder: Path) -> None:
-        """Leave log, configuration, summary and picture in `folder`.
+        """Leave log, configuration, summary and frame in `folder`.
 
         TamsError where the session cannot be run or fails; KeyboardInterrupt where a signal ends
         it, in order.

@@ -1,4 +1,4 @@
-"""A window per view: only a consumer of the receivers' mailboxes, never in the pictures' way."""
+"""A window per view: only a consumer of the receivers' mailboxes, never in the frames' way."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import sys
 import cv2
 
 from tams_app import gst
-from tams_app.clock import NS_PER_S
 from tams_app.config import VideoConfig
 from tams_app.errors import SetupError
 from tams_app.records import Image, ShownFrame
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.video import pipelines
 
 WINDOW_ELEMENTS = ("appsrc", "videoconvert", "autovideosink")
@@ -22,7 +22,7 @@ _WHITE, _BLACK = (255, 255, 255), (0, 0, 0)
 class ViewWindow:
     """One view's window: appsrc → videoconvert → the display sink that GStreamer chooses.
 
-    `show` never blocks: a window that is slower than the camera skips pictures.
+    `show` never blocks: a window that is slower than the camera skips frames.
     """
 
     def __init__(self, view: str, config: VideoConfig) -> None:
@@ -30,16 +30,16 @@ class ViewWindow:
         require_display()
         gst.require_elements(WINDOW_ELEMENTS)
         self.view = view
-        self.pictures_shown = 0
+        self.frames_shown = 0
         self._duration_ns = NS_PER_S // config.fps
         self._last_index: int | None = None
         self._failure = ""
         self._pipeline = gst.parse_pipeline(
-            "appsrc name=pictures is-live=true format=time block=false max-buffers=1 "
+            "appsrc name=frames is-live=true format=time block=false max-buffers=1 "
             f'leaky-type=downstream caps="{pipelines.raw_caps(config)}" '
             "! videoconvert n-threads=1 ! autovideosink sync=false"
         )
-        self._pictures = self._pipeline.get_by_name("pictures")
+        self._frames = self._pipeline.get_by_name("frames")
 
     def open(self) -> None:
         """Open the window; SetupError if the display refuses."""
@@ -54,11 +54,9 @@ class ViewWindow:
         if frame.index == self._last_index:
             return
         self._last_index = frame.index
-        self.pictures_shown += 1
+        self.frames_shown += 1
         pixels = _labelled(frame.image, self.view).tobytes()
-        self._pictures.emit(
-            "push-buffer", gst.raw_buffer(pixels, frame.shown_ns, self._duration_ns)
-        )
+        self._frames.emit("push-buffer", gst.raw_buffer(pixels, frame.shown_ns, self._duration_ns))
 
     def poll(self) -> str:
         """Why this window shows nothing any more, in one sentence; "" while it works.
@@ -77,7 +75,7 @@ class ViewWindow:
 
 
 def _labelled(image: Image, view: str) -> Image:
-    # GStreamer's display sinks give all windows one title: the name goes into the picture
+    # GStreamer's display sinks give all windows one title: the name goes into the frame
     labelled = image.copy()
     for colour, thickness in ((_BLACK, 3), (_WHITE, 1)):
         cv2.putText(labelled, view, _LABEL_AT, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thickness)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Protocol
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import BudgetConfig
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 
 class Budget(Protocol):

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from tams_app.clock import NS_PER_S
 from tams_app.records import Vector
+from tams_app.runtime.clock import NS_PER_S
 
 _MIN_INTERVAL_S = 0.002  # two reports closer than this came out of one socket read
 

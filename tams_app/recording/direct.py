@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from tams_app.clock import NS_PER_MS, Clock
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.topics import Header, PacketBatch, Recordable
 from tams_app.recording.writer import SPACE_CHECK_NS, without_pixels
 from tams_app.records import Frame, PacketRecord, ShownFrame
+from tams_app.runtime.clock import NS_PER_MS, Clock
 
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message; live it is what the writer's thread finds
 

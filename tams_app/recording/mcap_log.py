@@ -20,7 +20,6 @@ from foxglove.messages import (
     Vector3,
 )
 
-from tams_app.clock import NS_PER_S
 from tams_app.errors import LogError
 from tams_app.recording.disk import LogFile
 from tams_app.recording.topics import (
@@ -34,6 +33,7 @@ from tams_app.recording.topics import (
     OutcomeGiven,
 )
 from tams_app.records import EncodedFrame, Outcome, Pose, SceneTruth, Tick
+from tams_app.runtime.clock import NS_PER_S
 
 CHUNK_BYTES = 256 * 1024
 

@@ -1,7 +1,7 @@
-"""Lossless captures beside the log, for judging the pictures later: `reference.mcap`.
+"""Lossless captures beside the log, for judging the frames later: `reference.mcap`.
 
 Foxglove raw images, one per chunk, compressed with zstd outside the GIL. Measured at 640×480: the
-rig's pictures 0.2 ms, noisy ones 4–6 ms and 0.5 MB a frame; PNG takes 5–18 ms, lossless WebP 90 ms.
+rig's frames 0.2 ms, noisy ones 4–6 ms and 0.5 MB a frame; PNG takes 5–18 ms, lossless WebP 90 ms.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from foxglove.messages import RawImage, Timestamp
 from mcap.writer import Writer
 
-from tams_app.clock import NS_PER_S
 from tams_app.errors import LogError
-from tams_app.mailbox import BoundedQueue
 from tams_app.recording import wire
 from tams_app.recording.disk import RESERVE_FRACTION, LogFile, free_mb, require_free_space
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.topics import REFERENCE_PREFIX, REFERENCE_PROFILE
 from tams_app.records import Frame, Image
-from tams_app.worker import Worker
+from tams_app.runtime.clock import NS_PER_S
+from tams_app.runtime.mailbox import BoundedQueue
+from tams_app.runtime.worker import Worker
 
 CAPACITY_FRAMES = 45  # half a second of three views, 40 MB
 _WIDTH, _HEIGHT, _DATA = 2, 3, 6  # field numbers of foxglove.RawImage
@@ -138,8 +138,8 @@ class ReferenceRecorder:
 def read_reference(path: Path, wall_offset_ns: int) -> Iterator[Frame]:
     """The captures as they were, in the order recorded; LogError if `path` is none of ours."""
     for topic, message in McapStream(path, REFERENCE_PROFILE):
-        picture = wire.fields(message.data)
-        height, width, data = picture[_HEIGHT], picture[_WIDTH], picture[_DATA]
+        stored = wire.fields(message.data)
+        height, width, data = stored[_HEIGHT], stored[_WIDTH], stored[_DATA]
         assert isinstance(height, int)
         assert isinstance(width, int)
         assert isinstance(data, bytes)

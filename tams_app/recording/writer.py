@@ -11,8 +11,6 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
-from tams_app.mailbox import BoundedQueue
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.topics import (
@@ -23,7 +21,9 @@ from tams_app.recording.topics import (
     Recordable,
 )
 from tams_app.records import Frame, Note, PacketRecord, ShownFrame
-from tams_app.worker import Worker
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.mailbox import BoundedQueue
+from tams_app.runtime.worker import Worker
 
 CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each
@@ -135,7 +135,7 @@ class Recorder:
 
 
 def without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:
-    """What the log keeps of a picture."""
+    """What the log keeps of a frame."""
     if isinstance(frame, Frame):
         return FrameCaptured(frame.view, frame.index, frame.capture_ns)
     return FrameShown(frame.view, frame.index, frame.shown_ns)

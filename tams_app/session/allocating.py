@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Protocol
 
 from tams_app.capacity import Capacity
-from tams_app.clock import Clock
 from tams_app.config import Config
 from tams_app.records import Allocation, Phase
+from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import SessionRecords

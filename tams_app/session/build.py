@@ -9,10 +9,9 @@ import numpy as np
 from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
 from hw.controller import Controller
-from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg, tcp_pose
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg, tcp_pose
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.capacity import Capacity
-from tams_app.clock import NS_PER_MS, Clock
 from tams_app.config import Config, Network
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
@@ -21,6 +20,7 @@ from tams_app.policy.engine import Policy
 from tams_app.policy.phases import PhaseParameters, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.records import Pose
+from tams_app.runtime.clock import NS_PER_MS, Clock
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.devices import Devices
 from tams_app.session.signals import Signals
@@ -94,7 +94,9 @@ def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool
 
 def dry_run(arm: Arm, config: Config, clock: Clock) -> Arm:
     """`arm` for everything but motion: commands go to a model of its controller."""
-    from hw.dry_run import DryRunArm  # with the simulated controller, which only this needs
+    from tams_app.session.dry_run import (
+        DryRunArm,  # with the simulated controller, which only this needs
+    )
 
     return DryRunArm(arm, config.arm, clock, session_boundary(config.arm, config.limits))
 
@@ -104,13 +106,13 @@ def servo(config: Config) -> ServoMode:
     return ServoMode(config.arm.servo)
 
 
-def picture_delay_ns(network: Network, rule: RepairRule) -> int:
-    """One-way latency plus jitter buffer: no picture is ever shown younger."""
+def video_delay_ns(network: Network, rule: RepairRule) -> int:
+    """One-way latency plus jitter buffer: no frame is ever shown younger."""
     return round((network.latency_ms + rule.latency_ms) * NS_PER_MS)
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:
-    """Clutch to limits, for the Lite 6 with the configured tool; `delay_ns` of the pictures."""
+    """Clutch to limits, for the Lite 6 with the configured tool; `delay_ns` of the frames."""
     model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
     return Teleop(config, model, _ready_pose(config).rotation, delay_ns)
 
@@ -139,7 +141,7 @@ def control_loop(
     signals: Signals,
     hooks: ControlHooks,
 ) -> ControlLoop:
-    """From hand to arm and on to the phase; `delay_ns` of the pictures."""
+    """From hand to arm and on to the phase; `delay_ns` of the frames."""
     return ControlLoop(
         clock,
         config.control.rate_hz,

@@ -32,7 +32,7 @@ class CaptureTimes:
             return self._times.get(index)
 
     def age_ns(self, shown: ShownFrame | None, now_ns: int) -> int | None:
-        """Age of the picture on screen; None where there is none, and if nobody knows."""
+        """Age of the frame on screen; None where there is none, and if nobody knows."""
         capture_ns = None if shown is None else self.of(shown.index)
         return None if capture_ns is None else now_ns - capture_ns
 

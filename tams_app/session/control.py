@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from hw.arm import Arm
 from hw.controller import Controller
-from tams_app.clock import NS_PER_S, Clock, FixedRate
 from tams_app.policy.phases import PhaseDecision, PhaseTracker
 from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.records import (
@@ -20,6 +19,7 @@ from tams_app.records import (
     Tick,
     Twist,
 )
+from tams_app.runtime.clock import NS_PER_S, Clock, FixedRate
 from tams_app.session.signals import Signals
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.records import TeleopInput, TeleopOutput

@@ -9,8 +9,8 @@ from hw.arm import Arm
 from hw.camera import Camera
 from hw.controller import Controller
 from tams_app.config import ArmConfig
-from tams_app.process import HelperProcess
 from tams_app.records import SceneTruth
+from tams_app.runtime.process import HelperProcess
 
 Note = Callable[[str, str], None]  # level and sentence, for the log and the console
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from hw.guard_link import GuardLink, guard_specification
-from tams_app.clock import NS_PER_MS
+from hw.guard.link import GuardLink, guard_specification
 from tams_app.config import ArmConfig
-from tams_app.process import HelperProcess
+from tams_app.runtime.clock import NS_PER_MS
+from tams_app.runtime.process import HelperProcess
 from tams_app.session.signals import Signals
 from tams_app.teleop.safety import ArmingState, Reason
 
@@ -26,7 +26,7 @@ class Guarding:
         note: Callable[[str, str], None],
     ) -> None:
         specification = guard_specification(arm)
-        self.process = HelperProcess("guard", "hw.guard", specification, log_directory)
+        self.process = HelperProcess("guard", "hw.guard.process", specification, log_directory)
         self._signals = signals
         self._note = note
         self._latched = False

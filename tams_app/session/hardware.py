@@ -8,13 +8,13 @@ from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
-from hw.lite6 import Lite6
+from hw.lite6.arm import Lite6
 from hw.make_camera import make_camera
-from hw.openvr_controller import OpenVrController
-from tams_app.clock import Clock
+from hw.openvr.controller import OpenVrController
 from tams_app.config import ArmConfig, Config
-from tams_app.process import HelperProcess
 from tams_app.records import SceneTruth
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.process import HelperProcess
 from tams_app.session.devices import Note
 
 

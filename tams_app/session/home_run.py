@@ -10,9 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from hw.arm import Arm
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.config import Config
 from tams_app.errors import DeviceError
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.session.homing import (
     Action,
     Homing,
@@ -37,7 +37,7 @@ _SAY = {
 
 
 class Guard(Protocol):
-    """What stops the arm if this process does not live on; `hw.guard_link.GuardLink` is one."""
+    """What stops the arm if this process does not live on; `hw.guard.link.GuardLink` is one."""
 
     latched: bool
 

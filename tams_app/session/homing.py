@@ -12,12 +12,12 @@ from enum import Enum, StrEnum
 
 import numpy as np
 
-from hw.lite6_codes import State, controller_error_sentence
-from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
-from tams_app.clock import NS_PER_MS, NS_PER_S
+from hw.lite6.codes import State, controller_error_sentence
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 # A key that is held repeats: after up to 0.66 s (X11's default), then every 25 to 100 ms.
 FIRST_REPEAT_NS = 700 * NS_PER_MS

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 
 import psutil
 
-from tams_app.clock import Clock
 from tams_app.records import SystemSample
+from tams_app.runtime.clock import Clock
 
 INTERVAL_S = 1.0
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from tams_app.clock import NS_PER_S
 from tams_app.records import ArmState
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.session.control import describe
 from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard

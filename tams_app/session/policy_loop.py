@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from tams_app.clock import NS_PER_S, Clock
 from tams_app.policy.engine import Policy
 from tams_app.records import Allocation, Phase
+from tams_app.runtime.clock import NS_PER_S, Clock
 
 
 class PolicyLoop:

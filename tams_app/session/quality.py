@@ -1,14 +1,14 @@
-"""How good the pictures are while a session runs: measured beside it, never in its way."""
+"""How good the frames are while a session runs: measured beside it, never in its way."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
-from tams_app.clock import NS_PER_S
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import Frame, FrameQuality, ShownFrame
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.session.devices import Note
 from tams_app.video.quality_client import QualityClient
 
@@ -67,7 +67,7 @@ class LiveQuality:
         self._client.push_capture(frame)
 
     def push_shown(self, shown: ShownFrame) -> None:
-        """Hand over a picture that reached the screen; each view from one thread."""
+        """Hand over a frame that reached the screen; each view from one thread."""
         self._client.push_shown(shown)
 
     def recent_live(self, view: str, now_ns: int) -> float | None:
@@ -90,4 +90,4 @@ class LiveQuality:
             self._recent[quality.view] = (*before, (quality.capture_ns, quality.live))
 
     def _tell(self, failure: BaseException) -> None:
-        self._note("warning", f"the pictures' quality is not measured: {failure}")
+        self._note("warning", f"the frames' quality is not measured: {failure}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hw.sim.replayed_controller import ReplayedController
+from hw.sim.operator.replayed_controller import ReplayedController
 from tams_app.errors import ConfigError
 from tams_app.recording import read_ticks
 

@@ -10,11 +10,11 @@ from typing import Protocol
 
 from tams_app import __version__
 from tams_app.capacity import Capacity
-from tams_app.clock import Clock
 from tams_app.config import Config
 from tams_app.recording import Facts, Header, Recorder, ReferenceRecorder
 from tams_app.recording.topics import Recordable
 from tams_app.records import Frame, LinkCapacity, PacketRecord, PhaseChange
+from tams_app.runtime.clock import Clock
 
 LOG_NAME = "session.mcap"
 REFERENCE_NAME = "reference.mcap"

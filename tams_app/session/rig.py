@@ -10,20 +10,20 @@ from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
-from hw.lite6 import Lite6
-from hw.sim.camera import SimCamera
-from hw.sim.operator import Operator
-from hw.sim.operator_hand import operator_hand
-from hw.sim.perception import TruePerception
-from hw.sim.shared_block import new_memory_name, remove_memory
-from hw.sim.truth import TruthReader
-from hw.sim.virtual_controller import VirtualController
-from hw.sim.wiring import rig_wiring
-from hw.sim.world_memory import WorldWriter
-from tams_app.clock import Clock
+from hw.lite6.arm import Lite6
+from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator_hand import operator_hand
+from hw.sim.operator.perception import TruePerception
+from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.wiring import rig_wiring
+from hw.sim.world.camera import SimCamera
+from hw.sim.world.shared_block import new_memory_name, remove_memory
+from hw.sim.world.truth import TruthReader
+from hw.sim.world.world_memory import WorldWriter
 from tams_app.config import ArmConfig, Config
-from tams_app.process import HelperProcess
 from tams_app.records import SceneTruth
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.process import HelperProcess
 from tams_app.session.devices import Note
 from tams_app.session.recorded_hand import recorded_hand
 
@@ -60,7 +60,7 @@ class SimulatedRig:
         }
         self.helpers = {
             "rig": HelperProcess("rig", "hw.sim.rig", world, log_directory),
-            "renderer": HelperProcess("renderer", "hw.sim.renderer", renderer, log_directory),
+            "renderer": HelperProcess("renderer", "hw.sim.world.renderer", renderer, log_directory),
         }
 
     def start(self) -> None:

@@ -10,12 +10,9 @@ from pathlib import Path
 
 from hw.arm import Arm
 from hw.boundary import session_boundary
-from hw.lite6_codes import State
-from tams_app.clock import NS_PER_MS, NS_PER_S, Clock
+from hw.lite6.codes import State
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.process import HelperProcess
-from tams_app.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.records import (
     Note,
     Phase,
@@ -24,6 +21,10 @@ from tams_app.records import (
     ShownFrame,
     Tick,
 )
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
+from tams_app.runtime.worker import Worker
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.guarding import Guarding
@@ -38,7 +39,6 @@ from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.trial_loop import TrialLoop
 from tams_app.study.trial import Trial, TrialJudge, UnjudgedTrial
 from tams_app.teleop.safety import Reason
-from tams_app.worker import Worker
 
 STOP_PATIENCE_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
@@ -190,7 +190,7 @@ class Session:
             record=self._keep_tick,
             output=observer.observe,
         )
-        delay_ns = self._streaming.picture_delay_ns
+        delay_ns = self._streaming.video_delay_ns
         return build.control_loop(
             config, self._clock, self._controller, arm, delay_ns, self.signals, hooks
         )
@@ -268,7 +268,7 @@ class Session:
         self._record(Note(self._clock.now_ns(), level, text))
 
     def shown(self, view: str) -> ShownFrame | None:
-        """The newest picture of `view`, for a window."""
+        """The newest frame of `view`, for a window."""
         return self._streaming.shown(view)
 
     def snapshot(self) -> StatusSnapshot:

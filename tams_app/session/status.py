@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tams_app.capacity import Capacity
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.records import (
     Allocation,
     ArmState,
@@ -18,6 +17,7 @@ from tams_app.records import (
     Phase,
     Vector,
 )
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.control import describe
 from tams_app.session.uplink import Uplink
 from tams_app.teleop.records import TeleopOutput
@@ -33,7 +33,7 @@ class ViewStatus:
 
     target_kbps: float | None
     sent_kbps: float | None
-    shown_age_ms: float | None  # age of the picture on the screen, counted from its capture
+    shown_age_ms: float | None  # age of the frame on the screen, counted from its capture
 
 
 @dataclass(frozen=True, slots=True)

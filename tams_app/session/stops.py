@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tams_app.clock import NS_PER_S
 from tams_app.records import ArmState, StopRecord
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from hw.camera import Camera
-from tams_app.clock import Clock
 from tams_app.config import Config
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Frame, PacketRecord, Phase, ShownFrame
+from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.allocating import Allocating
 from tams_app.session.captures import Capture
@@ -48,7 +48,7 @@ class Streaming:
         self._weights = WeightMatrix(config.policy.weights.matrix)
 
     def start(self, logs: Path) -> None:
-        """Start relay, senders, receivers and who compares pictures; nothing is captured yet."""
+        """Start relay, senders, receivers and who compares frames; nothing is captured yet."""
         config, clock, record = self._config, self._clock, self._recorders.record
         self._quality = LiveQuality(config.video, logs, record, self._note)
         self._stack.callback(self._quality.close)
@@ -68,7 +68,7 @@ class Streaming:
         self._stack.callback(self._uplink.close)
         self._uplink.start(allocating.start_kbps(epoch_ns))
         self._policy_loop = allocating.loop(clock, self._uplink, self._on_allocation)
-        self.picture_delay_ns = build.picture_delay_ns(network, self._uplink.rule)
+        self.video_delay_ns = build.video_delay_ns(network, self._uplink.rule)
 
     def run(self, cameras: list[Camera], run: Run) -> None:
         """Start the cameras, a thread for each, and the policy's."""
@@ -84,7 +84,7 @@ class Streaming:
 
     @property
     def helper_pids(self) -> dict[str, int | None]:
-        """Process ids of the relay and of who compares pictures; None where there is none."""
+        """Process ids of the relay and of who compares frames; None where there is none."""
         return {"relay": self._uplink.relay_pid, "quality": self._quality.pid}
 
     @property
@@ -97,7 +97,7 @@ class Streaming:
         self._policy_loop.enter(phase)
 
     def shown(self, view: str) -> ShownFrame | None:
-        """The newest picture of `view`."""
+        """The newest frame of `view`."""
         return self._uplink.receivers[view].mailbox.latest()
 
     def snapshot(self, now_ns: int, elapsed_s: float) -> StatusSnapshot:

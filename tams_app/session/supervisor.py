@@ -8,7 +8,7 @@ from collections.abc import Callable
 from hw.arm import Arm, ServoMode
 from hw.boundary import TcpBoundary
 from tams_app.errors import DeviceError
-from tams_app.mailbox import BoundedQueue
+from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
 
 _WAIT_S = 0.05

@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from tams_app.clock import Clock, FixedRate
 from tams_app.records import SceneTruth
+from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.study.trial import TrialJudge
 
 RATE_HZ = 30.0

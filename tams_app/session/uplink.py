@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from tams_app.clock import Clock
 from tams_app.config import Config, Network
 from tams_app.records import (
     DroppedFrame,
@@ -18,6 +17,7 @@ from tams_app.records import (
     Phase,
     ShownFrame,
 )
+from tams_app.runtime.clock import Clock
 from tams_app.session.captures import CaptureTimes
 from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
@@ -121,7 +121,7 @@ class Uplink:
         return sum(sender.stats().wire_bytes for sender in self._senders.values())
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the picture shown of `view`; None before the first, and if nobody knows."""
+        """Age of the frame shown of `view`; None before the first, and if nobody knows."""
         return self.times[view].age_ns(self.receivers[view].mailbox.latest(), now_ns)
 
     def poll(self) -> str:
@@ -141,17 +141,15 @@ class Uplink:
                 stack.callback(sender.close)
 
 
-class PictureAges(Protocol):
-    """Knows how old the shown pictures are."""
+class VideoAges(Protocol):
+    """Knows how old the shown frames are."""
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the picture shown of `view`; None before the first, and if nobody knows."""
+        """Age of the frame shown of `view`; None before the first, and if nobody knows."""
 
 
-def primary_age_ns(
-    ages: PictureAges, primary: Callable[[Phase], str]
-) -> Callable[[int, Phase], int]:
-    """Age of the shown primary view of a phase; endless before the first picture."""
+def primary_age_ns(ages: VideoAges, primary: Callable[[Phase], str]) -> Callable[[int, Phase], int]:
+    """Age of the shown primary view of a phase; endless before the first frame."""
     endless_ns = 1 << 62
 
     def age_ns(now_ns: int, phase: Phase) -> int:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tams_app.clock import NS_PER_S
 from tams_app.recording import SessionLog
 from tams_app.records import Phase
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.safety import ArmingState
 
 

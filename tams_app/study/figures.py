@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.recording import SessionLog
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import Floats
 from tams_app.summary.tables import PacketTable, Span, Targets
 

@@ -1,4 +1,4 @@
-"""How good the pictures were: SSIM of each view, and of the primary view by phase.
+"""How good the frames were: SSIM of each view, and of the primary view by phase.
 
 From the log alone. A view's figures are means over the frames that were scored (`ssim_n` of them:
 the machine may not have had time for all; the sampled fraction is the share of the captured frames

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.clock import NS_PER_S
 from tams_app.recording import SessionLog
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.summary.control import arm, control, phases
 from tams_app.summary.numbers import mean
 from tams_app.summary.operator import operator

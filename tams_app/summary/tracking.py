@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.recording import SessionLog
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import Flags, Floats, Integers, Number, last_before, mean
 from tams_app.summary.tables import RTP_CLOCK_HZ, FrameTable, PacketTable, Targets
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.clock import NS_PER_MS
 from tams_app.recording import SessionLog
 from tams_app.records import PacketKind
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.summary.numbers import Flags, Integers, Number, percentiles, ratio, step_mean
 from tams_app.summary.tables import PacketTable, Span, Targets
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.recording import SessionLog
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import percentiles, step_mean
 from tams_app.summary.quality import QualityTable, view_quality
 from tams_app.summary.tables import FrameTable, PacketTable, Span, Targets
@@ -25,7 +25,7 @@ def view_summary(
     quality: QualityTable,
     span: Span | None,
 ) -> dict[str, Any]:
-    """The entry of one view; SSIM is null where the pictures were not compared."""
+    """The entry of one view; SSIM is null where the frames were not compared."""
     frames = FrameTable.of(log, view)
     mine = packets.is_video & (packets.view == log.header.views.index(view))
     shown = frames.shown_ns > 0

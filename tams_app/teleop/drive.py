@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_MS
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, Pose, Twist, Vector
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.quaternion import turn_between
@@ -107,7 +107,7 @@ class Drive:
         now_ns: int,
         interval_s: float,
     ) -> None:
-        """Engaged: one tick of hand to twist, `scale` for the picture's age."""
+        """Engaged: one tick of hand to twist, `scale` for the frame's age."""
         if not self._anchored:
             self._brake_then_anchor(sample, arm, interval_s)
             return

@@ -1,4 +1,4 @@
-"""What is left of a wanted twist: by norm, by picture age, by place, by posture."""
+"""What is left of a wanted twist: by norm, by frame age, by place, by posture."""
 
 from __future__ import annotations
 

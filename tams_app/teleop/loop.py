@@ -1,13 +1,13 @@
-"""One tick of teleoperation: hand, arm and picture in, command and arming out."""
+"""One tick of teleoperation: hand, arm and frame in, command and arming out."""
 
 from __future__ import annotations
 
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_S
 from tams_app.config import Config
 from tams_app.lite6_errors import describe_arm_error
 from tams_app.records import Haptic, Twist
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.clutch import Clutch, Fingers
 from tams_app.teleop.drive import Drive
 from tams_app.teleop.plan import TrajectoryError
@@ -41,7 +41,7 @@ class Teleop:
     ) -> None:
         """`ready`: TCP rotation at the ready pose, the axis of the rotation cone.
 
-        `video_floor_ns`: one-way latency plus jitter buffer of the primary view; the picture's age
+        `video_floor_ns`: one-way latency plus jitter buffer of the primary view; the frame's age
         never slows or holds the arm below three times that.
         """
         self._clutch = Clutch(config.clutch, config.freshness.buttons_ms * 1e6)

@@ -184,8 +184,7 @@ class Reason(Enum):
     STALE_VIDEO = (
         "stale video",
         Severity.HOLD,
-        "The picture is too old to steer by: wait until the video is back, "
-        "then release the trigger.",
+        "The frame is too old to steer by: wait until the video is back, then release the trigger.",
     )
     WORKSPACE = (
         "workspace limit",

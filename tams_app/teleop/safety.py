@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tams_app.clock import NS_PER_S
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.reasons import Reason, Severity
 
 __all__ = [

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tams_app.clock import NS_PER_S
 from tams_app.config import LimitsConfig
 from tams_app.records import Pose, Twist, Vector
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.quaternion import (
     IDENTITY,
     Quaternion,

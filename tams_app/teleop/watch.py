@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.clutch import is_fresh
 from tams_app.teleop.motion import is_frozen
 from tams_app.teleop.records import TeleopInput
@@ -77,7 +77,7 @@ class Watch:
         return arm is not None and self._in_servo_mode(arm) and not _is_halted(arm)
 
     def video_scale(self, age_ns: int | None) -> float:
-        """1 for a fresh picture, falling to 0 at the age at which the arm holds; None: no video."""
+        """1 for a fresh frame, falling to 0 at the age at which the arm holds; None: no video."""
         if age_ns is None or age_ns < self._video_slow_ns:
             return 1.0
         if age_ns >= self._video_hold_ns:

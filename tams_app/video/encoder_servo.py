@@ -18,7 +18,7 @@ _PROPORTIONAL = 0.8
 _INTEGRAL = 0.12
 _BIAS_MIN, _BIAS_MAX = -0.60, 0.50
 _ERROR_MAX = 0.5  # one burst of repair packets must not starve the next eight frames
-# Below this share of the target the picture itself needs no more bits: do not wind up.
+# Below this share of the target the frame itself needs no more bits: do not wind up.
 _CONTENT_LIMITED_BELOW = 0.60
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tams_app.clock import NS_PER_S
+from tams_app.runtime.clock import NS_PER_S
 
 RTP_CLOCK_HZ = 90_000
 _RTP_TIMESTAMPS = 1 << 32
@@ -24,7 +24,7 @@ def index_of_rtp_timestamp(timestamp: int, fps: int) -> int:
 
 
 class FrameIdentity:
-    """Capture indices of one receiver's pictures, anchored at its first packet.
+    """Capture indices of one receiver's frames, anchored at its first packet.
 
     A jitter buffer with mode=none makes PTS a linear function of the RTP timestamp, so that
     n = n₀ + round((pts − pts₀)·fps). Both times of the anchor are those of the same packet.
@@ -39,7 +39,7 @@ class FrameIdentity:
         self._ticks = 0  # from the first packet to the last one followed
 
     def index(self, pts_ns: int) -> int:
-        """The capture index of the picture with presentation time `pts_ns`."""
+        """The capture index of the frame with presentation time `pts_ns`."""
         return self._first_index + index_of_pts(pts_ns - self._first_pts_ns, self._fps)
 
     def follow(self, pts_ns: int, rtp_timestamp: int) -> int:

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from random import Random
 
 from tams_app.capacity import Capacity
-from tams_app.clock import NS_PER_MS
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind, PacketRecord
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.loss import loss_model
 
 

@@ -45,7 +45,7 @@ class RtcpHeader:
 
     @property
     def is_pli(self) -> bool:
-        """It asks for a new keyframe (picture loss indication)."""
+        """It asks for a new keyframe (frame loss indication)."""
         return (self.packet_type, self.count) == (_PAYLOAD_FEEDBACK, _PICTURE_LOSS)
 
 

@@ -1,15 +1,15 @@
 """The launch descriptions of the video chains, in pieces.
 
 `encoder_chain` and `decoder_chain` are the paper's chains without their ends. `live_sender` and
-`live_receiver` put an appsrc or appsink, an rtpsession and UDP around them; `lockstep_sender` and
-`lockstep_receiver` leave the entrance open for pads that a run in virtual time pushes from.
+`live_receiver` put an appsrc or appsink, an rtpsession and UDP around them; `virtual_sender` and
+`virtual_receiver` leave the entrance open for pads that a run in virtual time pushes from.
 Settings and their reasons: FINDINGS 2 and 3.
 """
 
 from __future__ import annotations
 
-from tams_app.clock import NS_PER_MS
 from tams_app.config import VideoConfig
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.ports import (
     MEDIA_PAYLOAD_TYPE,
     REPAIR_PAYLOAD_TYPE,
@@ -32,11 +32,11 @@ _RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
 _SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
 RTX_HISTORY_MS = 1000
 # Without async=false a live appsink never leaves PAUSED.
-_PICTURES = "appsink name=pictures async=false sync=false emit-signals=true max-buffers=4 drop=true"
+_PICTURES = "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
 
 
 def raw_caps(config: VideoConfig) -> str:
-    """Caps of the pictures that enter and leave: BGR."""
+    """Caps of the frames that enter and leave: BGR."""
     return (
         f"video/x-raw,format=BGR,width={config.width},height={config.height},"
         f"framerate={config.fps}/1"
@@ -63,7 +63,7 @@ def rtx_ssrcs(config: VideoConfig, view: str) -> str:
 
 
 def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
-    """BGR pictures in, RTP packets out.
+    """BGR frames in, RTP packets out.
 
     threads=1: anything else is not deterministic. aud=false saves a fifth of the packets.
     """
@@ -80,7 +80,7 @@ def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
 
 
 def decoder_chain(rule: RepairRule, decoder: str) -> str:
-    """RTP packets in, BGR pictures out.
+    """RTP packets in, BGR frames out.
 
     mode=none keeps PTS an exact linear function of the RTP timestamp (see frame_identity); its
     deadlines then count from running time 0 unless `ts-offset` is set to the first arrival.
@@ -100,7 +100,7 @@ def decoder_chain(rule: RepairRule, decoder: str) -> str:
 def live_sender(
     config: VideoConfig, view: str, rtx: bool, encoder_kbps: int, link: ViewPorts
 ) -> str:
-    """The whole sender of a view: appsrc `pictures`, udpsink `rtp_out`, udpsrc `feedback_in`."""
+    """The whole sender of a view: appsrc `frames`, udpsink `rtp_out`, udpsrc `feedback_in`."""
     return session_sender(
         config,
         view,
@@ -122,14 +122,14 @@ def session_sender(
     reports_out: str,
     feedback_in: str,
 ) -> str:
-    """A sender with its rtpsession between any ends; pictures enter by the appsrc `pictures`.
+    """A sender with its rtpsession between any ends; frames enter by the appsrc `frames`.
 
     max-buffers=4: with two the first frames are lost while x264 starts.
     """
     history = f"! rtprtxsend name=rtx max-size-time={RTX_HISTORY_MS} " if rtx else ""
     return (
         f"{_SENDING} update-ntp64-header-ext=false "
-        "appsrc name=pictures is-live=true format=time block=false max-buffers=4 "
+        "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
         f'leaky-type=downstream caps="{raw_caps(config)}" '
         f"! {encoder_chain(config, view, encoder_kbps)} {history}! session.send_rtp_sink "
         f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
@@ -140,7 +140,7 @@ def session_sender(
 def live_receiver(
     config: VideoConfig, view: str, rule: RepairRule, decoder: str, link: ViewPorts
 ) -> str:
-    """The whole receiver of a view: udpsrcs `rtp_in` and `reports_in`, appsink `pictures`."""
+    """The whole receiver of a view: udpsrcs `rtp_in` and `reports_in`, appsink `frames`."""
     return session_receiver(
         config,
         view,
@@ -162,7 +162,7 @@ def session_receiver(
     reports_in: str,
     feedback_out: str,
 ) -> str:
-    """A receiver with its rtpsession between any ends; pictures leave by the appsink `pictures`.
+    """A receiver with its rtpsession between any ends; frames leave by the appsink `frames`.
 
     Only the view's own SSRC is linked on.
     """
@@ -176,13 +176,13 @@ def session_receiver(
     )
 
 
-def lockstep_sender(config: VideoConfig, view: str, encoder_kbps: int) -> str:
+def virtual_sender(config: VideoConfig, view: str, encoder_kbps: int) -> str:
     """A view's sender in virtual time: the entrance is open, appsink `packets` is the exit."""
     return (
         f"{encoder_chain(config, view, encoder_kbps)} ! appsink name=packets async=false sync=false"
     )
 
 
-def lockstep_receiver(rule: RepairRule, decoder: str) -> str:
-    """A view's receiver in virtual time: the entrance is open, appsink `pictures` is the exit."""
+def virtual_receiver(rule: RepairRule, decoder: str) -> str:
+    """A view's receiver in virtual time: the entrance is open, appsink `frames` is the exit."""
     return f"{decoder_chain(rule, decoder)} ! {_PICTURES}"

@@ -1,7 +1,7 @@
-"""What became of each captured frame of one view, and which pictures tell how good it looked.
+"""What became of each captured frame of one view, and which images tell how good it looked.
 
 Pure accounting: captures and shown frames go in, each in its own order; a captured frame comes out
-once its fate is decided, with the pictures to compare. `Scorer` compares them (see ssim).
+once its fate is decided, with the images to compare. `Scorer` compares them (see ssim).
 """
 
 from __future__ import annotations
@@ -9,25 +9,25 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from dataclasses import dataclass
 
-from tams_app.clock import NS_PER_MS
 from tams_app.records import FrameQuality
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.ssim import FrameMoments, Luma, ssim
 
 FREEZE_NS = 200 * NS_PER_MS
 WINDOW_FRAMES = 90  # three seconds: the link, repair and decoding keep nothing for as long
-_KEPT_MOMENTS = 8  # pictures; one takes 3.7 MB
+_KEPT_MOMENTS = 8  # images; one takes 3.7 MB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
-    """One picture; `luma` is None where nobody has it any more. Equal only to itself."""
+class Image:
+    """One image; `luma` is None where nobody has it any more. Equal only to itself."""
 
     luma: Luma | None
 
 
 @dataclass(frozen=True, slots=True)
 class Fate:
-    """A captured frame whose fate is decided, and the pictures to compare it with.
+    """A captured frame whose fate is decided, and the images to compare it with.
 
     `shown`: its own, `stand_in`: what was shown in its place (its own, or of the greatest smaller
     index), `on_screen`: at its capture. None where there is none.
@@ -40,23 +40,23 @@ class Fate:
     age_ns: int | None
     frozen: bool
     damaged: bool | None
-    captured: Picture
-    shown: Picture | None
-    stand_in: Picture | None
-    on_screen: Picture | None
+    captured: Image
+    shown: Image | None
+    stand_in: Image | None
+    on_screen: Image | None
 
 
 @dataclass(frozen=True, slots=True)
 class _Captured:
     capture_ns: int
-    picture: Picture
+    image: Image
 
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
     index: int
     shown_ns: int
-    picture: Picture
+    image: Image
     capture_ns: int | None  # None: shown without having been captured
     damaged: bool | None
 
@@ -79,7 +79,7 @@ class ViewQuality:
 
     def captured(self, index: int, capture_ns: int, luma: Luma | None) -> list[Fate]:
         """A camera's frame; decides the oldest one if the window is full."""
-        self._pending[index] = _Captured(capture_ns, Picture(luma))
+        self._pending[index] = _Captured(capture_ns, Image(luma))
         self._newest_capture_ns = capture_ns
         if len(self._pending) <= self._window_frames:
             return []
@@ -89,11 +89,11 @@ class ViewQuality:
     def shown(
         self, index: int, shown_ns: int, luma: Luma | None, damaged: bool | None = None
     ) -> list[Fate]:
-        """A picture that reached the screen; decides all captures up to it."""
+        """An image that reached the screen; decides all captures up to it."""
         own = self._pending.get(index)
         self.unmatched += own is None
         capture_ns = own.capture_ns if own else None
-        shown = _Shown(index, shown_ns, Picture(luma), capture_ns, damaged)
+        shown = _Shown(index, shown_ns, Image(luma), capture_ns, damaged)
         self._history.append(shown)
         due = [number for number in self._pending if number <= index]
         fates = [
@@ -126,14 +126,14 @@ class ViewQuality:
             age_ns=_age_ns(on_screen, capture.capture_ns),
             frozen=on_screen is not None and self._stayed_ns(on_screen, now_ns) > FREEZE_NS,
             damaged=shown.damaged if shown else None,
-            captured=capture.picture,
-            shown=shown.picture if shown else None,
-            stand_in=stand_in.picture if stand_in else None,
-            on_screen=on_screen.picture if on_screen else None,
+            captured=capture.image,
+            shown=shown.image if shown else None,
+            stand_in=stand_in.image if stand_in else None,
+            on_screen=on_screen.image if on_screen else None,
         )
 
     def _stayed_ns(self, on_screen: _Shown, now_ns: int) -> int:
-        """How long a picture stayed on screen, up to now."""
+        """How long an image stayed on screen, up to now."""
         ends = [one.shown_ns for one in self._history if one.shown_ns > on_screen.shown_ns]
         return min(ends, default=now_ns) - on_screen.shown_ns
 
@@ -148,24 +148,24 @@ class ViewQuality:
 
 
 class Scorer:
-    """Compares the pictures of fates, each pair once; remembers the moments of what was shown.
+    """Compares the images of fates, each pair once; remembers the moments of what was shown.
 
     Give it one view's fates in order: what is shown is on screen a few captures later.
     """
 
     def __init__(self) -> None:
-        self._moments: OrderedDict[Picture, FrameMoments] = OrderedDict()
+        self._moments: OrderedDict[Image, FrameMoments] = OrderedDict()
 
     def score(self, fate: Fate) -> FrameQuality:
-        """The frame's record with its three scores; None where a picture is missing."""
+        """The frame's record with its three scores; None where an image is missing."""
         if fate.captured.luma is None:
             return record_of(fate)
         captured = FrameMoments.of(fate.captured.luma)
-        pictures = {fate.shown, fate.stand_in, fate.on_screen}  # two of them may be one
-        scores = {picture: self._compare(captured, picture) for picture in pictures}
+        images = {fate.shown, fate.stand_in, fate.on_screen}  # two of them may be one
+        scores = {image: self._compare(captured, image) for image in images}
         return record_of(fate, scores[fate.shown], scores[fate.stand_in], scores[fate.on_screen])
 
-    def _compare(self, captured: FrameMoments, shown: Picture | None) -> float | None:
+    def _compare(self, captured: FrameMoments, shown: Image | None) -> float | None:
         if shown is None or shown.luma is None:
             return None
         moments = self._moments.get(shown)

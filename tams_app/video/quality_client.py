@@ -1,4 +1,4 @@
-"""The session's side of the SSIM helper: hands pictures over, gets their scores back."""
+"""The session's side of the SSIM helper: hands frames over, gets their scores back."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from tams_app.errors import HelperError
-from tams_app.process import READY_TIMEOUT_S, HelperProcess
 from tams_app.records import Frame, FrameQuality, ShownFrame
-from tams_app.shared_block import create_block, new_block_name, remove_block
+from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
+from tams_app.runtime.shared_block import create_block, new_block_name, remove_block
+from tams_app.runtime.worker import Worker
+from tams_app.video.frame_ring import CAPTURED, KINDS, SHOWN, FrameWriter, RingLayout
 from tams_app.video.helper_stream import received
-from tams_app.video.picture_ring import CAPTURED, KINDS, SHOWN, PictureWriter, RingLayout
-from tams_app.worker import Worker
 
 _STOP_TIMEOUT_S = 9.0  # it may score for .7 s more, at the lowest priority
 
@@ -24,7 +24,7 @@ _STOP_TIMEOUT_S = 9.0  # it may score for .7 s more, at the lowest priority
 class QualityClient:
     """One SSIM helper; `push_*` cost one conversion to luma into shared memory (.1 ms).
 
-    Push a view's captures from one thread and its shown pictures from one thread; a capture before
+    Push a view's captures from one thread and its shown frames from one thread; a capture before
     it is sent. `on_quality` and `on_failure` are called in the reading thread, `on_quality` once
     per captured frame. The helper's end is a failure of the measurement only.
     """
@@ -43,7 +43,7 @@ class QualityClient:
         self._log_directory = log_directory
         self._on_quality = on_quality
         self._reader = Worker("quality-results", self._read, on_failure)
-        self._writers: dict[tuple[str, str], PictureWriter] = {}
+        self._writers: dict[tuple[str, str], FrameWriter] = {}
         self._connection: socket.socket | None = None
         self._process: HelperProcess | None = None
         self._stack = ExitStack()
@@ -68,7 +68,7 @@ class QualityClient:
             self._reader.start()
             self._stack = stack.pop_all()
         self._writers = {
-            (view, kind): PictureWriter(block, self._layout, view, kind)
+            (view, kind): FrameWriter(block, self._layout, view, kind)
             for view in self._layout.views
             for kind in KINDS
         }
@@ -128,6 +128,6 @@ class QualityClient:
                 self._on_quality(FrameQuality(**json.loads(line)))
         if not self._closing:
             raise HelperError(
-                "the SSIM helper ended unasked, so pictures are no longer compared; "
+                "the SSIM helper ended unasked, so frames are no longer compared; "
                 "start a new session if you need their quality"
             )

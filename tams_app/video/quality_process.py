@@ -1,4 +1,4 @@
-"""The helper process that compares shown pictures with captured ones, with the time left over.
+"""The helper process that compares shown frames with captured ones, with the time left over.
 
 Specification: memory_name, views, width, height, results_port. It tells every captured frame's fate
 as one line of JSON over TCP (FrameQuality's fields); with scores where there was time to spare
@@ -18,12 +18,12 @@ from typing import Any
 import cv2
 import psutil
 
-from tams_app.clock import NS_PER_MS, Clock, MonotonicClock
-from tams_app.process import HelperSide
-from tams_app.realtime import use_idle
 from tams_app.records import FrameQuality
-from tams_app.shared_block import open_block
-from tams_app.video.picture_ring import CAPTURED, SHOWN, PictureReader, RingLayout
+from tams_app.runtime.clock import NS_PER_MS, Clock, MonotonicClock
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.realtime import use_idle
+from tams_app.runtime.shared_block import open_block
+from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
 from tams_app.video.quality import Fate, Scorer, ViewQuality, record_of
 from tams_app.video.spare_pace import SparePace
 
@@ -39,8 +39,8 @@ class ViewScores:
     def __init__(
         self,
         view: str,
-        captured: PictureReader,
-        shown: PictureReader,
+        captured: FrameReader,
+        shown: FrameReader,
         report: Callable[[FrameQuality], None],
     ) -> None:
         self._captured = captured
@@ -69,7 +69,7 @@ class ViewScores:
         return True
 
     def finish(self, end_ns: int) -> None:
-        """Take in the last pictures and decide the rest."""
+        """Take in the last frames and decide the rest."""
         self.take_in()
         self._waiting.extend(self._quality.finish(end_ns))
 
@@ -137,8 +137,8 @@ def main() -> None:
         views = [
             ViewScores(
                 name,
-                PictureReader(block, layout, name, CAPTURED),
-                PictureReader(block, layout, name, SHOWN),
+                FrameReader(block, layout, name, CAPTURED),
+                FrameReader(block, layout, name, SHOWN),
                 report,
             )
             for name in names

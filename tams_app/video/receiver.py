@@ -1,4 +1,4 @@
-"""One view's receiver: RTP in, the newest picture in a mailbox."""
+"""One view's receiver: RTP in, the newest frame in a mailbox."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 from tams_app import gst
-from tams_app.clock import Clock
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
+from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
 from tams_app.video.repair import RepairRule
@@ -18,9 +18,9 @@ from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payl
 
 
 class VideoReceiver:
-    """Receives and decodes one view; the newest picture waits in `mailbox`.
+    """Receives and decodes one view; the newest frame waits in `mailbox`.
 
-    `on_shown` runs in the decoder's thread, once per picture: it must only hand over.
+    `on_shown` runs in the decoder's thread, once per frame: it must only hand over.
     """
 
     def __init__(
@@ -37,8 +37,8 @@ class VideoReceiver:
         self._config = config
         self._rule = rule
         self._decoder = gst.choose_decoder(config.decoder)
-        self._pictures = ViewDecoder(view, config, rule, clock, on_shown)
-        self.mailbox = self._pictures.mailbox
+        self._frames = ViewDecoder(view, config, rule, clock, on_shown)
+        self.mailbox = self._frames.mailbox
         self._failure = ""
         self._pipeline: Any = None
         ports = requested_ports(config, view)
@@ -75,17 +75,17 @@ class VideoReceiver:
             self._resent.set_property("payload-type-map", structure)
         pipeline.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
-        self._pictures.attach(pipeline)
+        self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the receiver of view {self.view}")
 
     def stats(self) -> ReceiverStats:
         """Counts since the start."""
-        return self._pictures.stats()
+        return self._frames.stats()
 
     def poll(self) -> str:
         """Why this receiver no longer works, in one sentence; "" while it does."""
         if not self._failure and self._pipeline is not None:
-            reason = self._pictures.failure or gst.poll_bus(self._pipeline)
+            reason = self._frames.failure or gst.poll_bus(self._pipeline)
             if reason:
                 self._failure = f"the receiver of view {self.view} failed: {reason}"
         return self._failure

@@ -9,16 +9,16 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tams_app.capacity import Capacity
-from tams_app.clock import Clock, MonotonicClock
 from tams_app.config import Network
 from tams_app.errors import HelperError
-from tams_app.process import READY_TIMEOUT_S, HelperProcess
 from tams_app.records import PacketRecord
+from tams_app.runtime.clock import Clock, MonotonicClock
+from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
+from tams_app.runtime.worker import Worker
 from tams_app.video.helper_stream import received
 from tams_app.video.networks import network_capacity
 from tams_app.video.ports import ViewPorts
 from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
-from tams_app.worker import Worker
 
 
 class RelayClient:

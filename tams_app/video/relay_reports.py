@@ -7,8 +7,8 @@ import socket
 import time
 from dataclasses import replace
 
-from tams_app.clock import NS_PER_S
 from tams_app.records import PacketRecord
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.video.relay_wire import RelayStatistics, encode_batch
 
 # A session that stalls for a minute at 1000 packets/s leaves no gap in its records.

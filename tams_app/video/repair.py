@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from tams_app.clock import NS_PER_MS
 from tams_app.config import Network, RepairConfig
+from tams_app.runtime.clock import NS_PER_MS
 
 _RTX_WORTH_MS = 200.0  # beyond this a resent packet comes too late for the operator
 _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
@@ -45,9 +45,9 @@ def repair_rule(
 
 
 class KeyframeRequests:
-    """Rations picture loss indications: one per interval; an early request waits, none is lost.
+    """Rations frame loss indications: one per interval; an early request waits, none is lost.
 
-    An undamaged keyframe answers every request before it: it repairs the picture. A PLI that
+    An undamaged keyframe answers every request before it: it repairs the frame. A PLI that
     stays unanswered for two intervals was lost itself and is sent again.
     """
 

@@ -1,4 +1,4 @@
-"""One view's sender: pictures in, H.264 over RTP out, at the rate it was given."""
+"""One view's sender: frames in, H.264 over RTP out, at the rate it was given."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from tams_app import gst
-from tams_app.clock import Clock
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
+from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
 from tams_app.video.shells import UdpSocket, wire_bytes_sent
@@ -75,11 +75,11 @@ class VideoSender:
             )
         )
         self._pipeline = pipeline
-        self._pictures = pipeline.get_by_name("pictures")
+        self._images = pipeline.get_by_name("frames")
         self._udpsink = pipeline.get_by_name("rtp_out")
         self._resender = pipeline.get_by_name("rtx")
         self._socket.attach(pipeline.get_by_name("feedback_in"))
-        # else a session that sent RTCP before the first picture imposes a random SSRC
+        # else a session that sent RTCP before the first frame imposes a random SSRC
         session = pipeline.get_by_name("session").get_property("internal-session")
         session.set_property("internal-ssrc", media_ssrc(self._config, self.view))
         if self._resender is not None:
@@ -92,7 +92,7 @@ class VideoSender:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
         buffer = self._frames.admit(frame, wire_bytes_sent(self._udpsink, self._link))
         if buffer is not None:
-            self._pictures.emit("push-buffer", buffer)
+            self._images.emit("push-buffer", buffer)
 
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""

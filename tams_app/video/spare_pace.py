@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tams_app.clock import NS_PER_MS
+from tams_app.runtime.clock import NS_PER_MS
 
-LEAST_SHARE = 0.04  # of one core: a few pictures a second, so that there is always a figure
+LEAST_SHARE = 0.04  # of one core: a few frames a second, so that there is always a figure
 LARGEST_SHARE = 0.5
 SCARCE_IDLE, AMPLE_IDLE = 0.05, 0.10  # of all cores
 _LOOK_NS = 500 * NS_PER_MS

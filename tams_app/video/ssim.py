@@ -1,7 +1,7 @@
-"""The structural similarity of two pictures (Wang et al. 2004), one of them often compared again.
+"""The structural similarity of two images (Wang et al. 2004), one of them often compared again.
 
 11×11 Gaussian window with σ 1.5, K₁ .01, K₂ .03, data range 255, population covariance, mean over
-the windows that lie inside the picture: scikit-image's structural_similarity(a, b,
+the windows that lie inside the image: scikit-image's structural_similarity(a, b,
 gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255).
 """
 
@@ -28,13 +28,13 @@ _WEIGHTS = cv2.getGaussianKernel(2 * RADIUS + 1, _SIGMA, cv2.CV_32F)
 
 
 def luma_of(image: Image) -> Luma:
-    """The 8-bit luma (BT.601) of a BGR picture, shape (height, width, 3)."""
+    """The 8-bit luma (BT.601) of a BGR image, shape (height, width, 3)."""
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class FrameMoments:
-    """What every comparison with one picture needs of it, float32, shape (height, width).
+    """What every comparison with one image needs of it, float32, shape (height, width).
 
     `luma` and `mean` count from mid-grey; `mean` and `variance` are weighted by the window.
     """
@@ -47,7 +47,7 @@ class FrameMoments:
     def of(luma: Luma) -> FrameMoments:
         """Moments of an 8-bit luma, shape (height, width), both at least 11."""
         if min(luma.shape) <= 2 * RADIUS:
-            raise ValueError(f"SSIM needs pictures of 11x11 pixels or more, got {luma.shape}")
+            raise ValueError(f"SSIM needs images of 11x11 pixels or more, got {luma.shape}")
         centred = luma.astype(np.float32)
         centred -= _CENTRE
         mean = _windowed(centred)
@@ -57,7 +57,7 @@ class FrameMoments:
 
 
 def ssim(one: FrameMoments, other: FrameMoments) -> float:
-    """Mean structural similarity of two pictures of one size, within 1e-4; 1 if they are equal."""
+    """Mean structural similarity of two images of one size, within 1e-4; 1 if they are equal."""
     if one.luma.shape != other.luma.shape:
         raise ValueError(f"cannot compare {one.luma.shape} with {other.luma.shape} pixels")
     product = one.mean * other.mean

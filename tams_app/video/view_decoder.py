@@ -1,6 +1,6 @@
-"""One view's way through jitter buffer and decoder to the newest picture, live and in virtual time.
+"""One view's way through jitter buffer and decoder to the newest frame, live and in virtual time.
 
-Around it stand the shells: `receiver.VideoReceiver` with sockets, `lockstep` under a virtual clock.
+Around it stand the shells: `receiver.VideoReceiver` with sockets, `virtual_time` under its own.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from tams_app import gst
-from tams_app.clock import Clock
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.mailbox import Mailbox
 from tams_app.records import Image, ShownFrame
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.mailbox import Mailbox
 from tams_app.video import pipelines
 from tams_app.video.frame_identity import FrameIdentity
 from tams_app.video.repair import KeyframeRequests, RepairRule
@@ -41,10 +41,10 @@ class ReceiverStats:
 
 
 class ViewDecoder:
-    """Watches a decoder chain: which frame each picture is, and when a keyframe is asked for.
+    """Watches a decoder chain: which frame each frame is, and when a keyframe is asked for.
 
-    The newest picture waits in `mailbox`. `on_shown` runs in the decoder's thread, once per
-    picture: it must only hand over. `failure`: why pictures no longer come, "" while they do.
+    The newest frame waits in `mailbox`. `on_shown` runs in the decoder's thread, once per
+    frame: it must only hand over. `failure`: why frames no longer come, "" while they do.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class ViewDecoder:
         self._shown = 0
 
     def attach(self, pipeline: Any) -> None:
-        """Take the elements of a `decoder_chain` that ends in the appsink `pictures`."""
+        """Take the elements of a `decoder_chain` that ends in the appsink `frames`."""
         kinds = gst.load().Gst.PadProbeType
         buffers = kinds.BUFFER | kinds.BUFFER_LIST
         self._jitterbuffer = pipeline.get_by_name("jitterbuffer")
@@ -81,7 +81,7 @@ class ViewDecoder:
         self._jitterbuffer.get_static_pad("src").add_probe(buffers, self._on_first_packet)
         self._request_pad.add_probe(kinds.EVENT_UPSTREAM, self._on_upstream_event)
         depayloader.get_static_pad("src").add_probe(kinds.BUFFER, self._on_access_unit)
-        pipeline.get_by_name("pictures").connect("new-sample", self._on_picture)
+        pipeline.get_by_name("frames").connect("new-sample", self._on_frame)
 
     def stats(self) -> ReceiverStats:
         """Counts since the start."""
@@ -154,7 +154,7 @@ class ViewDecoder:
             self._jitterbuffer.set_property("ts-offset", offset_ns + shift_ns)
             access_unit.pts += shift_ns
 
-    def _on_picture(self, appsink: Any) -> Any:
+    def _on_frame(self, appsink: Any) -> Any:
         Gst = gst.load().Gst
         try:
             self._show(appsink.emit("pull-sample").get_buffer())
@@ -165,7 +165,7 @@ class ViewDecoder:
 
     def _show(self, buffer: Any) -> None:
         if self._identity is None:
-            raise TamsError("a picture came out before a packet went in")
+            raise TamsError("a frame came out before a packet went in")
         height, width = self._config.height, self._config.width
         pixels = np.frombuffer(buffer.extract_dup(0, buffer.get_size()), np.uint8)
         image: Image = pixels.reshape(height, width, 3)

@@ -1,6 +1,6 @@
 """One view's way into the encoder and out of it, the same live and in virtual time.
 
-Around it stand the shells: `sender.VideoSender` with sockets, `lockstep` under a virtual clock.
+Around it stand the shells: `sender.VideoSender` with sockets, `virtual_time` under a virtual clock.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 from tams_app import gst
-from tams_app.clock import NS_PER_S, Clock
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
+from tams_app.runtime.clock import NS_PER_S, Clock
 from tams_app.video.encoder_servo import EncoderServo
 from tams_app.video.frame_identity import index_of_pts, pts_of_index
 from tams_app.video.source_drop import SourceDrop

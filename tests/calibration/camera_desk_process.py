@@ -8,19 +8,19 @@ import mmap
 import sys
 from pathlib import Path
 
-from calibration.cameras import picture_step
+from calibration.cameras import image_step
 from calibration.cameras.bench import Bench
 from calibration.cameras.live_bench import LiveBench
 from calibration.cameras.wizard import Options, run_cameras
 from calibration.desk import PlayedDesk
-from hw.v4l2_devices import list_cameras
-from tests.hw.fake_cameras import FakeCamera
+from hw.v4l2.devices import list_cameras
+from tests.hw.v4l2.fake_cameras import FakeCamera
 
-STILL, ALL = 32, 64  # pictures of a played camera: at rest; then those with a hand
+STILL, ALL = 32, 64  # images of a played camera: at rest; then those with a hand
 
 
 class WavingDesk(PlayedDesk):
-    """Waves before the camera that it is asked to; its pictures then have a hand."""
+    """Waves before the camera that it is asked to; its images then have a hand."""
 
     def __init__(self, answers: list[str], played: dict[str, FakeCamera]) -> None:
         super().__init__(answers, presses=100)
@@ -44,7 +44,7 @@ def main() -> None:
     """Arguments: folders of /dev and /sys, configuration, JSON of files by view, of answers."""
     dev, sys_folder, config = (Path(argument) for argument in sys.argv[1:4])
     played, answers = json.loads(sys.argv[4]), json.loads(sys.argv[5])
-    picture_step._LOOK_S = 3.0
+    image_step._LOOK_S = 3.0
     desk = WavingDesk(answers, {view: played_camera(Path(at)) for view, at in played.items()})
 
     def make_bench(settings, options, clock, board) -> Bench:  # type: ignore[no-untyped-def]

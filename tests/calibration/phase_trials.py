@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from calibration.phases.labels import Geometry
 from calibration.phases.trials import Motion, StepInput
-from tams_app.clock import VirtualClock
 from tams_app.recording import Recorder
 from tams_app.records import ArmState, Pose, SceneTruth, Tick
+from tams_app.runtime.clock import VirtualClock
 from tests.synthetic_session import START_NS, header, tick
 
 PERIOD_S = 1.0 / 120.0

@@ -7,6 +7,8 @@ import pytest
 from calibration.cameras.exposure import Exposure, exposure_advice, measure_exposure, smear_px
 from calibration.cameras.focus import focus_advice, sharpness
 
+pytestmark = pytest.mark.untimed
+
 
 def edges(seed=0):
     random = np.random.default_rng(seed)
@@ -17,7 +19,7 @@ def edges(seed=0):
     return grey
 
 
-def picture(grey, blur_px=0.0, contrast=1.0, noise=0.0, seed=0):
+def image(grey, blur_px=0.0, contrast=1.0, noise=0.0, seed=0):
     if blur_px:
         grey = cv2.GaussianBlur(grey, (0, 0), blur_px)
     grey = contrast * grey + 20
@@ -29,27 +31,27 @@ def picture(grey, blur_px=0.0, contrast=1.0, noise=0.0, seed=0):
 @pytest.mark.parametrize(("contrast", "noise"), [(0.8, 0.0), (0.8, 3.0), (0.4, 3.0)])
 @pytest.mark.parametrize("scene", [0, 1])
 def test_blur_is_measured_whatever_scene_light_and_noise(blur_px, contrast, noise, scene):
-    measured = sharpness(picture(edges(scene), blur_px, contrast, noise))
+    measured = sharpness(image(edges(scene), blur_px, contrast, noise))
     assert measured.blur_px == pytest.approx(blur_px, rel=0.2)
     assert measured.noise == pytest.approx(noise, abs=0.4)
 
 
 def test_turning_the_ring_towards_focus_always_raises_the_bar():
-    bars = [sharpness(picture(edges(), blur, 0.8, 3.0)).tenengrad for blur in (6, 4, 3, 2, 1, 0.5)]
+    bars = [sharpness(image(edges(), blur, 0.8, 3.0)).tenengrad for blur in (6, 4, 3, 2, 1, 0.5)]
     assert bars == sorted(bars)
 
 
 @pytest.mark.parametrize("noise", [0.0, 3.0, 8.0])
 def test_a_blank_wall_is_nothing_to_focus_on(noise):
-    measured = sharpness(picture(np.full((480, 640), 100, np.float32), noise=noise))
+    measured = sharpness(image(np.full((480, 640), 100, np.float32), noise=noise))
     assert not measured.measurable
     assert "nothing to focus on" in focus_advice(measured)
 
 
 def test_advice_follows_the_blur():
-    assert focus_advice(sharpness(picture(edges(), 1.0))) == ""
-    assert "a little soft" in focus_advice(sharpness(picture(edges(), 2.0)))
-    assert "out of focus" in focus_advice(sharpness(picture(edges(), 4.0)))
+    assert focus_advice(sharpness(image(edges(), 1.0))) == ""
+    assert "a little soft" in focus_advice(sharpness(image(edges(), 2.0)))
+    assert "out of focus" in focus_advice(sharpness(image(edges(), 4.0)))
 
 
 def lit(level, count=40, flicker=0.0, beat=3.0):
@@ -76,11 +78,11 @@ def test_steady_light_and_a_slow_cloud_are_no_flicker():
     assert measure_exposure(lit(120, flicker=0.1, beat=400.0)).flicker < 0.01
 
 
-def test_a_thing_that_moves_in_a_part_of_the_picture_is_no_flicker():
-    pictures = lit(120)
-    for number, each in enumerate(pictures):
+def test_a_thing_that_moves_in_a_part_of_the_image_is_no_flicker():
+    images = lit(120)
+    for number, each in enumerate(images):
         each[100:200, 10 * number : 10 * number + 150] = 250
-    assert measure_exposure(pictures).flicker < 0.01
+    assert measure_exposure(images).flicker < 0.01
 
 
 @pytest.mark.parametrize(("level", "words"), [(250, "too bright"), (20, "too dark"), (120, "")])

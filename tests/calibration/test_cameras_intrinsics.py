@@ -12,6 +12,8 @@ from calibration.cameras.plane import Lens, Placed
 from calibration.cameras.simulated_person import next_pose
 from tams_app.errors import ConfigError
 
+pytestmark = pytest.mark.untimed
+
 BOARD = Board()
 MATRIX = np.array([[562.0, 0.0, 327.0], [0.0, 559.0, 233.0], [0.0, 0.0, 1.0]])
 DISTORTION = np.array([-0.21, 0.08, 0.0012, -0.0008, 0.0])
@@ -32,7 +34,7 @@ def lens():
 
 
 def seen(lens, place, seed=0, blur_px=0.7, noise=2.0):
-    flat = BOARD.picture(PX_PER_MM)
+    flat = BOARD.frame(PX_PER_MM)
     behind = np.full((480, 640, 3), 90, np.uint8)
     image = lens.window_on(place, PX_PER_MM * 1000, flat.shape[:2]).see(flat, behind)
     image = cv2.GaussianBlur(image, (0, 0), blur_px)

@@ -19,8 +19,10 @@ from calibration.cameras.time_pattern import (
     from_gray_code,
     gray_code,
 )
-from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock
 from tams_app.config import load_config
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+
+pytestmark = pytest.mark.untimed
 
 PATTERN, READER, LENS = TimePattern(12), PatternReader(), lens_of(600.0, 640, 480)
 WIDTH_M = 0.5
@@ -29,7 +31,7 @@ REFRESH_MS = PERIOD_NS / NS_PER_MS
 
 
 def filmed(flat, turn_deg=(0.0, 0.0, 0.0), distance_m=0.8, blur_px=0.7, noise=3.0, seed=0):
-    """`flat` on a screen, seen askew, out of focus, with noise and a pale picture."""
+    """`flat` on a screen, seen askew, out of focus, with noise and a pale image."""
     width, height = PATTERN.size
     turn = Rotation.from_euler("xyz", turn_deg, degrees=True)
     place = Placed(np.array([0.02, -0.01, distance_m]), turn, WIDTH_M, WIDTH_M * height / width)
@@ -75,7 +77,7 @@ def test_a_screen_torn_between_two_refreshes_never_reads_as_a_third(count, line,
     assert READER.read(filmed(torn, blur_px=blur_px)).count in (count, count + 1, -1)
 
 
-def test_pictures_that_cannot_be_read_say_why():
+def test_images_that_cannot_be_read_say_why():
     nothing = np.full((480, 640, 3), 90, np.uint8)
     assert "0 of its 4 corners are seen" in READER.read(nothing).reason
     hidden = filmed(PATTERN.draw(1234))
@@ -130,11 +132,11 @@ def test_the_stream_from_capture_to_shown_is_measured_on_the_products_own_chain(
     image = np.random.default_rng(0).integers(0, 255, (480, 640, 3)).astype(np.uint8)
     waited_ns = 40 * NS_PER_MS  # what the camera took before
 
-    def pictures():
+    def images():
         for number in range(45):
             clock.sleep_until_ns(clock.now_ns() + NS_PER_S // 30)
             yield np.roll(image, number, axis=1), clock.now_ns() - waited_ns
 
-    delays = stream_delays_ms("gt", config, pictures(), clock)
+    delays = stream_delays_ms("gt", config, images(), clock)
     assert len(delays) >= 10
     assert min(delays) > 40.0

@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from calibration.cameras.live_bench import bind
-from hw.v4l2_devices import CameraInfo, CameraMode
+from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
 from tests.calibration.camera_desk_process import ALL, STILL
-from tests.hw import fake_cameras
-from tests.hw.fake_cameras import ROOT, SMALL, CameraProcess, Machine, build_library
+from tests.hw.v4l2 import fake_cameras
+from tests.hw.v4l2.fake_cameras import ROOT, SMALL, CameraProcess, Machine, build_library
+
+pytestmark = pytest.mark.waiting
 
 VIDEO = VideoConfig()
 MODE = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
@@ -56,25 +58,25 @@ def test_a_serial_or_name_that_two_cameras_share_binds_neither():
 
 def test_a_camera_without_mjpeg_is_used_raw_and_one_without_either_is_refused():
     assert bind(info(0, "S1", modes=(RAW,)), [], VIDEO).pixel_format == "raw"
-    with pytest.raises(DeviceError, match="does not offer raw pictures"):
+    with pytest.raises(DeviceError, match="does not offer raw images"):
         bind(info(0, "S1", modes=()), [], VIDEO)
 
 
 def with_and_without_a_hand(video, rounds):
-    """Noisy pictures of something at rest, then with a hand that waves."""
+    """Noisy images of something at rest, then with a hand that waves."""
     random = np.random.default_rng(3)
     scene = cv2.resize(random.integers(40, 190, (6, 8, 3)).astype(np.uint8), (160, 120))
     encoded = []
     for number in range(ALL):
-        picture = scene.copy()
+        image = scene.copy()
         if number >= STILL:
             x = int(80 + 45 * np.sin(number))
-            cv2.ellipse(picture, (x, 60), (28, 40), 0, 0, 360, (120, 150, 205), -1)
-        noisy = picture + random.integers(-4, 5, picture.shape)
+            cv2.ellipse(image, (x, 60), (28, 40), 0, 0, 360, (120, 150, 205), -1)
+        noisy = image + random.integers(-4, 5, image.shape)
         jpeg = cv2.imencode(".jpg", np.clip(noisy, 0, 255).astype(np.uint8))[1]
         encoded.append(jpeg.tobytes())
     longest = max(map(len, encoded))
-    return [picture.ljust(longest, b"\0") for picture in encoded]
+    return [image.ljust(longest, b"\0") for image in encoded]
 
 
 @pytest.mark.timeout(400)

@@ -5,11 +5,13 @@ import pytest
 
 from calibration.cameras.wizard import Options, run_cameras
 from calibration.desk import PlayedDesk
-from tams_app.clock import MonotonicClock
 from tams_app.errors import LogError
 from tams_app.recording import Recorder, ReferenceRecorder
 from tams_app.records import Frame
+from tams_app.runtime.clock import MonotonicClock
 from tests.synthetic_session import VIEWS, capture_ns, header, live_records
+
+pytestmark = pytest.mark.waiting
 
 SECONDS = 3.0
 

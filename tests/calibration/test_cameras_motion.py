@@ -8,12 +8,14 @@ from hypothesis import strategies as st
 
 from calibration.cameras.motion import MotionMeter, attribute
 
+pytestmark = pytest.mark.untimed
+
 NAMES = ("a", "b", "c")
 HEIGHT, WIDTH = 240, 320
 
 
 class Scene:
-    """A camera's pictures: noise, a flickering lamp in bands, and a hand of some size."""
+    """A camera's images: noise, a flickering lamp in bands, and a hand of some size."""
 
     def __init__(self, seed, noise=2.0, flicker=0.0):
         self._random = np.random.default_rng(seed)
@@ -22,7 +24,7 @@ class Scene:
         self._noise, self._flicker = noise, flicker
         self._number = 0
 
-    def picture(self, hand_px=0):
+    def image(self, hand_px=0):
         self._number += 1
         rows = np.arange(HEIGHT)[:, None]
         phase = 2 * np.pi * (rows / 90 + self._number / 3)
@@ -40,8 +42,8 @@ def watch(hands, seed=1, noise=2.0, flicker=0.0):
     for place, name in enumerate(NAMES):
         scene, meter = Scene(seed + place, noise, flicker), MotionMeter()
         for _ in range(20):
-            meter.rest(scene.picture())
-        moved[name] = [meter.moved(scene.picture(hands.get(name, 0))) for _ in range(20)]
+            meter.rest(scene.image())
+        moved[name] = [meter.moved(scene.image(hands.get(name, 0))) for _ in range(20)]
     return moved
 
 
@@ -85,10 +87,10 @@ def test_a_camera_that_has_its_view_already_is_not_taken_again():
 def test_a_scene_that_never_rests_counts_only_what_is_beyond_it():
     scene, meter = Scene(4), MotionMeter()
     for _ in range(20):
-        meter.rest(scene.picture(hand_px=50))
-    assert np.mean([meter.moved(scene.picture(hand_px=50)) for _ in range(20)]) < 0.02
+        meter.rest(scene.image(hand_px=50))
+    assert np.mean([meter.moved(scene.image(hand_px=50)) for _ in range(20)]) < 0.02
 
 
-def test_cameras_that_gave_no_pictures_are_the_reason():
+def test_cameras_that_gave_no_images_are_the_reason():
     found = attribute({"a": [], "b": [0.2] * 3}, {})
-    assert "no camera gave enough pictures" in found.reason
+    assert "no camera gave enough images" in found.reason

@@ -12,8 +12,10 @@ import pytest
 
 from calibration.cameras.screen import shown_pattern
 from calibration.cameras.time_pattern import PatternReader
-from tams_app.clock import NS_PER_S, MonotonicClock
 from tams_app.errors import SetupError
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+
+pytestmark = pytest.mark.waiting
 
 WIDTH, HEIGHT = 1024, 768
 PATIENCE_S = 60.0
@@ -21,7 +23,7 @@ PATIENCE_S = 60.0
 
 @pytest.fixture
 def photograph(tmp_path, monkeypatch):
-    """An X server whose screen is a file; gives a function that takes a picture of it."""
+    """An X server whose screen is a file; gives a function that takes an image of it."""
     if shutil.which("Xvfb") is None:
         pytest.skip("needs Xvfb (apt-get install xvfb)")
     reading, writing = os.pipe()

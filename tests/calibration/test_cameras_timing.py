@@ -11,7 +11,9 @@ from calibration.cameras.common_event import (
     switchings,
 )
 from calibration.cameras.timing import check_clock, measure_rate, rate_advice
-from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+
+pytestmark = pytest.mark.untimed
 
 
 def grid(fps=30.0, count=300, jitter_ms=0.0, seed=0):

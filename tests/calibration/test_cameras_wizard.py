@@ -7,7 +7,7 @@ import pytest
 import yaml
 from rich.console import Console
 
-from calibration.cameras import latency_step, picture_step, which_step, wizard
+from calibration.cameras import image_step, latency_step, which_step, wizard
 from calibration.cameras.bench import Task
 from calibration.cameras.board import Board
 from calibration.cameras.findings import Findings
@@ -17,9 +17,11 @@ from calibration.cameras.picture import draw_findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import Options, run_cameras
 from calibration.desk import PlayedDesk
-from tams_app.clock import MonotonicClock
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, DeviceError, TamsError
+from tams_app.runtime.clock import MonotonicClock
+
+pytestmark = pytest.mark.untimed
 
 SEED = 3
 RIG = "version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: rig\n"
@@ -46,7 +48,7 @@ def lab(tmp_path):
 
 @pytest.fixture
 def short(monkeypatch):
-    monkeypatch.setattr(picture_step, "_LOOK_S", 3.0)
+    monkeypatch.setattr(image_step, "_LOOK_S", 3.0)
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +71,8 @@ def truth_of(bench, view):
 def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses(
     rig, bench, short, tmp_path
 ):
-    picture, desk = tmp_path / "found.png", PlayedDesk()
-    options = Options(sim=True, seed=SEED, yes=True, picture=picture)
+    image, desk = tmp_path / "found.png", PlayedDesk()
+    options = Options(sim=True, seed=SEED, yes=True, image=image)
     assert run_cameras(desk, rig, options) == 0
     config = load_config(rig)
     for view in config.video.views:
@@ -81,7 +83,7 @@ def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses
     kept = yaml.safe_load(written.read_text())["calibration"]["quality"]["gt"]
     assert kept["rate_hz"] == pytest.approx(30, rel=2e-3)
     assert kept["edge_blur_px"] < 1.0
-    assert cv2.imread(str(picture)).shape[1] == 960
+    assert cv2.imread(str(image)).shape[1] == 960
 
 
 @pytest.mark.timeout(400)
@@ -104,9 +106,9 @@ def test_options_that_make_no_sense_are_one_sentence(rig, lab, tmp_path):
         (rig, Options(), "give --sim, or --config"),
         (rig, Options(sim=True, logs=(tmp_path,)), "exclude each other"),
         (rig, Options(sim=True, only="which,colour"), "'colour' is none of which, focus"),
-        (rig, Options(sim=True, picture=tmp_path / "found.gif"), r"drawn to \.png or \.jpg"),
-        (rig, Options(sim=True, picture=tmp_path / "no/found.png"), "there is no folder"),
-        (rig, Options(logs=(tmp_path, tmp_path), picture=tmp_path / "a.png"), "drawn over it"),
+        (rig, Options(sim=True, image=tmp_path / "found.gif"), r"drawn to \.png or \.jpg"),
+        (rig, Options(sim=True, image=tmp_path / "no/found.png"), "there is no folder"),
+        (rig, Options(logs=(tmp_path, tmp_path), image=tmp_path / "a.png"), "drawn over it"),
         (rig, Options(sim=True, square_mm=float("nan")), "must be a length"),
     ):
         desk = PlayedDesk()
@@ -140,7 +142,7 @@ def test_what_was_found_until_ctrl_c_or_a_lost_camera_can_still_be_written(
         if found.view != "eih":
             raise how
 
-    monkeypatch.setattr(picture_step, "look", look)
+    monkeypatch.setattr(image_step, "look", look)
     desk = PlayedDesk([answer], presses=1)
     with pytest.raises(type(how)):
         run_cameras(
@@ -153,7 +155,7 @@ def test_what_was_found_until_ctrl_c_or_a_lost_camera_can_still_be_written(
     assert len(list(tmp_path.glob("calibration/rig/cameras-*.yaml"))) == count
 
 
-def test_a_person_is_given_time_to_step_out_of_the_pictures(config, bench, monkeypatch):
+def test_a_person_is_given_time_to_step_out_of_the_images(config, bench, monkeypatch):
     monkeypatch.setattr(which_step, "_PATIENCE_S", 2.0)
     monkeypatch.setattr(which_step, "_STEP_BACK_S", 1.0)
     watched = WatchedBench(config, SEED, MonotonicClock(), Board())
@@ -163,7 +165,7 @@ def test_a_person_is_given_time_to_step_out_of_the_pictures(config, bench, monke
         each.prompt = lambda *_: None  # nobody waves
         with pytest.raises(DeviceError):
             wizard.bind_views(desk, each, ("eih", "gt", "gs"))
-        said[each.attended] = any("Step out of all pictures within" in text for text in desk.said)
+        said[each.attended] = any("Step out of all images within" in text for text in desk.said)
     assert said == {False: False, True: True}
 
 
@@ -173,7 +175,7 @@ def test_a_cameras_name_is_shown_to_the_letter():
     assert "HD Cam [C920]" in console.file.getvalue()
 
 
-def test_a_picture_of_a_kind_that_cannot_be_drawn_is_one_sentence(tmp_path):
+def test_a_image_of_a_kind_that_cannot_be_drawn_is_one_sentence(tmp_path):
     with pytest.raises(ConfigError, match=r"drawn to \.png or \.jpg"):
         draw_findings([Findings("gt", "camera A")], tmp_path / "found.gif")
 
@@ -219,7 +221,7 @@ def test_a_lens_is_found_by_showing_the_board_until_it_suffices(bench):
 
 def test_the_bar_leads_the_ring_to_where_it_is_sharpest(bench):
     desk, found = PlayedDesk(), Findings("gt", truth_of(bench, "gt")[0])
-    picture_step.focus(desk, bench, found)
+    image_step.focus(desk, bench, found)
     bars = [str(shown) for shown in desk.shown]
     assert bars[-1].count("█") >= 38
     assert min(bar.count("█") for bar in bars[len(bars) // 2 :]) < 30

@@ -11,6 +11,8 @@ from rich.text import Text
 from calibration.desk import TerminalDesk
 from tams_app.errors import ConfigError
 
+pytestmark = pytest.mark.untimed
+
 LIKE_MARKUP = "HD Cam [C920] at 0:on:3 [s], [mm], [/]"
 
 

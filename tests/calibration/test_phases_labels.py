@@ -29,6 +29,8 @@ from tests.calibration.phase_trials import (
     walk,
 )
 
+pytestmark = pytest.mark.untimed
+
 SIZES = TaskGeometry(container_inner=0.090, container_height=0.030, block_rest_height=0.010)
 SCENE = walk(WHOLE).geometry()
 ALL_SIX = ["REACH", "ALIGN", "GRASP", "TRANSPORT", "PRE_RELEASE", "RELEASE", "REACH"]

@@ -27,6 +27,8 @@ from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import WHOLE, session, walk
 
+pytestmark = pytest.mark.untimed
+
 LAST_S = 8.0
 SOME = [Mark(1.0, Phase.REACH), Mark(2.5, Phase.ALIGN), Mark(4.0, None)]
 

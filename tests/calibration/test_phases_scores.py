@@ -9,6 +9,8 @@ from calibration.phases.scores import Switches, score, switches_into
 from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Motion, Trial
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 LETTERS = {
     "R": CODE[Phase.REACH],
     "A": CODE[Phase.ALIGN],

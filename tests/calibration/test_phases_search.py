@@ -25,7 +25,10 @@ from tams_app.errors import ConfigError, LogError, TamsError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import WHOLE, motion, session, walk
 
-pytestmark = pytest.mark.timeout(600)  # searching takes its time on a busy machine
+pytestmark = [
+    pytest.mark.untimed,
+    pytest.mark.timeout(600),
+]  # searching takes its time on a busy machine
 SMOOTHING_MS = 100.0
 KNOWN = [  # v_ε, v_z^min, T_align, T_pre
     PhasesConfig(v_eps_mm_s=8.0, vz_min_mm_s=22.0, align_dwell_s=0.25, pre_release_dwell_s=0.5),

@@ -23,7 +23,10 @@ from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.policy.phases import PhaseParameters
 from tams_app.records import Tick
 
-pytestmark = pytest.mark.timeout(900)  # simulating takes its time on a busy machine
+pytestmark = [
+    pytest.mark.untimed,
+    pytest.mark.timeout(900),
+]  # simulating takes its time on a busy machine
 ROOT = DEFAULT_CONFIG.parent.parent
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 SEEDS = (6, 7, 8)  # quick ones

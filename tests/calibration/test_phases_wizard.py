@@ -27,6 +27,8 @@ from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import PICK, PLACE, WHOLE, Leg, record, session, walk
 
+pytestmark = pytest.mark.untimed
+
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 STAMP = "20261121T120000Z"
 LITE6_CONFIG = DEFAULT_CONFIG.with_name("lite6.yaml")

@@ -10,6 +10,8 @@ from calibration.store import Calibration, CalibrationSet
 from tams_app.config import dump_config, load_config
 from tams_app.errors import ConfigError, TamsError
 
+pytestmark = pytest.mark.untimed
+
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 TURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

@@ -10,6 +10,8 @@ from hypothesis.extra.numpy import arrays
 
 from calibration.weights.agreement import Metric, kendall_w, krippendorff_alpha
 
+pytestmark = pytest.mark.untimed
+
 N = np.nan
 # Krippendorff (2011): four observers, twelve units, some values missing
 KRIPPENDORFF = np.array(

@@ -19,9 +19,9 @@ from calibration.weights.cutting import cut_session
 from calibration.weights.decoding import Picture, decode
 from calibration.weights.segments import LONGEST_S, SHORTEST_S, Segment, phase_segments, select
 from calibration.weights.sources import open_session
-from tams_app.clock import NS_PER_S
 from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Phase, PhaseChange
+from tams_app.runtime.clock import NS_PER_S
 from tests.calibration.weights_session import (
     HEIGHT,
     VIDEO,
@@ -33,6 +33,8 @@ from tests.calibration.weights_session import (
     seen,
 )
 from tests.synthetic_session import FPS, VIEWS, capture_ns
+
+pytestmark = pytest.mark.waiting
 
 S = NS_PER_S
 TWO_PHASES = [(0.0, Phase.REACH), (0.7, Phase.ALIGN)]

@@ -14,6 +14,8 @@ from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
 from tams_app.config import load_config
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 VIEWS = ("eih", "gt", "gs")
 PRESENT = load_config().policy.weights.matrix
 POINTS = st.integers(LEAST, MOST)

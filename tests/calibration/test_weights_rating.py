@@ -10,6 +10,8 @@ from calibration.weights.ratings import Answer
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 VIEWS = ("eih", "gt", "gs")
 REACH_ANSWER = Answer(Phase.REACH, {"eih": 2, "gt": 5, "gs": None}, "gt")
 

@@ -24,6 +24,8 @@ from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.calibration.weights_session import record_session
 
+pytestmark = pytest.mark.untimed
+
 VIEWS = ("eih", "gt", "gs")
 PNG = b"\x89PNG"
 

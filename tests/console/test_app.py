@@ -16,6 +16,8 @@ from tams_app.console.terminal import TerminalKeys
 from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard
 
+pytestmark = pytest.mark.waiting
+
 
 class EndedSession:
     """A session on the configured devices that is over at the first look."""
@@ -65,10 +67,10 @@ def test_without_a_terminal_the_operator_is_warned_that_space_cannot_stop(told):
     assert "Space cannot stop" in text
 
 
-def test_at_the_hardware_a_computer_without_pictures_is_told_of(told):
+def test_at_the_hardware_a_computer_without_frames_is_told_of(told):
     _, (level, text) = told("lite6.yaml", active=True)
     assert level == "warning"
-    assert "shows no pictures" in text
+    assert "shows no frames" in text
 
 
 def test_the_rig_needs_no_instructions(told):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.clock import NS_PER_MS
 from tams_app.console.confirmations import Confirmations
+from tams_app.runtime.clock import NS_PER_MS
+
+pytestmark = pytest.mark.untimed
 
 
 def counted(*times_ms: float) -> list[float]:

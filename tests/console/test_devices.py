@@ -8,17 +8,19 @@ from fractions import Fraction
 import pytest
 from rich.console import Console
 
-from hw.file_camera import PatternSource
-from hw.openvr_devices import ControllerInfo
-from hw.sim.controller_model import ControllerModel
-from hw.sim.controller_server import ControllerServer
-from hw.sim.plant import IdealPlant
-from hw.v4l2_devices import CameraInfo, CameraMode
+from hw.openvr.devices import ControllerInfo
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.server import ControllerServer
+from hw.v4l2.devices import CameraInfo, CameraMode
+from hw.v4l2.file_camera import PatternSource
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import device_checks
 from tams_app.console.devices import camera_lines, controller_lines, show_devices
-from tests.hw.fake_openvr import RIGHT as RIGHT_HAND
-from tests.hw.fake_openvr import FakeRuntime
+from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
+from tests.hw.openvr.fake_openvr import FakeRuntime
+
+pytestmark = pytest.mark.untimed
 
 MODE = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
 LEFT = CameraInfo("Cam", "A1", "/dev/video0", ("/dev/v4l/by-path/left",), (MODE,))

@@ -15,6 +15,8 @@ from tams_app.console.dialogue import Dialogue
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import DeviceError
 
+pytestmark = pytest.mark.waiting
+
 
 class Screen(io.StringIO):
     """Takes text only while it is `open`, and then calls `on_text`."""

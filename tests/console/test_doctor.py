@@ -20,6 +20,8 @@ from tams_app.console import checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
 
+pytestmark = pytest.mark.waiting
+
 
 def config(**overrides: Any) -> Config:
     return load_config(None, {key.replace("__", "."): value for key, value in overrides.items()})

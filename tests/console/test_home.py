@@ -20,16 +20,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from hw.lite6_kinematics import HOME_JOINTS
-from hw.sim.controller_codes import ErrorCode, Register, State
-from hw.sim.controller_server import ControllerServer
-from hw.sim.plant import IdealPlant
+from hw.lite6.kinematics import HOME_JOINTS
+from hw.sim.controller.codes import ErrorCode, Register, State
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console.home import run_home
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
-from tams_app.process import PROJECT_DIRECTORY
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tests.faults.wire import TappedModel
+
+pytestmark = pytest.mark.timed
 
 WITHIN_S = 20.0  # generous: the machine may be busy
 READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])

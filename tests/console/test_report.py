@@ -13,6 +13,8 @@ from tams_app.errors import LogError
 from tams_app.recording.mcap_log import McapLog
 from tests.synthetic_session import header, tick
 
+pytestmark = pytest.mark.untimed
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 
+import pytest
 from rich.console import Console
 
 from tams_app.console.status import StatusLine, status_lines
 from tams_app.session.status import StatusSnapshot, ViewStatus
+
+pytestmark = pytest.mark.untimed
 
 SNAPSHOT = StatusSnapshot(
     t_s=72.34,

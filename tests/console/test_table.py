@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 
+import pytest
 from rich.console import Console
 
 from tams_app.console.table import summary_tables
@@ -11,6 +12,8 @@ from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, Outcome, Phase, PhaseChange
 from tams_app.summary import summarise
 from tests.synthetic_session import START_NS, Synthetic, header
+
+pytestmark = pytest.mark.untimed
 
 
 def printed(log: SessionLog) -> str:

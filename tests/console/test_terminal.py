@@ -17,7 +17,9 @@ import pytest
 
 from tams_app.console.terminal import Key, TerminalKeys, decode_keys
 from tams_app.errors import DeviceError
-from tams_app.worker import Worker
+from tams_app.runtime.worker import Worker
+
+pytestmark = pytest.mark.waiting
 
 PROJECT = Path(__file__).resolve().parents[2]
 

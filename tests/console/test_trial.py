@@ -22,6 +22,8 @@ from tams_app.session.session import Session
 from tams_app.study.runner import TrialSpec
 from tests.console.test_status import SNAPSHOT
 
+pytestmark = pytest.mark.timed
+
 SPEC = TrialSpec("P01-03", "P01", "static", "s3", 1, False, 5, 6)
 REVEALING = re.compile(r"static|equal|tams|s3|kbit|\d ms|queue|ssim|weight|target", re.IGNORECASE)
 
@@ -128,7 +130,7 @@ def test_a_trial_of_unknown_names_leaves_its_folder_empty(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-def test_people_are_not_asked_to_drive_by_pictures_that_do_not_show_the_arm(
+def test_people_are_not_asked_to_drive_by_frames_that_do_not_show_the_arm(
     tmp_path: Path,
 ) -> None:
     cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}

@@ -18,12 +18,14 @@ from tams_app.console.windows import ViewWindow
 from tams_app.errors import SetupError
 from tams_app.records import Image, ShownFrame
 
+pytestmark = pytest.mark.timed
+
 SCREEN_WIDTH, SCREEN_HEIGHT = 800, 600
 
 
 @pytest.fixture
 def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], Image]]:
-    """An X server whose screen is a file; gives a function that takes a picture of it (BGR)."""
+    """An X server whose screen is a file; gives a function that takes a frame of it (BGR)."""
     if shutil.which("Xvfb") is None:
         pytest.skip("needs Xvfb (apt-get install xvfb)")
     reading, writing = os.pipe()
@@ -68,7 +70,7 @@ def wait_for(condition: Callable[[], bool], timeout_s: float = 20.0) -> bool:
     return condition()
 
 
-def test_the_newest_picture_is_on_the_screen(screen: Callable[[], Image]) -> None:
+def test_the_newest_frame_is_on_the_screen(screen: Callable[[], Image]) -> None:
     window = ViewWindow("eih", VideoConfig())
     window.open()
     try:
@@ -76,30 +78,30 @@ def test_the_newest_picture_is_on_the_screen(screen: Callable[[], Image]) -> Non
         assert wait_for(lambda: share_of(screen(), (30, 180, 60)) > 0.95)
         window.show(shown(1, (200, 40, 120)))
         assert wait_for(lambda: share_of(screen(), (200, 40, 120)) > 0.95)
-        assert share_of(screen(), (200, 40, 120)) < 1.0  # the view's name is in the picture
+        assert share_of(screen(), (200, 40, 120)) < 1.0  # the view's name is in the frame
         assert window.poll() == ""
     finally:
         window.close()
         window.close()
 
 
-def test_a_picture_already_shown_costs_nothing(screen: Callable[[], Image]) -> None:
+def test_a_frame_already_shown_costs_nothing(screen: Callable[[], Image]) -> None:
     window = ViewWindow("gt", VideoConfig())
     window.open()
-    picture = shown(4, (30, 180, 60), "gt")
+    frame = shown(4, (30, 180, 60), "gt")
     for _ in range(5):
-        window.show(picture)
-    assert window.pictures_shown == 1
+        window.show(frame)
+    assert window.frames_shown == 1
     window.close()
 
 
-def test_the_picture_of_the_mailbox_is_not_written_on(screen: Callable[[], Image]) -> None:
+def test_the_frame_of_the_mailbox_is_not_written_on(screen: Callable[[], Image]) -> None:
     window = ViewWindow("gt", VideoConfig())
     window.open()
-    picture = shown(0, (30, 180, 60), "gt")
-    window.show(picture)
+    frame = shown(0, (30, 180, 60), "gt")
+    window.show(frame)
     window.close()
-    assert (picture.image == np.array((30, 180, 60))).all()
+    assert (frame.image == np.array((30, 180, 60))).all()
 
 
 def test_without_a_display_one_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

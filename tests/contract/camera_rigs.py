@@ -12,20 +12,20 @@ import numpy as np
 
 from hw.camera import Camera
 from hw.make_camera import make_camera
-from hw.sim.camera import SimCamera
-from hw.sim.frame_memory import FrameShape, FrameWriter
-from hw.sim.shared_block import new_memory_name, remove_memory
+from hw.sim.world.camera import SimCamera
+from hw.sim.world.frame_memory import FrameShape, FrameWriter
+from hw.sim.world.shared_block import new_memory_name, remove_memory
 from tams_app import gst
-from tams_app.clock import NS_PER_S, MonotonicClock, VirtualClock
 from tams_app.config import CameraConfig, VideoConfig
-from tests.hw.fake_cameras import Behaviour, CameraProcess, RemoteCamera
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tests.hw.v4l2.fake_cameras import Behaviour, CameraProcess, RemoteCamera
 
 SMALL = VideoConfig(width=160, height=120)
 VIEW = "gt"
 
 
 class CameraRig(ABC):
-    """Makes cameras of `SMALL` pictures, and lets time pass for them."""
+    """Makes cameras of `SMALL` frames, and lets time pass for them."""
 
     def __init__(self) -> None:
         self.cleaning = ExitStack()
@@ -39,7 +39,7 @@ class CameraRig(ABC):
         raise AssertionError(f"a {type(self).__name__} is never absent")
 
     def silence(self) -> None:
-        """Have the started camera give no more pictures, of the kinds that can fall silent."""
+        """Have the started camera give no more frames, of the kinds that can fall silent."""
         raise AssertionError(f"a {type(self).__name__} never falls silent")
 
     def now_ns(self) -> int:
@@ -50,7 +50,7 @@ class CameraRig(ABC):
 
 
 class FeedingClock(VirtualClock):
-    """A virtual clock in whose time a renderer publishes pictures."""
+    """A virtual clock in whose time a renderer publishes frames."""
 
     def __init__(self, writer: FrameWriter, shape: FrameShape) -> None:
         super().__init__()
@@ -64,8 +64,8 @@ class FeedingClock(VirtualClock):
         super().sleep_until_ns(deadline_ns)
         while self.feeding and self._due_ns() <= self.now_ns():
             number = self._published
-            picture = np.full((self._shape.height, self._shape.width, 3), number % 256, np.uint8)
-            self._writer.publish(VIEW, number, self._due_ns(), picture, 0)
+            frame = np.full((self._shape.height, self._shape.width, 3), number % 256, np.uint8)
+            self._writer.publish(VIEW, number, self._due_ns(), frame, 0)
             self._published += 1
 
     def _due_ns(self) -> int:
@@ -114,7 +114,7 @@ class FileRig(CameraRig):
 
     def camera(self) -> Camera:
         video = self._folder / "video.mkv"
-        write_video(video, pictures=15)
+        write_video(video, frames=15)
         return _make(CameraConfig(source="file", file=str(video)))
 
     def absent_camera(self) -> Camera:
@@ -141,14 +141,12 @@ class V4l2Rig(CameraRig):
         self._webcam.behaviour = Behaviour.SILENT
 
 
-def write_video(
-    path: Path, pictures: int, fps: int = 30, size: str = "width=160,height=120"
-) -> None:
-    """A video with sound in which every picture is another."""
+def write_video(path: Path, frames: int, fps: int = 30, size: str = "width=160,height=120") -> None:
+    """A video with sound in which every frame is another."""
     Gst: Any = gst.load().Gst
-    sound = max(1, pictures * 44100 // fps // 1024)
+    sound = max(1, frames * 44100 // fps // 1024)
     pipeline = gst.parse_pipeline(
-        f"videotestsrc num-buffers={pictures} pattern=smpte horizontal-speed=3 "
+        f"videotestsrc num-buffers={frames} pattern=smpte horizontal-speed=3 "
         f"! video/x-raw,format=I420,{size},framerate={fps}/1 ! jpegenc ! matroskamux name=mux "
         f"! filesink name=file audiotestsrc num-buffers={sound} ! vorbisenc ! mux."
     )

@@ -12,14 +12,14 @@ import pytest
 
 from hw.arm import Arm, ServoMode
 from hw.boundary import TcpBoundary, session_boundary
-from hw.lite6 import Lite6
-from hw.sim.controller_model import ControllerModel, ReportKind
-from hw.sim.controller_server import ControllerServer
-from hw.sim.inprocess_arm import InProcessArm
-from hw.sim.plant import IdealPlant
-from tams_app.clock import NS_PER_S, MonotonicClock, VirtualClock
+from hw.lite6.arm import Lite6
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import ControllerModel, ReportKind
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.records import ArmState, Twist
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())
 READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
@@ -141,7 +141,7 @@ class VirtualRig(ArmRig):
 
 @pytest.fixture(params=["tcp", "virtual"])
 def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[ArmRig]:
-    # setting up waits for the 5 Hz report several times; tests/hw/test_lite6.py keeps the true rate
+    # setting up waits for the 5 Hz report several times; tests/hw/lite6/test_arm.py has its rate
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
     with ExitStack() as cleaning:
         if request.param == "tcp":

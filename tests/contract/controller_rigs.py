@@ -15,13 +15,13 @@ import numpy as np
 import openvr
 
 from hw.controller import Controller
-from hw.openvr_controller import OpenVrController
-from hw.sim.hand import Button, Hand, HandWish
-from hw.sim.virtual_controller import SensorFault, VirtualController
-from tams_app.clock import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock
+from hw.openvr.controller import OpenVrController
+from hw.sim.operator.hand import Button, Hand, HandWish
+from hw.sim.operator.virtual_controller import SensorFault, VirtualController
 from tams_app.config import ControllerConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tests.hw.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock
+from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 
 TICK_NS = 8 * NS_PER_MS
 WITHIN_S = 20.0  # generous: the machine may be busy

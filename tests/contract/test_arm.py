@@ -7,14 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.arm import Arm, ServoMode
-from hw.lite6_kinematics import offset_from_mm_deg, tcp_pose
-from hw.sim.controller_codes import Register
-from hw.sim.plant import GripperDrive
+from hw.lite6.kinematics import offset_from_mm_deg, tcp_pose
+from hw.sim.controller.codes import Register
+from hw.sim.controller.plant import GripperDrive
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import LinkFault, Pose, Twist
+from tests.contract.conftest import READY_JOINTS, ArmRig
 
-from .conftest import READY_JOINTS, ArmRig
+pytestmark = pytest.mark.waiting
 
 COLLISION = 31
 BOUNDARY = 35

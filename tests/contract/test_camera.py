@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from hw.camera import Camera
-from tams_app.clock import NS_PER_S
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
-from tests.hw.fake_cameras import CameraProcess, camera_process
-
-from .camera_rigs import SMALL, VIEW, CameraRig, FileRig, PatternRig, SimRig, V4l2Rig
+from tams_app.runtime.clock import NS_PER_S
+from tests.contract.camera_rigs import SMALL, VIEW, CameraRig, FileRig, PatternRig, SimRig, V4l2Rig
+from tests.hw.v4l2.fake_cameras import CameraProcess, camera_process
 
 PATIENCE_S = 5.0  # generous: the machine may be busy
 
-pytestmark = pytest.mark.usefixtures("glib_complaints")
+pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +93,7 @@ def test_frames_not_read_are_skipped_and_leave_a_gap(rig: CameraRig, camera: Cam
     assert after.index - before.index == pytest.approx(periods, abs=1.5)
 
 
-def test_each_picture_is_the_callers_own(rig: CameraRig, camera: Camera) -> None:
+def test_each_frame_is_the_callers_own(rig: CameraRig, camera: Camera) -> None:
     frame = next_of(camera)
     original = frame.image.copy()
     for _ in range(6):

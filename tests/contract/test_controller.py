@@ -7,12 +7,13 @@ from contextlib import ExitStack
 
 import pytest
 
-from hw.sim.virtual_controller import SensorFault
-from tams_app.clock import NS_PER_MS
+from hw.sim.operator.virtual_controller import SensorFault
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.runtime.clock import NS_PER_MS
+from tests.contract.controller_rigs import ControllerRig, OpenVrRig, VirtualControllerRig
 
-from .controller_rigs import ControllerRig, OpenVrRig, VirtualControllerRig
+pytestmark = pytest.mark.waiting
 
 STATUS_OF = {f: f.value for f in SensorFault if isinstance(f.value, ControllerStatus)}
 SILENT_FAULTS = [fault for fault in SensorFault if fault not in STATUS_OF]

@@ -20,12 +20,12 @@ import psutil
 import pytest
 import yaml
 
-from hw.lite6 import Lite6
-from hw.sim.controller_codes import Register, State
+from hw.lite6.arm import Lite6
+from hw.sim.controller.codes import Register, State
 from tams_app.config import DEFAULT_CONFIG, Config, load_config
-from tams_app.process import PROJECT_DIRECTORY
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.control import ControlLoop
 from tams_app.session.signals import Signals
 from tams_app.teleop.records import TeleopOutput
@@ -33,15 +33,15 @@ from tams_app.teleop.safety import ArmingState
 
 PATIENCE_S = 60.0  # the machine may be busy with other things
 MOVING_M_S = 0.02
-FPS = 10  # the pictures are the rig's main load
+FPS = 10  # the frames are the rig's main load
 _SOCKET_TIMEOUT_S = 5.0
 _CONFIRM_EACH_S = 1.0
 _HEADER = struct.Struct(">HHH")
 _MODULES = {
     "rig": "hw.sim.rig",
-    "renderer": "hw.sim.renderer",
+    "renderer": "hw.sim.world.renderer",
     "relay": "tams_app.video.relay",
-    "guard": "hw.guard",
+    "guard": "hw.guard.process",
     "quality": "tams_app.video.quality_process",
 }
 
@@ -179,7 +179,7 @@ class Application:
     """`run_tams.py run` in a process of its own, on the rig, armed once; ends it when left."""
 
     def __init__(self, out: Path, quality: bool = False, **overrides: object) -> None:
-        """`quality`: the pictures are compared as well."""
+        """`quality`: the frames are compared as well."""
         self.out = out / "logs"
         settings = {
             "include": [str(DEFAULT_CONFIG)],

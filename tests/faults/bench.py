@@ -1,4 +1,4 @@
-"""The control loop on a bench: real teleoperation over an arm, a hand and pictures of the test.
+"""The control loop on a bench: real teleoperation over an arm, a hand and frames of the test.
 
 Ticks are counted from 0; whatever happens before the first one belongs to tick -1. Everything that
 a tick saw, said and sent is kept under its number. How time passes, and what lies between the loop
@@ -17,12 +17,12 @@ import numpy as np
 
 from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
-from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
-from tams_app.clock import NS_PER_S, Clock
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config, load_config
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
+from tams_app.runtime.clock import NS_PER_S, Clock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.recorders import LOG_NAME, Recorders
@@ -34,10 +34,9 @@ from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.safety import Request as ArmRequest
 from tams_app.video.repair import repair_rule
-
-from .hand import Hand
-from .pictures import Pictures, Sight
-from .wire import Request, TappedModel
+from tests.faults.frames import Frames, Sight
+from tests.faults.hand import Hand
+from tests.faults.wire import Request, TappedModel
 
 RATE_HZ = 120
 PERIOD_NS = round(NS_PER_S / RATE_HZ)
@@ -61,7 +60,7 @@ class Pace:
 
 
 class Bench(ABC):
-    """Hand, arm, pictures and signals at the test's disposal; `tick` and `run` move time."""
+    """Hand, arm, frames and signals at the test's disposal; `tick` and `run` move time."""
 
     pace: Pace
     in_flight = 0  # motion commands, handed over a tick before, that may come after a stop
@@ -77,13 +76,13 @@ class Bench(ABC):
     ) -> None:
         """`arm` is connected. With a `folder` all goes into a log there; see `read_back`.
 
-        `sight` takes the place of `pictures`.
+        `sight` takes the place of `frames`.
         """
         self.config, self.clock, self.arm, self.model = config, clock, arm, model
         self.servo = ServoMode(config.arm.servo)
         self.hand = Hand(config)
         self.signals = Signals()
-        self.pictures = Pictures(clock)
+        self.frames = Frames(clock)
         self.notes: list[str] = []
         self.ticks: list[Tick] = []
         self.outputs: list[TeleopOutput] = []
@@ -104,7 +103,7 @@ class Bench(ABC):
             self.cleaning.callback(self._recorders.close)
         self._stop_watch = StopWatch(self._keep_stop)
         self._kinematics = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
-        self.loop = self._control_loop(sight or self.pictures)
+        self.loop = self._control_loop(sight or self.frames)
         self.cleaning.callback(arm.close)
 
     def _control_loop(self, sight: Sight) -> ControlLoop:
@@ -116,7 +115,7 @@ class Bench(ABC):
             self.clock,
             self.hand,
             self.arm,
-            build.picture_delay_ns(network, repair_rule(network, 300.0)),
+            build.video_delay_ns(network, repair_rule(network, 300.0)),
             self.signals,
             ControlHooks(
                 beat=self._beat,

@@ -9,9 +9,8 @@ import numpy as np
 from tams_app.config import stop_time_s
 from tams_app.records import Vector
 from tams_app.teleop.safety import ArmingState, Reason
-
-from .bench import PERIOD_S
-from .virtual_bench import VirtualBench
+from tests.faults.bench import PERIOD_S
+from tests.faults.virtual_bench import VirtualBench
 
 TICKS_TO_REST = 12  # 100 ms from full speed
 _ROUNDING = 1.01  # single precision on the wire

@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from hw.camera import Camera
-from tams_app.clock import NS_PER_S, MonotonicClock
 from tams_app.config import Network, load_config
 from tams_app.records import Frame, Image, ShownFrame
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.worker import Worker
 from tams_app.session.captures import Capture
 from tams_app.session.uplink import Uplink, UplinkRecords
 from tams_app.teleop.safety import ArmingState
-from tams_app.worker import Worker
-
-from .bench import ACROSS, PERIOD_S
-from .virtual_bench import VirtualBench
+from tests.faults.bench import ACROSS, PERIOD_S
+from tests.faults.virtual_bench import VirtualBench
 
 WIDTH, HEIGHT, FPS = 320, 240, 30
 VIEWS = ("eih", "gt", "gs")
@@ -30,7 +29,7 @@ _SWING_S = 0.5
 
 
 class PatternCamera(Camera):
-    """A moving pattern at 30 pictures a second, until it is `frozen`."""
+    """A moving pattern at 30 frames a second, until it is `frozen`."""
 
     def __init__(self, view: str) -> None:
         self.view = view
@@ -52,12 +51,12 @@ class PatternCamera(Camera):
         self._index = max(newest, self._index + 1)
         due_ns = self._start_ns + self._index * NS_PER_S // FPS
         time.sleep(max(0.0, (due_ns - time.monotonic_ns()) / NS_PER_S))
-        return Frame(self.view, self._index, time.monotonic_ns(), self._picture())
+        return Frame(self.view, self._index, time.monotonic_ns(), self._frame())
 
     def close(self) -> None:
         """Nothing to close."""
 
-    def _picture(self) -> Image:
+    def _frame(self) -> Image:
         rolled = np.roll(self._canvas, self._index % (WIDTH // 4), axis=1)
         return np.ascontiguousarray(np.repeat(np.repeat(rolled, 8, axis=0), 4, axis=1))
 
@@ -98,7 +97,7 @@ class Chain:
                 worker = Worker(f"capture-{view}", capture.run, self._fail)
                 self._stack.callback(worker.stop, 10.0)
                 worker.start()
-            until(self.is_fresh, "the first pictures")
+            until(self.is_fresh, "the first frames")
             self._stack = self._stack.pop_all()
         return self
 
@@ -118,7 +117,7 @@ class Chain:
         return age
 
     def is_fresh(self) -> bool:
-        """Whether every view shows a young picture."""
+        """Whether every view shows a young frame."""
         now_ns = time.monotonic_ns()
         ages = [self.uplink.age_ns(view, now_ns) for view in VIEWS]
         return all(age is not None and age < FRESH_NS for age in ages)
@@ -128,7 +127,7 @@ class Chain:
 
 
 class StreamedBench:
-    """A virtual bench steered by streamed pictures, so in real time; its hand swings to and fro."""
+    """A virtual bench steered by streamed frames, so in real time; its hand swings to and fro."""
 
     def __init__(self, chain: Chain, folder: Path) -> None:
         self.chain = chain
@@ -137,7 +136,7 @@ class StreamedBench:
         self._engage()
 
     def _engage(self) -> None:
-        """Press the trigger, and again if the pictures were old just then."""
+        """Press the trigger, and again if the frames were old just then."""
 
         def engaged() -> bool:
             if self.bench.outputs[-1].arming is ArmingState.ENGAGED:

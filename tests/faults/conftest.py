@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from .bench import Bench
-    from .virtual_bench import VirtualBench
-    from .wired_bench import MakeBench, WiredBench
+    from tests.faults.bench import Bench
+    from tests.faults.virtual_bench import VirtualBench
+    from tests.faults.wired_bench import MakeBench, WiredBench
 
 
 @pytest.fixture
 def frequent_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every report at 100 Hz: setting up waits for the 5 Hz one several times."""
-    from hw.sim.controller_reports import ReportKind
+    from hw.sim.controller.reports import ReportKind
 
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
 
@@ -29,7 +29,7 @@ def frequent_reports(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(params=["velocity", "pose"])
 def virtual_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[VirtualBench]:
     """Virtual time, in each servo, with a log."""
-    from .virtual_bench import VirtualBench
+    from tests.faults.virtual_bench import VirtualBench
 
     bench = VirtualBench(request.param, tmp_path)
     yield bench
@@ -39,7 +39,7 @@ def virtual_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Vi
 @pytest.fixture
 def make_bench(frequent_reports: None) -> Iterator[MakeBench]:
     """Benches over the wire with what the test asks for, closed at its end."""
-    from .wired_bench import WiredBench
+    from tests.faults.wired_bench import WiredBench
 
     with ExitStack() as stack:
 
@@ -76,7 +76,7 @@ def either_bench(
 
 
 def _bench(what: str, folder: Path, make_bench: MakeBench) -> Iterator[Bench]:
-    from .virtual_bench import VirtualBench
+    from tests.faults.virtual_bench import VirtualBench
 
     kind, servo = what.split()
     if kind == "wired":

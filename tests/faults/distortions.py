@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_MS
 from tams_app.records import ControllerSample, ControllerStatus, Pose
-
-from .hand import Distortion
+from tams_app.runtime.clock import NS_PER_MS
+from tests.faults.hand import Distortion
 
 _NO_BUTTONS = (
     ControllerStatus.DISCONNECTED,

@@ -6,13 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hw.sim.controller_codes import State
+from hw.sim.controller.codes import State
 from tams_app.records import Tick
 from tams_app.session.control import describe
 from tams_app.teleop.safety import ArmingState, Reason
-
-from .bench import Bench
-from .wire import Request
+from tests.faults.bench import Bench
+from tests.faults.wire import Request
 
 STILL_M = 0.001  # the most an arm moves after it was engaged anew, before the hand moves
 STANDS_M = 1e-9

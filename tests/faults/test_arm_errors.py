@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from hw.sim.controller_codes import ErrorCode, State
+from hw.sim.controller.codes import ErrorCode, State
 from tams_app.records import ArmState, Tick
 from tams_app.teleop.safety import Reason
+from tests.faults.bench import Bench
+from tests.faults.promises import is_logged, is_stopped, only_stops, recovers_from_fault
+from tests.faults.wired_bench import WiredBench
 
-from .bench import Bench
-from .promises import is_logged, is_stopped, only_stops, recovers_from_fault
-from .wired_bench import WiredBench
+pytestmark = pytest.mark.waiting
 
 ERRORS = tuple(ErrorCode)
 

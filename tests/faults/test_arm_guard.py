@@ -16,11 +16,18 @@ import pytest
 from tams_app.session.guarding import SILENCE_NS
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults.bench import PERIOD_NS
+from tests.faults.promises import (
+    is_logged,
+    is_stopped,
+    moving_connections,
+    recovers_from_fault,
+    stands,
+)
+from tests.faults.wire import Request
+from tests.faults.wired_bench import SIDEWAYS, MakeBench, WiredBench
 
-from .bench import PERIOD_NS
-from .promises import is_logged, is_stopped, moving_connections, recovers_from_fault, stands
-from .wire import Request
-from .wired_bench import SIDEWAYS, MakeBench, WiredBench
+pytestmark = pytest.mark.waiting
 
 PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
 TIMEOUT_MS = 100.0

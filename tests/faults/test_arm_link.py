@@ -5,15 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.lite6_sender import MISSES_UNTIL_FAILURE
-from hw.sim.controller_codes import Register
+from hw.lite6.sender import MISSES_UNTIL_FAILURE
+from hw.sim.controller.codes import Register
 from tams_app.config import ArmConfig
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults.bench import PERIOD_S, Bench
+from tests.faults.promises import (
+    is_logged,
+    is_stopped,
+    only_stops,
+    recovers_from_fault,
+    reengages,
+    stands,
+)
+from tests.faults.wired_bench import REPLY_TIMEOUT_S, SIDEWAYS, MakeBench, WiredBench
 
-from .bench import PERIOD_S, Bench
-from .promises import is_logged, is_stopped, only_stops, recovers_from_fault, reengages, stands
-from .wired_bench import REPLY_TIMEOUT_S, SIDEWAYS, MakeBench, WiredBench
+pytestmark = pytest.mark.waiting
 
 STALE_TICKS = 13  # 100 ms, and the tick that sees it
 SILENT_TICKS = 121  # 1 s, and the tick that sees it

@@ -18,16 +18,17 @@ import numpy as np
 import pytest
 
 from hw.arm import ServoMode
-from hw.lite6 import Lite6
-from hw.sim.controller_codes import State
-from hw.sim.controller_server import ControllerServer
-from hw.sim.plant import IdealPlant
-from tams_app.clock import MonotonicClock
+from hw.lite6.arm import Lite6
+from hw.sim.controller.codes import State
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig
 from tams_app.records import LinkFault, Twist
+from tams_app.runtime.clock import MonotonicClock
+from tests.faults.wire import TappedModel
 from tests.tcp_relay import TcpRelay
 
-from .wire import TappedModel
+pytestmark = pytest.mark.waiting
 
 WITHIN_S = 20.0  # generous: the machine may be busy
 SENDING_PERIOD_S = 1 / 120

@@ -8,19 +8,20 @@ from collections.abc import Iterator
 import pytest
 
 from hw.arm import Arm
-from hw.lite6 import Lite6
-from hw.sim.controller_codes import Register, ReplyBit, State
-from hw.sim.inprocess_arm import InProcessArm
-from tams_app.clock import MonotonicClock, VirtualClock
+from hw.lite6.arm import Lite6
+from hw.sim.controller.codes import Register, ReplyBit, State
+from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Tick
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults.bench import Bench
+from tests.faults.promises import is_logged, is_stopped, recovers_from_fault, reengages
+from tests.faults.wire import TappedModel, tapped_model
+from tests.faults.wired_bench import FaultyServer, WiredBench
 
-from .bench import Bench
-from .promises import is_logged, is_stopped, recovers_from_fault, reengages
-from .wire import TappedModel, tapped_model
-from .wired_bench import FaultyServer, WiredBench
+pytestmark = pytest.mark.waiting
 
 MOTIONS = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_SERVO_CARTESIAN_AA)
 INVALID = bytes([ReplyBit.INVALID])

@@ -6,12 +6,19 @@ import pytest
 
 from tams_app.records import ControllerStatus
 from tams_app.teleop.safety import Reason
+from tests.faults import distortions
+from tests.faults.braking import TICKS_TO_REST, holds
+from tests.faults.hand import Distortion
+from tests.faults.promises import (
+    is_logged,
+    is_stopped,
+    recovers_from_fault,
+    recovers_from_hold,
+    stands,
+)
+from tests.faults.virtual_bench import VirtualBench
 
-from . import distortions
-from .braking import TICKS_TO_REST, holds
-from .hand import Distortion
-from .promises import is_logged, is_stopped, recovers_from_fault, recovers_from_hold, stands
-from .virtual_bench import VirtualBench
+pytestmark = pytest.mark.untimed
 
 HOLDS = {
     "tracking lost": (

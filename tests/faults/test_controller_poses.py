@@ -7,15 +7,22 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tams_app.clock import NS_PER_MS
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults import distortions
+from tests.faults.bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
+from tests.faults.braking import TICKS_TO_REST, holds, keeps_stop_profile
+from tests.faults.hand import Distortion
+from tests.faults.promises import (
+    is_logged,
+    is_stopped,
+    recovers_from_fault,
+    recovers_from_hold,
+    stands,
+)
+from tests.faults.virtual_bench import VirtualBench
 
-from . import distortions
-from .bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
-from .braking import TICKS_TO_REST, holds, keeps_stop_profile
-from .hand import Distortion
-from .promises import is_logged, is_stopped, recovers_from_fault, recovers_from_hold, stands
-from .virtual_bench import VirtualBench
+pytestmark = pytest.mark.untimed
 
 # Ticks from the first reading that shows the fault to the stop, at 120 Hz and the defaults.
 FROZEN_TICKS = 12  # 100 ms without a change (freshness.pose_frozen_ms)

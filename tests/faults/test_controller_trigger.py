@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from hw.arm import ServoMode
 from tams_app.records import ControllerSample
 from tams_app.teleop.safety import ArmingState
+from tests.faults.bench import ACROSS, PERIOD_S
+from tests.faults.braking import TICKS_TO_REST, keeps_stop_profile
+from tests.faults.hand import Distortion
+from tests.faults.promises import reengages
+from tests.faults.virtual_bench import VirtualBench
 
-from .bench import ACROSS, PERIOD_S
-from .braking import TICKS_TO_REST, keeps_stop_profile
-from .hand import Distortion
-from .promises import reengages
-from .virtual_bench import VirtualBench
+pytestmark = pytest.mark.untimed
 
 SERVOS = ("velocity", "pose")
 # Pose servo: a press takes the measured pose, which is a report behind, for the commanded one.

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from tams_app.clock import NS_PER_S, MonotonicClock
-from tams_app.process import PROJECT_DIRECTORY
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.teleop.safety import ArmingState
+from tests.faults.bench import ACROSS
+from tests.faults.virtual_bench import VirtualBench
 
-from .bench import ACROSS
-from .virtual_bench import VirtualBench
+pytestmark = pytest.mark.waiting
 
 HOUR_S = 3600
 ROOMS = ("tams_app", "hw")

@@ -8,18 +8,17 @@ from typing import Any
 
 import pytest
 
-from hw.sim.camera import SimCamera
-from hw.sim.virtual_controller import VirtualController
+from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.world.camera import SimCamera
 from tams_app.console.app import run_session
 from tams_app.errors import TamsError
 from tams_app.policy.engine import Policy
 from tams_app.recording import SessionLog, disk
 from tams_app.recording.mcap_log import McapLog
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults.applications import Observed, only_log, rig_config
 
-from .applications import Observed, only_log, rig_config
-
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timed, pytest.mark.timeout(300)]
 
 
 @pytest.fixture

@@ -13,18 +13,17 @@ from pathlib import Path
 import psutil
 import pytest
 
-from hw.sim.controller_codes import State
+from hw.sim.controller.codes import State
 from tams_app.recording import SessionLog
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason
-
-from .applications import Application, Witness, only_log, until
-from .braking import TICKS_TO_REST
+from tests.faults.applications import Application, Witness, only_log, until
+from tests.faults.braking import TICKS_TO_REST
 
 ATTEMPTS = 10
-STOPPED_S = 2.0  # a picture is too old after one
+STOPPED_S = 2.0  # a frame is too old after one
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timed, pytest.mark.timeout(300)]
 
 
 @pytest.fixture
@@ -76,7 +75,7 @@ def holds_while_stopped(application: Application, helper: psutil.Process) -> Non
 
 
 @pytest.mark.parametrize("name", ["renderer", "relay"])
-def test_a_stopped_source_of_pictures_holds_the_arm_and_it_goes_on_when_they_are_back(
+def test_a_stopped_source_of_frames_holds_the_arm_and_it_goes_on_when_they_are_back(
     application: Application, witness: Witness, name: str
 ) -> None:
     holds_while_stopped(application, application.helper(name))
@@ -105,7 +104,7 @@ def test_a_stopped_arm_is_a_fault_and_does_not_go_on_by_itself(
     assert shown.split(":")[0] in {Reason.ARM_SILENT.label, Reason.ARM_LINK_LOST.label}
 
 
-def test_a_killed_measurement_of_the_pictures_is_told_and_neither_stops_the_arm_nor_the_session(
+def test_a_killed_measurement_of_the_frames_is_told_and_neither_stops_the_arm_nor_the_session(
     tmp_path: Path,
 ) -> None:
     with Application(tmp_path, quality=True) as application:
@@ -116,7 +115,7 @@ def test_a_killed_measurement_of_the_pictures_is_told_and_neither_stops_the_arm_
 def kill_the_measurement(application: Application, witness: Witness) -> None:
     before = len(application.lines)
     application.helper("quality").kill()
-    application.says("the pictures' quality is not measured", before)
+    application.says("the frames' quality is not measured", before)
     until(witness.moves, "the arm to move on")
     assert not any(line.startswith("fault") for line in application.lines[before:])
     log = application.interrupted()

@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 from hw.arm import ServoMode
-from hw.guard import HeartbeatWatch, Watch
-from hw.guard_link import GuardMessage, Heartbeat
-from hw.sim.controller_codes import Register, State
-from hw.sim.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
-from tams_app.clock import NS_PER_MS, NS_PER_S, FixedRate, VirtualClock
+from hw.guard.link import GuardMessage, Heartbeat
+from hw.guard.process import HeartbeatWatch, Watch
+from hw.sim.controller.codes import Register, State
+from hw.sim.controller.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, FixedRate, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults.bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
+from tests.faults.promises import is_logged, recovers_from_fault, recovers_from_hold, stands
+from tests.faults.virtual_bench import VirtualBench
 
-from .bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
-from .promises import is_logged, recovers_from_fault, recovers_from_hold, stands
-from .virtual_bench import VirtualBench
+pytestmark = pytest.mark.untimed
 
-GUARD_POLL_NS = 10 * NS_PER_MS  # hw.guard.POLL_S
+GUARD_POLL_NS = 10 * NS_PER_MS  # hw.guard.process.POLL_S
 
 
 @pytest.fixture

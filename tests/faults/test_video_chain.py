@@ -11,18 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tams_app.clock import NS_PER_S
 from tams_app.config import Network, load_config
 from tams_app.errors import HelperError
 from tams_app.records import ShownFrame
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.video.traces import format_trace
+from tests.faults.bench import NETWORK
+from tests.faults.braking import TICKS_TO_REST, comes_to_rest
+from tests.faults.chain import Chain, StreamedBench, until
+from tests.faults.promises import is_logged, recovers_from_hold
+from tests.faults.test_video_freeze import HOLD_NS, expected_scale
 
-from .bench import NETWORK
-from .braking import TICKS_TO_REST, comes_to_rest
-from .chain import Chain, StreamedBench, until
-from .promises import is_logged, recovers_from_hold
-from .test_video_freeze import HOLD_NS, expected_scale
+pytestmark = pytest.mark.timed
 
 PRIMARY = "gt"  # in the phase REACH, in which the arm stays
 S2 = load_config().networks[NETWORK]
@@ -42,7 +43,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
 @pytest.fixture
 def chain(shared: Chain) -> Chain:
     """A chain that works, whatever the test before did to it."""
-    until(shared.is_fresh, "fresh pictures")
+    until(shared.is_fresh, "fresh frames")
     return shared
 
 
@@ -53,8 +54,8 @@ def live(chain: Chain, folder: Path) -> StreamedBench:
     return made
 
 
-def obeys_the_picture(chain: Chain, made: StreamedBench) -> None:
-    """Every tick while engaged was slowed by the age of its picture, and the first too old held.
+def obeys_the_video(chain: Chain, made: StreamedBench) -> None:
+    """Every tick while engaged was slowed by the age of its frame, and the first too old held.
 
     Whatever this machine's load made of the ages.
     """
@@ -83,8 +84,8 @@ def holds_then_recovers(chain: Chain, made: StreamedBench) -> None:
     held = first_hold(made)
     assert bench.outputs[held].reason is Reason.STALE_VIDEO
     assert comes_to_rest(bench, held, steady=False) <= TICKS_TO_REST
-    obeys_the_picture(chain, made)
-    made.run_until(chain.is_fresh, "the picture's return")
+    obeys_the_video(chain, made)
+    made.run_until(chain.is_fresh, "the frame's return")
     assert bench.outputs[-1].arming is ArmingState.HOLDING
     bench.hand.velocity = np.zeros(3)
     back = len(chain.ages_ns)
@@ -92,7 +93,7 @@ def holds_then_recovers(chain: Chain, made: StreamedBench) -> None:
         recovers_from_hold(bench, Reason.STALE_VIDEO)
     except AssertionError:
         if max(chain.ages_ns[back:], default=0) >= HOLD_NS:
-            pytest.skip("this machine was too busy: the pictures were late once more")
+            pytest.skip("this machine was too busy: the frames were late once more")
         raise
     is_logged(bench, Reason.STALE_VIDEO)
     bench.close()
@@ -115,8 +116,8 @@ def test_an_uplink_blackout_slows_then_holds_the_arm_until_it_is_over(
     if seconds >= 1.0 or is_held(made):
         holds_then_recovers(chain, made)
         return
-    made.run_until(chain.is_fresh, "the picture's return")
-    obeys_the_picture(chain, made)
+    made.run_until(chain.is_fresh, "the frame's return")
+    obeys_the_video(chain, made)
     made.bench.close()
 
 
@@ -133,7 +134,7 @@ def test_a_frozen_camera_of_another_view_stops_nothing(
         made.run(0.2)
     finally:
         chain.cameras[view].frozen = False
-    obeys_the_picture(chain, made)
+    obeys_the_video(chain, made)
     late = max(chain.ages_ns[-len(made.bench.outputs) :]) >= HOLD_NS
     assert late or made.bench.outputs[-1].arming is ArmingState.ENGAGED
     made.bench.close()
@@ -171,10 +172,10 @@ def test_a_killed_receiver_holds_the_arm(tmp_path: Path) -> None:
         held = first_hold(made)
         assert made.bench.outputs[held].reason is Reason.STALE_VIDEO
         assert comes_to_rest(made.bench, held, steady=False) <= TICKS_TO_REST
-        obeys_the_picture(chain, made)
+        obeys_the_video(chain, made)
         made.bench.hand.trigger = 0.0
         made.run(0.5)
-        assert is_held(made), "not without a picture"
+        assert is_held(made), "not without a frame"
         is_logged(made.bench, Reason.STALE_VIDEO)
         made.bench.close()
 
@@ -187,7 +188,7 @@ def test_a_receiver_that_runs_out_of_memory_names_itself_and_a_killed_relay_too(
 
     def run_out(shown: ShownFrame) -> None:
         if exhausted and shown.view == PRIMARY:
-            raise MemoryError("no room for a picture")
+            raise MemoryError("no room for a frame")
 
     with Chain(S2, tmp_path, on_shown=run_out) as chain:
         made = live(chain, tmp_path)

@@ -1,4 +1,4 @@
-"""Pictures that stop coming, in virtual time: the primary view's age slows and holds the arm."""
+"""Frames that stop coming, in virtual time: the primary view's age slows and holds the arm."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ import math
 import numpy as np
 import pytest
 
-from tams_app.clock import NS_PER_MS
 from tams_app.records import Phase
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.faults.bench import ACROSS, DOWN, FULL_SPEED_M_S, PERIOD_NS
+from tests.faults.braking import TICKS_TO_REST, holds
+from tests.faults.frames import PICTURE_DELAY_NS
+from tests.faults.promises import is_logged, recovers_from_hold, stands
+from tests.faults.virtual_bench import VirtualBench
 
-from .bench import ACROSS, DOWN, FULL_SPEED_M_S, PERIOD_NS
-from .braking import TICKS_TO_REST, holds
-from .pictures import PICTURE_DELAY_NS
-from .promises import is_logged, recovers_from_hold, stands
-from .virtual_bench import VirtualBench
+pytestmark = pytest.mark.untimed
 
 VIEWS = ("eih", "gt", "gs")
 # On s2: three times (40 ms one way + 132 ms in the jitter buffer), then video_hold_ms.
 SLOW_NS = 516 * NS_PER_MS
 HOLD_NS = 1000 * NS_PER_MS
-# Ticks from the first one of a picture that stands still to the hold.
+# Ticks from the first one of a frame that stands still to the hold.
 HOLD_TICKS = math.ceil((HOLD_NS - PICTURE_DELAY_NS) / PERIOD_NS) - 1
 PRIMARY = {Phase.REACH: "gt", Phase.ALIGN: "eih", Phase.TRANSPORT: "gs"}
 
@@ -57,7 +58,7 @@ def test_a_frozen_view_holds_the_arm_exactly_if_it_is_the_primary_one(
 ) -> None:
     move_in(bench, phase)
     frozen = bench.next
-    bench.pictures.freeze(*(VIEWS if view == "all" else (view,)))
+    bench.frames.freeze(*(VIEWS if view == "all" else (view,)))
     bench.run(1.3)
     if view not in (PRIMARY[phase], "all"):
         assert {output.arming for output in bench.outputs[frozen:]} == {ArmingState.ENGAGED}
@@ -71,14 +72,14 @@ def test_a_frozen_view_holds_the_arm_exactly_if_it_is_the_primary_one(
     assert holds(bench, frozen + HOLD_TICKS, Reason.STALE_VIDEO) <= TICKS_TO_REST
     stands(bench)
     bench.hand.velocity = np.zeros(3)
-    bench.pictures.thaw()
+    bench.frames.thaw()
     recovers_from_hold(bench, Reason.STALE_VIDEO)
     is_logged(bench, Reason.STALE_VIDEO)
 
 
-def test_the_older_the_picture_the_slower_the_arm(bench: VirtualBench) -> None:
+def test_the_older_the_frame_the_slower_the_arm(bench: VirtualBench) -> None:
     bench.engage_and_move()
-    bench.pictures.freeze(PRIMARY[Phase.REACH])
+    bench.frames.freeze(PRIMARY[Phase.REACH])
     frozen = bench.next
     bench.run(0.9)
     lag = 20  # ticks in which the commanded speed follows the scale, at the motion profile
@@ -93,7 +94,7 @@ def test_a_phase_that_begins_on_a_frozen_view_holds_the_arm_in_the_next_tick(
     bench: VirtualBench,
 ) -> None:
     move_in(bench, Phase.REACH)
-    bench.pictures.freeze("eih")
+    bench.frames.freeze("eih")
     bench.run(1.2)
     assert bench.outputs[-1].arming is ArmingState.ENGAGED
     bench.hand.a = True  # closes the gripper: the phase is GRASP, its primary view eih
@@ -104,19 +105,19 @@ def test_a_phase_that_begins_on_a_frozen_view_holds_the_arm_in_the_next_tick(
     assert holds(bench, changed + 1, Reason.STALE_VIDEO) <= TICKS_TO_REST
     bench.hand.a = False
     bench.hand.velocity = np.zeros(3)
-    bench.pictures.thaw()
+    bench.frames.thaw()
     recovers_from_hold(bench, Reason.STALE_VIDEO)
 
 
 @pytest.mark.parametrize(("seconds", "held"), [(0.3, False), (1.0, True), (5.0, True)])
-def test_a_blackout_holds_the_arm_if_the_picture_grows_a_second_old(
+def test_a_blackout_holds_the_arm_if_the_frame_grows_a_second_old(
     bench: VirtualBench, seconds: float, held: bool
 ) -> None:
     bench.engage_and_move(0.1 * ACROSS, seconds=0.2)
     dark = bench.next
-    bench.pictures.freeze(*VIEWS)
+    bench.frames.freeze(*VIEWS)
     bench.run(seconds)
-    bench.pictures.thaw()
+    bench.frames.thaw()
     back = bench.next
     bench.run(0.3)
     if not held:
@@ -129,9 +130,9 @@ def test_a_blackout_holds_the_arm_if_the_picture_grows_a_second_old(
     recovers_from_hold(bench, Reason.STALE_VIDEO)
 
 
-def test_nothing_engages_before_the_first_picture(bench: VirtualBench) -> None:
+def test_nothing_engages_before_the_first_frame(bench: VirtualBench) -> None:
     bench.arm_it()
-    bench.pictures.freeze(*VIEWS)
+    bench.frames.freeze(*VIEWS)
     bench.run(1.1)
     bench.hand.trigger = 1.0
     bench.hand.velocity = ACROSS
@@ -140,6 +141,6 @@ def test_nothing_engages_before_the_first_picture(bench: VirtualBench) -> None:
     assert bench.outputs[-1].arming is ArmingState.READY
     assert bench.outputs[-1].reason is Reason.STALE_VIDEO
     assert not bench.velocities(first).any()
-    bench.pictures.thaw()
+    bench.frames.thaw()
     bench.run(0.5)
     assert bench.outputs[-1].arming is ArmingState.READY, "a trigger that was held engages nothing"

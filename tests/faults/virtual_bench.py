@@ -9,16 +9,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hw.sim.controller_codes import Register
-from hw.sim.inprocess_arm import InProcessArm
-from tams_app.clock import NS_PER_S, VirtualClock
+from hw.sim.controller.codes import Register
+from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.records import ArmState, Vector
+from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
-
-from .bench import ACROSS, PERIOD_NS, RATE_HZ, Bench, Pace, configuration
-from .pictures import Sight
-from .wire import Request, tapped_model
+from tests.faults.bench import ACROSS, PERIOD_NS, RATE_HZ, Bench, Pace, configuration
+from tests.faults.frames import Sight
+from tests.faults.wire import Request, tapped_model
 
 
 class VirtualBench(Bench):

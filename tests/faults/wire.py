@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.sim.controller_codes import Register, State
-from hw.sim.controller_model import ControllerModel
-from hw.sim.controller_settings import ControllerSettings
-from hw.sim.plant import IdealPlant
+from hw.sim.controller.codes import Register, State
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.settings import ControllerSettings
 from tams_app.config import ArmConfig
 from tams_app.records import Vector
 

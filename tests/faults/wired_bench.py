@@ -14,19 +14,18 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
-from hw.lite6 import Lite6
-from hw.sim.controller_server import ControllerServer
-from hw.sim.controller_wire import Frame
-from tams_app.clock import NS_PER_S
+from hw.lite6.arm import Lite6
+from hw.sim.controller.server import ControllerServer
+from hw.sim.controller.wire import Frame
 from tams_app.config.motion import GuardConfig
 from tams_app.records import ArmState
+from tams_app.runtime.clock import NS_PER_S
+from tams_app.runtime.worker import Worker
 from tams_app.session.guarding import Guarding
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
-from tams_app.worker import Worker
-
-from .bench import ACROSS, PERIOD_NS, PERIOD_S, RATE_HZ, Bench, Pace, configuration
-from .wire import TappedModel, tapped_model
+from tests.faults.bench import ACROSS, PERIOD_NS, PERIOD_S, RATE_HZ, Bench, Pace, configuration
+from tests.faults.wire import TappedModel, tapped_model
 
 PATIENCE_S = 10.0  # real time, generous: the machine may be busy
 REPLY_TIMEOUT_S = 0.3  # long enough for both ends to share one busy process

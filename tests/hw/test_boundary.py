@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.boundary import reach_boundary, session_boundary
-from hw.lite6_kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
+from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
+
+pytestmark = pytest.mark.untimed
 
 ARM, LIMITS = ArmConfig(), LimitsConfig()
 edges = st.floats(-400, 400, allow_nan=False)

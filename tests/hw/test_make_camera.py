@@ -6,13 +6,15 @@ from typing import Any
 
 import pytest
 
-from hw.file_camera import FileSource, PatternSource
-from hw.gst_camera import GstCamera
 from hw.make_camera import make_camera
-from hw.v4l2_camera import V4l2Source
-from tams_app.clock import VirtualClock
+from hw.v4l2.camera import V4l2Source
+from hw.v4l2.file_camera import FileSource, PatternSource
+from hw.v4l2.gst_camera import GstCamera
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import ConfigError
+from tams_app.runtime.clock import VirtualClock
+
+pytestmark = pytest.mark.untimed
 
 
 def make(**keys: Any) -> GstCamera:

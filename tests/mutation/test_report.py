@@ -1,6 +1,10 @@
 from __future__ import annotations
 
+import pytest
+
 from tests.mutation.report import Mutant, changed_line, explained, render, statuses, totals, where
+
+pytestmark = pytest.mark.untimed
 
 RESULTS = """
     app.teleop.clutch.xǁClutchǁupdate__mutmut_12: killed

@@ -10,6 +10,8 @@ from tams_app.policy.allocation import STRATEGIES, allocate, make_strategy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 POLICY = load_config().policy
 budgets = st.one_of(st.floats(0, 50_000), st.sampled_from([0, 1, 449, 449.999, 450, 450.001]))
 floors = st.one_of(st.just(150.0), st.floats(0, 1000))

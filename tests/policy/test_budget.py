@@ -9,6 +9,8 @@ from tams_app.policy.budget import OracleBudget, SenderBudget
 from tams_app.policy.engine import Policy
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 MS = 1_000_000
 
 

@@ -10,6 +10,8 @@ from tams_app.errors import ConfigError
 from tams_app.policy.offline import label_phases
 from tams_app.policy.phases import PhaseParameters
 
+pytestmark = pytest.mark.untimed
+
 PARAMETERS = PhaseParameters.of(PhasesConfig())
 HEADER = "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n"
 

@@ -12,6 +12,8 @@ from tams_app.policy.phases import PhaseParameters, PhaseTracker, infer_phase
 from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.records import Phase
 
+pytestmark = pytest.mark.untimed
+
 PARAMETERS = PhaseParameters.of(PhasesConfig())
 
 # (edge, still, descending long enough after this period, closed) -> phase; None matches anything

@@ -6,18 +6,20 @@ from scipy.spatial.transform import Rotation
 
 from hw.arm import ServoMode
 from hw.controller import Controller
-from hw.lite6_kinematics import Lite6Model, offset_from_mm_deg
-from hw.sim.controller_model import ControllerModel
-from hw.sim.inprocess_arm import InProcessArm
-from hw.sim.plant import IdealPlant
-from tams_app.clock import VirtualClock
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import IdealPlant
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Phase, Pose
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.signals import Signals
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.video.repair import repair_rule
+
+pytestmark = pytest.mark.waiting
 
 PERIOD_NS = 1_000_000_000 // 120
 CONFIG = load_config()
@@ -76,7 +78,7 @@ class Bench:
             120.0,
             self.hand,
             self.arm,
-            build.teleop(CONFIG, build.picture_delay_ns(network, repair_rule(network, 300.0))),
+            build.teleop(CONFIG, build.video_delay_ns(network, repair_rule(network, 300.0))),
             build.phase_tracker(CONFIG),
             build.smoothed_speed(CONFIG),
             self.signals,

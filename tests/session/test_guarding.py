@@ -1,10 +1,14 @@
 """The guard follows the arm's arming."""
 
-from hw.guard_link import GuardLink
+import pytest
+
+from hw.guard.link import GuardLink
 from tams_app.config import load_config
 from tams_app.session.guarding import Guarding
 from tams_app.session.signals import Signals
 from tams_app.teleop.safety import ArmingState, Reason
+
+pytestmark = pytest.mark.waiting
 
 SILENCE_NS = 200_000_000
 

@@ -14,23 +14,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.sim.controller_server import ControllerServer
-from hw.sim.plant import IdealPlant
-from tams_app.clock import MonotonicClock
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.recording import read_log
 from tams_app.records import Vector
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
 from tests.faults.wire import TappedModel
-from tests.hw.fake_openvr import RIGHT, FakeRuntime
+from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
 
 PATIENCE_S = 60.0
 AGAIN_S = 0.5  # then the operator tries once more
 ATTEMPTS = 5
 HIGH_M = 0.28  # from here down again
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.timed, pytest.mark.timeout(300)]
 HAND_M_S = 0.15
 
 
@@ -160,7 +160,7 @@ def drive(here: Station) -> float:
 
     A machine that is too busy stops the arm, for a good reason: then the operator tries again.
     """
-    here.until(lambda: here.session.snapshot().views["eih"].shown_age_ms is not None, "a picture")
+    here.until(lambda: here.session.snapshot().views["eih"].shown_age_ms is not None, "a frame")
     for _ in range(ATTEMPTS):
         here.make_ready()
         before = tcp_height(here)
@@ -207,9 +207,7 @@ def test_a_dry_run_does_everything_but_move_the_arm(tmp_path: Path) -> None:
 
 def test_a_runtime_that_quits_stops_the_arm_and_says_so(tmp_path: Path) -> None:
     with station(tmp_path) as here:
-        here.until(
-            lambda: here.session.snapshot().views["eih"].shown_age_ms is not None, "a picture"
-        )
+        here.until(lambda: here.session.snapshot().views["eih"].shown_age_ms is not None, "a frame")
         here.make_ready()
         sent = len(here.model.wire)
         here.runtime.quit()

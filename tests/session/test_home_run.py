@@ -12,17 +12,19 @@ import pytest
 
 from hw.arm import Arm
 from hw.boundary import reach_boundary, session_boundary
-from hw.lite6_kinematics import HOME_JOINTS
-from hw.sim.controller_codes import ErrorCode, State
-from hw.sim.controller_model import ControllerModel
-from hw.sim.inprocess_arm import InProcessArm
-from hw.sim.plant import IdealPlant
-from tams_app.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from hw.lite6.kinematics import HOME_JOINTS
+from hw.sim.controller.codes import ErrorCode, State
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import IdealPlant
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
+
+pytestmark = pytest.mark.untimed
 
 REPEAT_NS = 40 * NS_PER_MS
 FIRST_REPEAT_NS = 660 * NS_PER_MS
@@ -227,12 +229,12 @@ def test_without_a_guard_that_watches_the_arm_is_stopped(what: str) -> None:
 
 
 def test_a_failure_of_the_terminal_stops_the_arm() -> None:
-    def hang_up(at: float) -> bytes:
+    def disconnect(at: float) -> bytes:
         if at > 3.0:
             raise DeviceError("The terminal is gone.")
         return b""
 
-    bench = Bench(held=lambda _: True, other=hang_up)
+    bench = Bench(held=lambda _: True, other=disconnect)
     with pytest.raises(DeviceError, match="terminal"):
         bench.run()
     assert bench.model.state == State.STOPPED

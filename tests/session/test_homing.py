@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.lite6_kinematics import HOME_JOINTS
-from tams_app.clock import NS_PER_MS, NS_PER_S
+from hw.lite6.kinematics import HOME_JOINTS
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.homing import (
     Action,
     HeldKey,
@@ -22,6 +22,8 @@ from tams_app.session.homing import (
     HomingState,
     plan_path,
 )
+
+pytestmark = pytest.mark.untimed
 
 GOAL = np.zeros(6)
 AWAY = np.full(6, 0.5)

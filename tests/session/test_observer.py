@@ -12,6 +12,8 @@ from tams_app.study.trial import UnjudgedTrial
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.session.test_parts import output
 
+pytestmark = pytest.mark.untimed
+
 
 class Follower:
     """Stands for guard and supervisor."""

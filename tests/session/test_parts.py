@@ -10,14 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from hw.camera import Camera
 from tams_app.capacity import ConstantCapacity
-from tams_app.clock import VirtualClock
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import OracleBudget
 from tams_app.policy.engine import Policy
-from tams_app.realtime import use_fifo
 from tams_app.records import ArmState, Frame, Phase, Pose, Twist
+from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.realtime import use_fifo
 from tams_app.session import build
 from tams_app.session.captures import Capture, CaptureTimes
 from tams_app.session.folder import create_session_folder, furnish_session_folder
@@ -27,6 +27,8 @@ from tams_app.session.signals import Signals
 from tams_app.session.stops import StopWatch
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
+
+pytestmark = pytest.mark.waiting
 
 MS = 1_000_000
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import pytest
 
 from tams_app.capacity import ConstantCapacity
-from tams_app.clock import NS_PER_MS, VirtualClock
 from tams_app.config import load_config
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import OracleBudget
 from tams_app.policy.engine import Policy
 from tams_app.records import Allocation, Phase
+from tams_app.runtime.clock import NS_PER_MS, VirtualClock
 from tams_app.session.policy_loop import PolicyLoop
+
+pytestmark = pytest.mark.waiting
 
 
 @pytest.fixture

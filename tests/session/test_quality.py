@@ -1,4 +1,4 @@
-"""The measurement of the pictures beside a session: what it tells, and that it never hurts."""
+"""The measurement of the frames beside a session: what it tells, and that it never hurts."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import VideoConfig
 from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.quality import RECENT_SCORES, LiveQuality
+
+pytestmark = pytest.mark.waiting
 
 WIDTH, HEIGHT = 160, 120
 FRAME_NS = 33 * NS_PER_MS
@@ -66,14 +68,14 @@ def started(session: Session, tmp_path: Path) -> Iterator[LiveQuality]:
     quality.close()
 
 
-def picture(index: int) -> Image:
+def frame(index: int) -> Image:
     coarse = np.random.default_rng(index).integers(0, 255, (12, 16, 3), dtype=np.uint8)
     return np.asarray(cv2.resize(coarse, (WIDTH, HEIGHT)), np.uint8)
 
 
 def push(quality: LiveQuality, index: int) -> None:
-    quality.push_capture(Frame("gt", index, index * FRAME_NS, picture(index)))
-    shown = np.asarray(cv2.GaussianBlur(picture(index), (0, 0), 1), np.uint8)
+    quality.push_capture(Frame("gt", index, index * FRAME_NS, frame(index)))
+    shown = np.asarray(cv2.GaussianBlur(frame(index), (0, 0), 1), np.uint8)
     quality.push_shown(ShownFrame("gt", index, index * FRAME_NS + NS_PER_MS, shown))
 
 
@@ -101,7 +103,7 @@ def test_a_killed_helper_is_noted_once_and_its_scores_stay(
     started.close()
     (note,) = session.notes
     assert note[0] == "warning"
-    assert note[1].startswith("the pictures' quality is not measured: the SSIM helper ended")
+    assert note[1].startswith("the frames' quality is not measured: the SSIM helper ended")
     assert [one.index for one in session.records] == [0]
 
 
@@ -120,7 +122,7 @@ def test_a_helper_that_cannot_start_is_noted_and_the_session_goes_on_without(
     assert session.records == []
 
 
-def test_no_memory_for_the_pictures_is_noted_and_the_session_goes_on_without(
+def test_no_memory_for_the_frames_is_noted_and_the_session_goes_on_without(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(name: str, size: int) -> None:

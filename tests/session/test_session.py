@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
-from tams_app.clock import VirtualClock
 from tams_app.config import load_config
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session.session import Session
+
+pytestmark = pytest.mark.waiting
 
 
 class Noted:

@@ -10,16 +10,18 @@ from tams_app.session.status import StatusBoard
 from tams_app.teleop.safety import ArmingState
 from tests.session.test_parts import arm_at, output
 
+pytestmark = pytest.mark.untimed
+
 UP = ControllerSample(ControllerStatus.OK, None, 0, 0, 0.0, 0.0, False, False, False)
 
 
-class NoPictures:
+class NoFrames:
     def age_ns(self, view, now_ns):
         return None
 
 
 def snapshot(board):
-    return board.snapshot(10**9, 1.0, NoPictures(), ConstantCapacity(6000.0))
+    return board.snapshot(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0))
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ from scipy.spatial.transform import Rotation
 from hw.arm import ServoMode
 from hw.boundary import TcpBoundary
 from tams_app.errors import DeviceError
-from tams_app.mailbox import BoundedQueue
 from tams_app.records import ArmState, Pose
+from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.teleop.safety import Request
+
+pytestmark = pytest.mark.waiting
 
 BOUNDARY = TcpBoundary((240, -220, 0), (460, 220, 400))
 

@@ -16,13 +16,15 @@ import pytest
 import tams_app.console.trial
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
-from tams_app.process import PROJECT_DIRECTORY
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.runner import TrialRunner
 from tests.study.played_study import RUNNING, played_virtual
 from tests.study.synthetic_study import PlantedRunner
 from tests.study.test_guided import SUCCESS, Experimenter
+
+pytestmark = pytest.mark.untimed
 
 Run = Callable[..., tuple[int, str, str]]
 

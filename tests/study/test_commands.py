@@ -31,6 +31,8 @@ from tests.study.test_guided import HARDWARE, SUCCESS, Experimenter
 from tests.study.test_unattended import SMALL
 from tests.synthetic_session import START_NS, header, live_records
 
+pytestmark = pytest.mark.untimed
+
 
 class Screen(Console):
     def __init__(self) -> None:

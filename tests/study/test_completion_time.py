@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tams_app.clock import NS_PER_S
+import pytest
+
 from tams_app.recording import SessionLog
 from tams_app.records import Phase, PhaseChange
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.study.completion_time import completion_time_s
 from tests.synthetic_session import START_NS, header, tick
+
+pytestmark = pytest.mark.untimed
 
 
 def log(engaged_s: float | None, opened_s: tuple[float, ...]) -> SessionLog:

@@ -18,6 +18,8 @@ from tams_app.study.unattended import run_unattended
 from tests.study.synthetic_study import PlantedRunner, make_study
 from tests.study.test_unattended import SMALL, Display
 
+pytestmark = pytest.mark.untimed
+
 SPEC = TrialSpec("P01-01", "P01", "tams", "s2", 1, False, 5, 6)
 
 

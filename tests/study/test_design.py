@@ -18,6 +18,8 @@ from tams_app.study.design import (
     williams_square,
 )
 
+pytestmark = pytest.mark.untimed
+
 sizes = st.integers(2, 15)
 
 

@@ -16,6 +16,8 @@ from tams_app.study.planning import make_plan
 from tams_app.study.runner import TrialSpec
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
 
+pytestmark = pytest.mark.untimed
+
 
 class Crash(BaseException):
     """The process died here."""

@@ -16,6 +16,8 @@ from tams_app.study.results import read_results
 from tams_app.study.runner import TrialRunner, TrialSpec
 from tests.study.synthetic_study import PlantedRunner, make_study
 
+pytestmark = pytest.mark.untimed
+
 HARDWARE = {
     "rig__enabled": False,
     "cameras": {view: {"source": "pattern"} for view in ("eih", "gt", "gs")},

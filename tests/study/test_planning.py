@@ -11,6 +11,8 @@ from tams_app.study.plan import Attempt, AttemptState, ParticipantState, TrialSt
 from tams_app.study.planning import balance_sentence, make_plan
 from tests.study.synthetic_study import small_config
 
+pytestmark = pytest.mark.untimed
+
 
 def test_eighteen_participants_and_one_repetition_make_162_counterbalanced_trials() -> None:
     plan = make_plan(small_config(), 18)

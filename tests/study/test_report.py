@@ -30,6 +30,8 @@ from tams_app.study.report.summary_section import received_ssim, success_share
 from tams_app.study.results import StudyData, TrialResult, read_results
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
 
+pytestmark = pytest.mark.untimed
+
 for extra in ("pandas", "pyarrow", "statsmodels"):
     pytest.importorskip(extra)
 

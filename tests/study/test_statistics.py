@@ -24,6 +24,8 @@ from tams_app.study.statistics.mixed_model import (
 from tams_app.study.statistics.pairs import paired_difference
 from tams_app.study.statistics.welch import cohens_d, stars, welch
 
+pytestmark = pytest.mark.untimed
+
 # Student (1908), "The probable error of a mean", Biometrika 6: additional hours of sleep by two
 # drugs; R's `sleep`. R's documentation of t.test and effectsize work it through.
 DRUG_1 = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]

@@ -10,6 +10,8 @@ from tams_app.study.results import read_results
 from tams_app.study.tables import phase_rows, trial_rows, write_tables
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
 
+pytestmark = pytest.mark.untimed
+
 pandas = pytest.importorskip("pandas")
 pytest.importorskip("pyarrow")
 

@@ -8,6 +8,8 @@ from tams_app.config import TrialConfig
 from tams_app.records import Pose, SceneTruth
 from tams_app.study.trial import TaskGeometry, TrialJudge
 
+pytestmark = pytest.mark.untimed
+
 S = 1_000_000_000
 GEOMETRY = TaskGeometry(container_inner=0.09, container_height=0.03, block_rest_height=0.01)
 CONTAINER = np.array([0.30, 0.20, 0.0])

@@ -24,6 +24,8 @@ from tams_app.study.trial_process import Job, TrialProcess
 from tams_app.study.unattended import RichProgress, run_unattended
 from tests.study.synthetic_study import PlantedRunner, make_study, small_config
 
+pytestmark = pytest.mark.untimed
+
 SMALL = {"study__strategies": ["equal", "tams"], "study__networks": ["s1", "s2"]}
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tams_app.config import TrialConfig
 from tams_app.study.plan import Verdict
 from tams_app.study.verdict import Conversation, ask_verdict
+
+pytestmark = pytest.mark.untimed
 
 
 def judged(*answers: str, measured_s: float | None = 40.0) -> tuple[Verdict, list[str]]:

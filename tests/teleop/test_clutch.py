@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import ClutchConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.clutch import MENU_HOLD_NS, Clutch, Fingers, is_fresh
+
+pytestmark = pytest.mark.waiting
 
 IDLE = ControllerSample(
     ControllerStatus.OK, Pose(np.zeros(3), Rotation.identity()), 0, 0, 0.0, 0.0, False, False, False

@@ -22,6 +22,8 @@ from tests.teleop.rig import (
     make_config,
 )
 
+pytestmark = pytest.mark.waiting
+
 DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
 MS = 1_000_000
 

@@ -10,6 +10,8 @@ from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
 from tests.teleop.rig import READY_ROTATION, RoomyModel, make_config
 
+pytestmark = pytest.mark.waiting
+
 JOINTS = np.zeros(6)
 MIDDLE = Tcp(np.array([0.33, 0.0, 0.18]), of_rotation(READY_ROTATION))
 NOTHING = np.zeros(3)
@@ -39,7 +41,7 @@ def test_the_norm_is_limited_and_the_direction_kept() -> None:
     assert (clamp_norm(np.array([0.1, 0, 0]), 0.25) == [0.1, 0, 0]).all()
 
 
-def test_an_old_picture_scales_all_of_the_twist() -> None:
+def test_an_old_frame_scales_all_of_the_twist() -> None:
     asked = Twist(np.array([0.2, 0, 0]), np.array([0, 0, 0.4]))
     left = limits().limit(asked, MIDDLE, JOINTS, 0.25)
     np.testing.assert_allclose(left.twist.linear, [0.05, 0, 0])

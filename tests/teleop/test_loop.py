@@ -19,6 +19,8 @@ from tests.teleop.rig import (
     make_config,
 )
 
+pytestmark = pytest.mark.waiting
+
 DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
 MS = 1_000_000
 
@@ -412,7 +414,7 @@ def test_an_arm_whose_own_deadman_has_run_out_starts_again_from_zero() -> None:
     assert output.twist.is_zero
 
 
-def test_an_old_picture_slows_the_hand_and_shows_it(engaged: Bench) -> None:
+def test_an_old_frame_slows_the_hand_and_shows_it(engaged: Bench) -> None:
     engaged.ask(0, 0.2, 0)
     output = engaged.run(80, video_age_ns=750 * MS)
     assert output.speed_scale == pytest.approx(0.5)
@@ -435,7 +437,7 @@ def test_teleop_imports_no_hardware_no_threads_no_files_and_no_clock() -> None:
     allowed_time = {"NS_PER_MS", "NS_PER_S"}
     for path in Path(tams_app.teleop.__path__[0]).glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module == "tams_app.clock":
+            if isinstance(node, ast.ImportFrom) and node.module == "tams_app.runtime.clock":
                 assert {alias.name for alias in node.names} <= allowed_time, path.name
             elif isinstance(node, ast.ImportFrom):
                 assert node.module is not None

@@ -30,6 +30,8 @@ from tests.teleop.laws import (
 from tests.teleop.motions import unit
 from tests.teleop.rig import PERIOD_NS, READY_ROTATION, Bench, IntegratingArm
 
+pytestmark = pytest.mark.waiting
+
 slow = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 wild = st.one_of(st.floats(-2, 2), st.sampled_from([math.nan, math.inf, 1e300]))

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.motion import HandMotion, is_frozen
+
+pytestmark = pytest.mark.waiting
 
 HOLD_NS = 25 * NS_PER_MS
 PLAIN = ((1, 0, 0), (0, 1, 0), (0, 0, 1))

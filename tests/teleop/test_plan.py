@@ -21,6 +21,8 @@ from tams_app.teleop.plan import (
 )
 from tests.teleop.motions import Case, motions_of, plans, within
 
+pytestmark = pytest.mark.waiting
+
 V = 0.25
 LIMITS = LimitsConfig()
 MOTION, STOP = linear_profile(LIMITS.motion), linear_profile(LIMITS.stop)

@@ -15,6 +15,8 @@ from tams_app.teleop.quaternion import (
     turned,
 )
 
+pytestmark = pytest.mark.waiting
+
 vectors = st.lists(st.floats(-1.8, 1.8), min_size=3, max_size=3).map(np.array)
 
 

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from tams_app.clock import NS_PER_S
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.safety import (
     CLEAR_CONSENT_NS,
     CLEARABLE,
@@ -18,6 +18,8 @@ from tams_app.teleop.safety import (
     Request,
 )
 from tests.teleop.arming_table import ARROWS, CAN_BE_CLEARED, Consent, Tick, Trigger, oracle
+
+pytestmark = pytest.mark.waiting
 
 DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
 

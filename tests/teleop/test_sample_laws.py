@@ -25,6 +25,8 @@ from tests.teleop.laws import (
 from tests.teleop.motions import unit
 from tests.teleop.rig import PERIOD_NS, Bench, IntegratingArm, make_config
 
+pytestmark = pytest.mark.waiting
+
 CONFIGS = {servo: make_config(arm__servo=servo) for servo in ("velocity", "pose")}
 MODES = {"velocity": 5, "pose": 1}
 many = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])

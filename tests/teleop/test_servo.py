@@ -9,6 +9,8 @@ from tams_app.records import Pose, Twist
 from tams_app.teleop.quaternion import IDENTITY, turn_between, turned
 from tams_app.teleop.servo import Target, Tcp, TcpPredictor
 
+pytestmark = pytest.mark.waiting
+
 MS = 1_000_000
 HERE = Tcp(np.array([0.3, 0.0, 0.2]), IDENTITY)
 

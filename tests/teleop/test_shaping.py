@@ -11,6 +11,8 @@ from tams_app.teleop.plan import Profile, TrajectoryError
 from tams_app.teleop.shaping import VelocityShaper
 from tests.teleop.motions import Case, plans, within
 
+pytestmark = pytest.mark.waiting
+
 V = 0.25
 MOTION = Profile(1.5, 20.0)
 STOP = Profile(5.0, 130.0)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.records import (
     ArmState,
     CommandLink,
@@ -15,10 +14,13 @@ from tams_app.records import (
     LinkFault,
     Pose,
 )
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.teleop.watch import Watch
 from tests.teleop.rig import make_config
+
+pytestmark = pytest.mark.waiting
 
 NOW = 10 * NS_PER_S
 MS = NS_PER_MS
@@ -167,7 +169,7 @@ def test_disarmed_the_link_the_video_and_the_arms_mode_are_not_judged() -> None:
     assert WATCH.holds(tick, DISARMED) == []
 
 
-def test_the_picture_slows_the_arm_and_then_holds_it() -> None:
+def test_the_frame_slows_the_arm_and_then_holds_it() -> None:
     ages_ms = (None, 0, 499, 500, 750, 900, 1000, 5000)
     scales = [WATCH.video_scale(None if age is None else age * MS) for age in ages_ms]
     assert scales == pytest.approx([1, 1, 1, 1, 0.5, 0.2, 0, 0])

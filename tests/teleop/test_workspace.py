@@ -14,6 +14,8 @@ from tams_app.teleop.quaternion import of_rotation, to_rotation, turned
 from tams_app.teleop.workspace import OutwardCap, RotationCone, Workspace
 from tests.teleop.motions import within
 
+pytestmark = pytest.mark.waiting
+
 LIMITS = LimitsConfig()
 MOTION, STOP = Profile(1.5, 20.0), Profile(5.0, 130.0)
 TURN, TURN_STOP = Profile(4.0, 60.0), Profile(12.0, 280.0)

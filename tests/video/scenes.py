@@ -1,4 +1,4 @@
-"""Pictures for video tests: a textured scene that pans, so that every frame differs."""
+"""Frames for video tests: a textured scene that pans, so that every frame differs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _canvas() -> Image:
     return np.clip(canvas, 0, 255).astype(np.uint8)
 
 
-def picture(index: int) -> Image:
+def image(index: int) -> Image:
     """The scene as a wrist camera sees it while it sweeps: shape (480, 640, 3), BGR."""
     x = round(430 + 400 * np.sin(index / 38.0))
     y = round(360 + 330 * np.sin(index / 23.0))
@@ -30,4 +30,4 @@ def picture(index: int) -> Image:
 
 
 def frame(index: int, view: str = "eih", capture_ns: int = 0) -> Frame:
-    return Frame(view, index, capture_ns, picture(index))
+    return Frame(view, index, capture_ns, image(index))

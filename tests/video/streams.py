@@ -1,4 +1,4 @@
-"""A sender and a receiver joined over loopback, and the pictures an undamaged stream decodes to."""
+"""A sender and a receiver joined over loopback, and the frames an undamaged stream decodes to."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dataclasses import replace
 from zlib import crc32
 
 from tams_app import gst
-from tams_app.clock import MonotonicClock
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
@@ -49,9 +49,9 @@ class Stream:
 
     def push(self, indices: range) -> None:
         """Push frames at the camera's pace, or slower where the encoder does not keep up."""
-        pictures = [frame(index) for index in indices]
+        frames = [frame(index) for index in indices]
         due = time.monotonic()
-        for each in pictures:
+        for each in frames:
             time.sleep(max(0.0, due - time.monotonic()))
             self.sender.push(replace(each, capture_ns=self.clock.now_ns()))
             self._pushed += 1
@@ -61,7 +61,7 @@ class Stream:
             assert self.receiver.poll() == ""
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float = 20.0) -> bool:
-        """Wait for a condition that another picture may bring about."""
+        """Wait for a condition that another frame may bring about."""
         with self._arrived:
             return self._arrived.wait_for(condition, timeout_s)
 

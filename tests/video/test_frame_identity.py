@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.clock import NS_PER_S
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.video.frame_identity import (
     RTP_CLOCK_HZ,
     FrameIdentity,
@@ -13,6 +14,8 @@ from tams_app.video.frame_identity import (
     index_of_rtp_timestamp,
     pts_of_index,
 )
+
+pytestmark = pytest.mark.untimed
 
 frame_rates = st.integers(5, 60)
 indices = st.integers(0, 1_400_000)  # 13 hours at 30 per second
@@ -39,7 +42,7 @@ def test_an_index_survives_the_truncated_rtp_timestamp(index: int, fps: int) -> 
     fps=frame_rates,
     receiver_offset_ns=st.integers(0, 10**13),
 )
-def test_every_picture_is_known_from_any_first_packet(
+def test_every_frame_is_known_from_any_first_packet(
     first: int, others: list[int], fps: int, receiver_offset_ns: int
 ) -> None:
     def receiver_pts(index: int) -> int:

@@ -11,6 +11,8 @@ import pytest
 
 from tams_app.video.helper_stream import received
 
+pytestmark = pytest.mark.waiting
+
 Pair = tuple[socket.socket, socket.socket]
 RESET_ON_CLOSE = struct.pack("ii", 1, 0)  # struct linger: on, at once
 

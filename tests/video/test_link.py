@@ -7,10 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.capacity import ConstantCapacity, RateTrace, TraceCapacity, UnlimitedCapacity
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.video.link import Link
+
+pytestmark = pytest.mark.untimed
 
 VIEWS = ("eih", "gt", "gs")
 START_NS = 3 * NS_PER_S

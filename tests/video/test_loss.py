@@ -8,6 +8,8 @@ import pytest
 from tams_app.config import Network
 from tams_app.video.loss import GilbertElliottLoss, loss_model
 
+pytestmark = pytest.mark.untimed
+
 PACKETS = 200_000
 
 

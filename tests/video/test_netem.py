@@ -11,6 +11,8 @@ from tams_app.config import Network, load_config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.video import netem
 
+pytestmark = pytest.mark.waiting
+
 S2 = load_config().networks["s2"]
 TC_THERE = shutil.which("tc") is not None
 

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from tams_app.records import PacketKind
 from tams_app.video.packets import identify, read_rtcp, read_rtp
 
+pytestmark = pytest.mark.untimed
+
 NACK = struct.pack("!BBHIIHH", 0x81, 205, 3, 1, 2, 17, 0)
 PLI = struct.pack("!BBHII", 0x81, 206, 2, 1, 2)
 RECEIVER_REPORT = struct.pack("!BBHI", 0x80, 201, 1, 1)

@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 
 from tams_app import gst
-from tams_app.clock import NS_PER_S
 from tams_app.config import VideoConfig
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.video import pipelines
 from tams_app.video.frame_identity import FrameIdentity, pts_of_index
 from tams_app.video.repair import RepairRule
-from tests.video.scenes import picture
+from tests.video.scenes import frame
+
+pytestmark = pytest.mark.waiting
 
 FPS = 30
 RULE = RepairRule(rtx=False, latency_ms=50, pli_interval_ms=300.0)
@@ -44,7 +46,7 @@ def pulled(pipeline: Any, wait_ns: int) -> Iterator[Any]:
 
 def packets_of(encoder: Any, index: int) -> list[bytes]:
     """All RTP packets of one frame: up to the marker bit."""
-    pixels = picture(index).tobytes()
+    pixels = frame(index).tobytes()
     buffer = gst.raw_buffer(pixels, pts_of_index(index, FPS), NS_PER_S // FPS)
     encoder.get_by_name("in").emit("push-buffer", buffer)
     packets: list[bytes] = []
@@ -84,7 +86,7 @@ def test_encoder_and_decoder_chains_join_without_udp(encoder: Any) -> None:
     assert indices == list(range(3, 33))
 
 
-def test_the_same_pictures_give_the_same_packets(encoder: Any) -> None:
+def test_the_same_frames_give_the_same_packets(encoder: Any) -> None:
     config = VideoConfig()
     again = app_ended(pipelines.encoder_chain(config, "eih", 1500), pipelines.raw_caps(config))
     for index in range(20):

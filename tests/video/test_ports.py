@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tams_app.config import VideoConfig
 from tams_app.video.ports import ViewPorts, media_ssrc, repair_ssrc, requested_ports
+
+pytestmark = pytest.mark.waiting
 
 
 def test_without_a_first_port_any_free_ports_are_asked_for() -> None:

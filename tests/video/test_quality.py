@@ -1,4 +1,4 @@
-"""What became of each captured frame: exactly one fate, and the right pictures to compare."""
+"""What became of each captured frame: exactly one fate, and the right images to compare."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.clock import NS_PER_MS
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.quality import Fate, Scorer, ViewQuality, record_of
 from tams_app.video.ssim import FrameMoments, Luma, ssim
+
+pytestmark = pytest.mark.untimed
 
 FRAME_NS = 33 * NS_PER_MS
 
@@ -27,7 +29,7 @@ def play(
 ) -> list[Fate]:
     """Fates of `frames` captures of which some are shown so many ns after their capture.
 
-    Captures have lumas of seed index, shown pictures of 1000 + index.
+    Captures have lumas of seed index, shown images of 1000 + index.
     """
     quality = ViewQuality("gt", window_frames)
     events = [(captured_at(index), 0, index) for index in range(frames)]
@@ -42,8 +44,8 @@ def play(
     return fates + quality.finish(last_ns if end_ns is None else end_ns)
 
 
-def same(picture: object, expected: Luma) -> bool:
-    return np.array_equal(getattr(picture, "luma", None), expected)
+def same(image: object, expected: Luma) -> bool:
+    return np.array_equal(getattr(image, "luma", None), expected)
 
 
 def test_a_shown_frame_is_compared_with_its_own_capture() -> None:
@@ -89,7 +91,7 @@ def test_live_looks_at_what_was_on_screen_at_the_capture() -> None:
     assert same(on_time[5].on_screen, luma(1003))
 
 
-def test_a_picture_that_stays_for_more_than_200_ms_is_a_freeze() -> None:
+def test_a_image_that_stays_for_more_than_200_ms_is_a_freeze() -> None:
     six = play(dict.fromkeys([0, 1, 7, 8], FRAME_NS), 9)  # 198 ms
     assert not any(fate.frozen for fate in six)
     seven = play(dict.fromkeys([0, 1, 8, 9], FRAME_NS), 10)  # 231 ms
@@ -109,7 +111,7 @@ def test_damage_is_told_by_who_knows() -> None:
     assert (first.damaged, second.damaged) == (None, True)
 
 
-def test_the_window_bounds_what_is_kept_and_a_later_picture_changes_nothing() -> None:
+def test_the_window_bounds_what_is_kept_and_a_later_image_changes_nothing() -> None:
     quality = ViewQuality("gt", window_frames=5)
     quality.captured(0, captured_at(0), luma(0))
     quality.shown(0, captured_at(0) + 1, luma(1000))
@@ -126,7 +128,7 @@ def test_the_window_bounds_what_is_kept_and_a_later_picture_changes_nothing() ->
     assert len(quality._pending) == 5
 
 
-def test_pictures_shown_without_captures_do_not_pile_up() -> None:
+def test_images_shown_without_captures_do_not_pile_up() -> None:
     quality = ViewQuality("gt", window_frames=5)
     quality.captured(0, captured_at(0), luma(0))
     for index in range(1, 100):
@@ -179,7 +181,7 @@ def test_the_three_scores_are_those_of_the_definitions() -> None:
     assert scores[0].live is None
 
 
-def test_missing_pictures_leave_their_scores_out_and_nothing_else() -> None:
+def test_missing_images_leave_their_scores_out_and_nothing_else() -> None:
     quality = ViewQuality("gt")
     quality.captured(0, captured_at(0), luma(0))
     quality.captured(1, captured_at(1), None)
@@ -193,7 +195,7 @@ def test_missing_pictures_leave_their_scores_out_and_nothing_else() -> None:
     assert record_of(fates[2]).received is None
 
 
-def test_moments_of_a_picture_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_moments_of_a_image_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[Luma] = []  # the arrays themselves: an id may come back
     of = FrameMoments.of
 

@@ -13,32 +13,32 @@ import cv2
 import numpy as np
 import pytest
 
-from tams_app.clock import NS_PER_MS
 from tams_app.errors import HelperError
 from tams_app.records import Frame, FrameQuality, Image, ShownFrame
-from tams_app.video.picture_ring import CAPTURED, SHOWN, PictureReader, PictureWriter, RingLayout
+from tams_app.runtime.clock import NS_PER_MS
+from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, FrameWriter, RingLayout
 from tams_app.video.quality_client import QualityClient
 from tams_app.video.quality_process import WAITING_FATES, ViewScores, run
 from tams_app.video.spare_pace import SparePace
 from tams_app.video.ssim import FrameMoments, luma_of, ssim
 
+pytestmark = pytest.mark.waiting
+
 WIDTH, HEIGHT = 96, 64
 FRAME_NS = 33 * NS_PER_MS
 
 
-def picture(index: int) -> Image:
+def image(index: int) -> Image:
     coarse = np.random.default_rng(index).integers(0, 255, (8, 12, 3), dtype=np.uint8)
     return np.asarray(cv2.resize(coarse, (WIDTH, HEIGHT)), np.uint8)
 
 
 def blurred(index: int) -> Image:
-    return np.asarray(cv2.GaussianBlur(picture(index), (0, 0), 2), np.uint8)
+    return np.asarray(cv2.GaussianBlur(image(index), (0, 0), 2), np.uint8)
 
 
 def expected(captured: int, shown: int) -> float:
-    return ssim(
-        FrameMoments.of(luma_of(picture(captured))), FrameMoments.of(luma_of(blurred(shown)))
-    )
+    return ssim(FrameMoments.of(luma_of(image(captured))), FrameMoments.of(luma_of(blurred(shown))))
 
 
 class Bench:
@@ -47,18 +47,18 @@ class Bench:
     def __init__(self) -> None:
         layout = RingLayout(("gt",), WIDTH, HEIGHT)
         self.block = mmap.mmap(-1, layout.block_bytes)
-        self.captured = PictureWriter(self.block, layout, "gt", CAPTURED)
-        self.shown = PictureWriter(self.block, layout, "gt", SHOWN)
+        self.captured = FrameWriter(self.block, layout, "gt", CAPTURED)
+        self.shown = FrameWriter(self.block, layout, "gt", SHOWN)
         self.told: list[FrameQuality] = []
         self.scores = ViewScores(
             "gt",
-            PictureReader(self.block, layout, "gt", CAPTURED),
-            PictureReader(self.block, layout, "gt", SHOWN),
+            FrameReader(self.block, layout, "gt", CAPTURED),
+            FrameReader(self.block, layout, "gt", SHOWN),
             self.told.append,
         )
 
     def frame(self, index: int, shown: bool = True) -> None:
-        self.captured.put(index, index * FRAME_NS, picture(index))
+        self.captured.put(index, index * FRAME_NS, image(index))
         if shown:
             self.shown.put(index, index * FRAME_NS + NS_PER_MS, blurred(index))
 
@@ -162,7 +162,7 @@ def client_of(told: Told, logs: Path) -> QualityClient:
 
 def push(client: QualityClient, index: int, shown: bool = True) -> None:
     for view in ("eih", "gt"):
-        client.push_capture(Frame(view, index, index * FRAME_NS, picture(index)))
+        client.push_capture(Frame(view, index, index * FRAME_NS, image(index)))
         if shown:
             shown_ns = index * FRAME_NS + NS_PER_MS
             client.push_shown(ShownFrame(view, index, shown_ns, blurred(index)))
@@ -216,7 +216,7 @@ def test_a_helper_that_is_killed_is_told_and_hurts_nobody(tmp_path: Path) -> Non
     finally:
         client.close()
     assert isinstance(told.failures[0], HelperError)
-    assert "pictures are no longer compared" in str(told.failures[0])
+    assert "frames are no longer compared" in str(told.failures[0])
 
 
 def test_a_helper_that_cannot_start_leaves_nothing_behind(

@@ -9,15 +9,17 @@ from random import Random
 
 import pytest
 
-from tams_app.clock import MonotonicClock
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError, SetupError
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.ports import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED, checksum, decoded_checksums, stream
+
+pytestmark = pytest.mark.waiting
 
 
 def is_media(datagram: bytes) -> bool:
@@ -119,7 +121,7 @@ def test_identity_is_exact_under_loss_and_jitter() -> None:
         assert joined.wait_until(lambda: joined.shown[-1].index >= 178)
         stats = joined.receiver.stats()
     references = decoded_checksums(joined.encoded)
-    assert len(set(references.values())) == len(references)  # no two pictures alike
+    assert len(set(references.values())) == len(references)  # no two frames alike
     index_of = {reference: index for index, reference in references.items()}
     recognised = [
         (each.index, index_of[checksum(each)])
@@ -127,13 +129,13 @@ def test_identity_is_exact_under_loss_and_jitter() -> None:
         if checksum(each) in index_of
     ]
     assert stats.packets_lost > 5
-    assert len(recognised) > 30  # damaged pictures are like none of the references
+    assert len(recognised) > 30  # damaged frames are like none of the references
     assert any(said > 60 for said, _ in recognised)
     assert all(said == true for said, true in recognised)
     assert joined.shown_indices() == sorted(set(joined.shown_indices()))
 
 
-def test_lost_packets_are_sent_again_and_the_pictures_stay_whole() -> None:
+def test_lost_packets_are_sent_again_and_the_frames_stay_whole() -> None:
     with stream(lose(0.03, seed=5, frames=120)) as joined:
         joined.push(range(120))
         assert joined.wait_until(lambda: len(joined.shown) == 120)
@@ -164,7 +166,7 @@ def test_a_receiver_that_waited_for_its_sender_still_waits_for_repair() -> None:
     assert (stats.rtx_received, stats.packets_lost) == (1, 0)
 
 
-def test_an_unrepaired_loss_brings_one_keyframe_request_and_a_whole_picture() -> None:
+def test_an_unrepaired_loss_brings_one_keyframe_request_and_a_whole_frame() -> None:
     link = LossyLink(lambda ordinal, datagram: ordinal not in (40, 44, 48))
     with stream(link, UNREPAIRED) as joined:
         joined.push(range(60))
@@ -261,7 +263,7 @@ def test_an_unknown_decoder_is_refused_before_anything_is_bound() -> None:
 
 def test_an_exception_of_the_consumer_is_told_to_the_owner() -> None:
     with stream() as joined:
-        joined.receiver._pictures._on_shown = lambda shown: 1 / 0
+        joined.receiver._frames._on_shown = lambda shown: 1 / 0
         joined.sender.push(frame(0))
         failed = threading.Event()
         for _ in range(200):

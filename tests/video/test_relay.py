@@ -10,13 +10,15 @@ from contextlib import ExitStack
 
 import pytest
 
-from tams_app.clock import NS_PER_MS
 from tams_app.config import Network
 from tams_app.errors import HelperError
 from tams_app.records import PacketFate, PacketKind
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.link import Link
 from tams_app.video.ports import ViewPorts
 from tams_app.video.relay_client import RelayClient
+
+pytestmark = pytest.mark.waiting
 
 VIEWS = ("eih", "gt")
 FLOWS = ("rtp", "reports", "feedback")

@@ -9,6 +9,8 @@ from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.video.relay_reports import REPORT_BUFFER_BYTES, ReportStream
 from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
 
+pytestmark = pytest.mark.waiting
+
 RECORD = PacketRecord("eih", PacketKind.MEDIA, 1, 100, 1, 2, 3, PacketFate.DELIVERED)
 BATCH = [RECORD] * 10_000
 STATISTICS = RelayStatistics(sent=7)

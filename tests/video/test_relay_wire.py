@@ -1,10 +1,13 @@
 """The relay's reports as bytes."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.video.relay_wire import BatchDecoder, RelayStatistics, encode_batch
+
+pytestmark = pytest.mark.waiting
 
 VIEWS = ("eih", "gt", "gs")
 times = st.integers(0, 2**63)

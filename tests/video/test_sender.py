@@ -10,15 +10,17 @@ from itertools import pairwise
 
 import pytest
 
-from tams_app.clock import MonotonicClock
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.records import EncodedFrame
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.ports import ViewPorts, media_ssrc
 from tams_app.video.sender import VideoSender
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, Stream, decoded_checksums, stream
+
+pytestmark = pytest.mark.waiting
 
 
 def test_each_encoded_frame_keeps_its_index_and_capture_time() -> None:
@@ -133,7 +135,7 @@ def test_a_stream_that_never_started_frees_its_ports() -> None:
             again.bind(("127.0.0.1", port))
 
 
-def test_the_ssrc_stays_fixed_when_rtcp_came_before_the_first_picture() -> None:
+def test_the_ssrc_stays_fixed_when_rtcp_came_before_the_first_frame() -> None:
     link = LossyLink(lambda ordinal, datagram: True)
     with stream(link) as joined, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for sequence in range(5):  # so that the receiver has something to report

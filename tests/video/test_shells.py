@@ -11,6 +11,8 @@ from tams_app.errors import ConfigError
 from tams_app.video.ports import ViewPorts
 from tams_app.video.shells import UdpSocket, udp_sink, wire_bytes_sent
 
+pytestmark = pytest.mark.waiting
+
 
 def test_a_free_port_is_told_and_belongs_to_the_host_asked_for() -> None:
     bound = UdpSocket("127.0.0.1", 0, "receiver of view eih")

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.video.source_drop import SourceDrop
+
+pytestmark = pytest.mark.untimed
 
 
 def kept_of(target_kbps: float, frames: int) -> list[bool]:

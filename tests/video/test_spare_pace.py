@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.video.spare_pace import LARGEST_SHARE, LEAST_SHARE, SparePace
+
+pytestmark = pytest.mark.untimed
 
 WORK_NS = 10 * NS_PER_MS
 
@@ -29,7 +32,7 @@ def test_it_begins_with_little_and_grows_to_half_a_core_where_cores_are_idle() -
     assert shares[-1] == LARGEST_SHARE
 
 
-def test_a_full_machine_halves_it_at_each_look_down_to_a_few_pictures_a_second() -> None:
+def test_a_full_machine_halves_it_at_each_look_down_to_a_few_frames_a_second() -> None:
     shares = paced([0.4] * 20 + [0.0] * 5)
     assert shares[20:23] == [0.25, 0.125, 0.0625]
     assert shares[-1] == LEAST_SHARE

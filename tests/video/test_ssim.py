@@ -1,4 +1,4 @@
-"""SSIM: equal to scikit-image's on real pictures, and its moments are those of any comparison."""
+"""SSIM: equal to scikit-image's on real images, and its moments are those of any comparison."""
 
 from __future__ import annotations
 
@@ -11,25 +11,27 @@ from hypothesis.extra import numpy as hnp
 from skimage.metrics import structural_similarity
 
 from hw.sim.layout import draw_layout
-from hw.sim.scene import VIEWS, build_model
-from hw.sim.scene_renderer import SceneRenderer
+from hw.sim.world.scene import VIEWS, build_model
+from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
 from tams_app.records import Image
 from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
 
+pytestmark = pytest.mark.untimed
+
 
 @pytest.fixture(scope="module")
 def renders() -> dict[str, Image]:
-    """A picture of each view of the simulated scene, and of EIH with the arm moved on."""
+    """An image of each view of the simulated scene, and of EIH with the arm moved on."""
     layout = draw_layout(7)
     qpos = build_model(layout, textured=False).qpos0.copy()
     qpos[:6] = np.radians(load_config().arm.ready_joints_deg)
     renderer = SceneRenderer(layout)
-    pictures = {view: renderer.render(view, qpos) for view in VIEWS}
+    images = {view: renderer.render(view, qpos) for view in VIEWS}
     qpos[:6] += 0.05
-    pictures["moved"] = renderer.render("eih", qpos)
+    images["moved"] = renderer.render("eih", qpos)
     renderer.close()
-    return pictures
+    return images
 
 
 def of(one: Luma, other: Luma) -> float:
@@ -92,7 +94,7 @@ def test_it_is_symmetric_bounded_and_equals_scikit_image_on_anything(pair: Luma)
     assert of(one, other) == pytest.approx(reference(one, other), abs=1e-4)
 
 
-def test_a_picture_equals_itself(renders: dict[str, Image]) -> None:
+def test_a_image_equals_itself(renders: dict[str, Image]) -> None:
     luma = luma_of(renders["gt"])
     assert of(luma, luma.copy()) == pytest.approx(1.0, abs=1e-7)
     assert of(luma, damaged(luma, "grey")) < 1
@@ -112,7 +114,7 @@ def test_luma_is_that_of_bt_601() -> None:
     assert luma_of(colours).tolist() == [[29, 150, 76, 255]]
 
 
-def test_pictures_without_a_whole_window_or_of_other_sizes_are_refused() -> None:
+def test_images_without_a_whole_window_or_of_other_sizes_are_refused() -> None:
     small, large = np.zeros((11, 11), np.uint8), np.zeros((11, 12), np.uint8)
     assert of(small, small) == pytest.approx(1.0)
     with pytest.raises(ValueError, match="11x11"):

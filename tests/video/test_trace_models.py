@@ -4,10 +4,12 @@ from itertools import groupby, pairwise
 
 import pytest
 
-from tams_app.clock import NS_PER_S
 from tams_app.config import CONFIG_DIRECTORY
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.video.trace_models import MODELS, generate, main
 from tams_app.video.traces import parse_trace
+
+pytestmark = pytest.mark.untimed
 
 
 def rates(model, seed=1, seconds=600.0):

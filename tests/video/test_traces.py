@@ -3,9 +3,11 @@
 import pytest
 
 from tams_app.capacity import TraceCapacity
-from tams_app.clock import NS_PER_MS
 from tams_app.errors import ConfigError
+from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.traces import format_trace, parse_trace, read_trace
+
+pytestmark = pytest.mark.untimed
 
 
 def test_a_table_holds_each_rate_until_the_next_row():
@@ -97,6 +99,6 @@ def test_a_byte_order_mark_is_no_part_of_the_trace(tmp_path, text):
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"none\.csv: cannot be read: No such file"):
         read_trace(tmp_path / "none.csv")
-    (tmp_path / "picture").write_bytes(b"\xff\xd8\xff\x00")
-    with pytest.raises(ConfigError, match="picture: is not a text file"):
-        read_trace(tmp_path / "picture")
+    (tmp_path / "frame").write_bytes(b"\xff\xd8\xff\x00")
+    with pytest.raises(ConfigError, match="frame: is not a text file"):
+        read_trace(tmp_path / "frame")

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Protocol
 
 from hw.controller import Controller
-from hw.sim.seeing import Pictures, Reliance
-from hw.sim.station import seat
-from hw.sim.task import Stage
+from hw.sim.operator.seeing import Images, Reliance
+from hw.sim.operator.station import seat
+from hw.sim.operator.task import Stage
 from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.session.recorded_hand import recorded_hand
@@ -27,17 +27,17 @@ class Hand(Protocol):
 
 
 class SeeingHand:
-    """The simulated participant. He gets `pictures` and the feel of his controller."""
+    """The simulated participant. He gets `frames` and the feel of his controller."""
 
     def __init__(
         self,
         config: Config,
         participant_seed: int,
-        pictures: Pictures,
+        frames: Images,
         record: Callable[[OperatorGlance], None],
     ) -> None:
         """`record` keeps each of his glances."""
-        self._station = seat(config, participant_seed, pictures, self._tell)
+        self._station = seat(config, participant_seed, frames, self._tell)
         self._record = record
         self.controller: Controller = self._station.controller
 
@@ -75,10 +75,10 @@ class RecordedHand:
 def make_hand(
     config: Config,
     participant_seed: int,
-    pictures: Pictures,
+    frames: Images,
     record: Callable[[OperatorGlance], None],
 ) -> Hand:
     """The hand of the configuration: `rig.hand_trajectory`, or else the participant's."""
     if config.rig.hand_trajectory is not None:
         return RecordedHand(Path(config.rig.hand_trajectory))
-    return SeeingHand(config, participant_seed, pictures, record)
+    return SeeingHand(config, participant_seed, frames, record)

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from tams_app.clock import NS_PER_S
-from tams_app.video.lockstep.agenda import Agenda
+from tams_app.runtime.clock import NS_PER_S
+from tams_app.video.virtual_time.event_queue import EventQueue
 
 
-def repeat(agenda: Agenda, now_ns: int, rate_hz: float, action: Callable[[int], object]) -> None:
+def repeat(
+    events: EventQueue, now_ns: int, rate_hz: float, action: Callable[[int], object]
+) -> None:
     """Do `action` with its due time `rate_hz` times a second, first one period after `now_ns`."""
     period_ns = round(NS_PER_S / rate_hz)
 
     def again(due_ns: int) -> None:
-        agenda.post(due_ns + period_ns, partial(again, due_ns + period_ns))
+        events.post(due_ns + period_ns, partial(again, due_ns + period_ns))
         action(due_ns)
 
-    agenda.post(now_ns + period_ns, partial(again, now_ns + period_ns))
+    events.post(now_ns + period_ns, partial(again, now_ns + period_ns))

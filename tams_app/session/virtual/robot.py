@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from hw.boundary import session_boundary
-from hw.sim.controller_model import ControllerModel
-from hw.sim.inprocess_arm import InProcessArm
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import ControllerModel
 from hw.sim.layout import draw_layout
-from hw.sim.world import World
-from tams_app.clock import Clock
+from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.records import SceneTruth, Vector
+from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.supervisor import ArmSupervisor
 

@@ -1,4 +1,4 @@
-"""Every picture scored: nothing is left out where time waits."""
+"""Every frame scored: nothing is left out where time waits."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from tams_app.video.quality import Fate, Scorer, ViewQuality
 from tams_app.video.ssim import luma_of
 
 
-class PictureScores:
+class FrameScores:
     """The accounts of `views`; each captured frame's record comes once its fate is decided.
 
-    Pictures of other views pass unseen.
+    Frames of other views pass unseen.
     """
 
     def __init__(self, views: Iterable[str], record: Callable[[FrameQuality], None]) -> None:
@@ -20,14 +20,14 @@ class PictureScores:
         self._record = record
 
     def captured(self, frame: Frame) -> None:
-        """A camera's picture, in the order of capture."""
+        """A camera's frame, in the order of capture."""
         if frame.view in self._views:
             accounts, _ = self._views[frame.view]
             fates = accounts.captured(frame.index, frame.capture_ns, luma_of(frame.image))
             self._score(frame.view, fates)
 
     def shown(self, shown: ShownFrame) -> None:
-        """A picture that reached the screen, after the captures that came before it."""
+        """A frame that reached the screen, after the captures that came before it."""
         if shown.view in self._views:
             accounts, _ = self._views[shown.view]
             fates = accounts.shown(shown.index, shown.shown_ns, luma_of(shown.image))

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from tams_app.clock import Clock
 from tams_app.config import Config
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Frame, Image, Phase, ShownFrame
+from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.allocating import Allocating
 from tams_app.session.captures import CaptureTimes
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.uplink import primary_age_ns
-from tams_app.session.virtual.scoring import PictureScores
-from tams_app.video.lockstep.shared import VideoRecords
-from tams_app.video.lockstep.video import LockstepVideo
+from tams_app.session.virtual.scoring import FrameScores
 from tams_app.video.networks import network_capacity, resolve_network
 from tams_app.video.repair import repair_rule
+from tams_app.video.virtual_time.shared import VideoRecords
+from tams_app.video.virtual_time.video import VirtualVideo
 
 
 class VirtualStreaming:
@@ -38,10 +38,10 @@ class VirtualStreaming:
         self._records = records
         self._watch = watch
         scored = video.views if video.quality.enabled else ()
-        self._scores = PictureScores(scored, records.record)
+        self._scores = FrameScores(scored, records.record)
         self._times = {view: CaptureTimes() for view in video.views}
         self._weights = WeightMatrix(config.policy.weights.matrix)
-        self._video = LockstepVideo(
+        self._video = VirtualVideo(
             video,
             network,
             rule,
@@ -52,10 +52,10 @@ class VirtualStreaming:
             VideoRecords(records.record, records.record, self._on_shown, records.packets),
         )
         self.policy = allocating.loop(clock, self._video)
-        self.picture_delay_ns = build.picture_delay_ns(network, rule)
+        self.video_delay_ns = build.video_delay_ns(network, rule)
 
     def push(self, frame: Frame) -> None:
-        """A camera has handed over a picture: send it."""
+        """A camera has handed over a frame: send it."""
         self._records.capture(frame)
         self._scores.captured(frame)
         self._times[frame.view].add(frame.index, frame.capture_ns)
@@ -65,13 +65,13 @@ class VirtualStreaming:
         """Let everything happen to the video that is due up to `now_ns`."""
         self._video.advance_to(now_ns)
 
-    def pictures(self) -> Mapping[str, Image | None]:
-        """What is on the operator's screen, by view; None before the first picture."""
+    def frames(self) -> Mapping[str, Image | None]:
+        """What is on the operator's screen, by view; None before the first frame."""
         shown = {view: self._video.shown(view) for view in self._times}
         return {view: None if one is None else one.image for view, one in shown.items()}
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the picture shown of `view`; None before the first."""
+        """Age of the frame shown of `view`; None before the first."""
         return self._times[view].age_ns(self._video.shown(view), now_ns)
 
     @property

@@ -1,4 +1,4 @@
-"""One trial in virtual time: every part of a session, from first picture to verdict and summary."""
+"""One trial in virtual time: every part of a session, from first frame to verdict and summary."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from tams_app.clock import NS_PER_S, VirtualClock
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.recording import read_log
 from tams_app.recording.direct import DirectRecorder
 from tams_app.records import Note, Outcome, Phase, PhaseChange, ShownFrame
+from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.folder import save_config
@@ -30,7 +30,7 @@ from tams_app.session.virtual.streaming import VirtualStreaming
 from tams_app.study.trial import TrialJudge
 from tams_app.summary.file import save_summary
 from tams_app.teleop.safety import ArmingState
-from tams_app.video.lockstep.agenda import Agenda
+from tams_app.video.virtual_time.event_queue import EventQueue
 
 START_NS = NS_PER_S
 ENGAGED_WITHIN_S = 30.0  # else the operator never will: he needs about three
@@ -41,7 +41,7 @@ def run_virtual_trial(
 ) -> Outcome:
     """Run one trial to its end; session.mcap, config.yaml and summary.json are in `folder` then.
 
-    In the main thread of a process that does nothing else (`tams_app.video.lockstep`).
+    In the main thread of a process that does nothing else (`tams_app.video.virtual_time`).
     `wall_start_ns`: when it began by the wall's clock, for the log's header. The same arguments
     leave the same bytes on the same machine.
     """
@@ -56,7 +56,7 @@ def run_virtual_trial(
 
 
 class VirtualTrial:
-    """The parts of one trial and the agenda that moves them; `run` it once, then `close`."""
+    """The parts of one trial and the events that moves them; `run` it once, then `close`."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class VirtualTrial:
         wall_start_ns: int,
         watch: Callable[[ShownFrame], None] = lambda _shown: None,
     ) -> None:
-        """`watch` sees every picture that reaches the operator's screen.
+        """`watch` sees every frame that reaches the operator's screen.
 
         SetupError, ConfigError, LogError or DeviceError say why it cannot begin.
         """
@@ -79,17 +79,17 @@ class VirtualTrial:
             )
         self._config = config
         self._clock = VirtualClock(START_NS)
-        self._agenda = Agenda()
+        self._events = EventQueue()
         self._ended = ""
         with ExitStack() as stack:
             self._records = self._open_log(folder, wall_start_ns, stack)
             self._robot = VirtualRobot(config, self._clock, self._note)
             self._streaming = VirtualStreaming(config, self._clock, self._records, watch)
             stack.callback(self._streaming.close)
-            self._cameras = VirtualCameras(config, self._robot, self._agenda, self._streaming.push)
+            self._cameras = VirtualCameras(config, self._robot, self._events, self._streaming.push)
             stack.callback(self._cameras.close)
             self._hand = make_hand(
-                config, participant_seed, self._streaming.pictures, self._records.record
+                config, participant_seed, self._streaming.frames, self._records.record
             )
             self._judge = TrialJudge(config.trial, build.task_geometry())
             self._stops = StopWatch(self._records.record)
@@ -101,11 +101,11 @@ class VirtualTrial:
         """From the start to the verdict."""
         self._begin()
         while not self._ended:
-            due_ns = self._agenda.next_ns
+            due_ns = self._events.next_ns
             assert due_ns is not None, "cameras and control always have something to do"
             self._streaming.advance_to(due_ns)
             self._clock.sleep_until_ns(due_ns)
-            self._agenda.do_next()
+            self._events.do_next()
         self._robot.stop()
         self._stops.finish()
         self._streaming.finish(self._clock.now_ns())
@@ -150,7 +150,7 @@ class VirtualTrial:
             record=self._records.record,
             output=observer.observe,
         )
-        delay_ns = self._streaming.picture_delay_ns
+        delay_ns = self._streaming.video_delay_ns
         return build.control_loop(
             self._config, self._clock, self._hand.controller, self._robot.arm, delay_ns, signals,
             hooks,
@@ -175,13 +175,13 @@ class VirtualTrial:
         self._records.fact("scheduler", "virtual")
         self._records.phase(PhaseChange(now_ns, Phase.REACH, "start"))
         self._cameras.start(now_ns)
-        self._agenda.post(now_ns, self._step_policy)
-        repeat(self._agenda, now_ns, self._config.control.rate_hz, self._tick)
-        repeat(self._agenda, now_ns, RATE_HZ, lambda _due_ns: self._trial_loop.look())
-        self._agenda.post(now_ns + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
+        self._events.post(now_ns, self._step_policy)
+        repeat(self._events, now_ns, self._config.control.rate_hz, self._tick)
+        repeat(self._events, now_ns, RATE_HZ, lambda _due_ns: self._trial_loop.look())
+        self._events.post(now_ns + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
         if (limit_s := self._config.seconds) is not None:
             end = partial(self._end, f"ended after {limit_s:g} s")
-            self._agenda.post(now_ns + round(limit_s * NS_PER_S), end)
+            self._events.post(now_ns + round(limit_s * NS_PER_S), end)
 
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
@@ -194,12 +194,12 @@ class VirtualTrial:
         before_ns = policy.due_ns
         policy.step_if_due()
         if policy.due_ns != before_ns:
-            self._agenda.post(policy.due_ns, self._step_policy)
+            self._events.post(policy.due_ns, self._step_policy)
 
     def _on_phase(self, change: PhaseChange) -> None:
         self._records.phase(change)
         self._streaming.policy.enter(change.phase)
-        self._agenda.post(change.t_ns, self._step_policy)
+        self._events.post(change.t_ns, self._step_policy)
 
     def _give_up(self) -> None:
         if not self._judge.started:

@@ -6,18 +6,18 @@ import numpy as np
 
 from hw.arm import ServoMode
 from hw.boundary import session_boundary
-from hw.sim.controller_model import ControllerModel
-from hw.sim.inprocess_arm import InProcessArm
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import ControllerModel
 from hw.sim.layout import draw_layout
-from hw.sim.operator import Operator
-from hw.sim.operator_hand import operator_hand
-from hw.sim.perception import TruePerception
-from hw.sim.virtual_controller import VirtualController
-from hw.sim.wiring import rig_wiring
-from hw.sim.world import World
-from tams_app.clock import NS_PER_S, VirtualClock
+from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator_hand import operator_hand
+from hw.sim.operator.perception import TruePerception
+from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.wiring import rig_wiring
+from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.records import Outcome
+from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.signals import Signals

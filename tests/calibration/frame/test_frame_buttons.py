@@ -4,7 +4,9 @@ import pytest
 
 from calibration.frame.buttons import PATIENCE_NS, PressWatch, settle
 from calibration.frame.reasons import Reason, RefusedError
-from hw.openvr_components import ComponentReading
+from hw.openvr.components import ComponentReading
+
+pytestmark = pytest.mark.untimed
 
 FOCUS = "vive_focus3_controller"
 USUAL = {

@@ -6,9 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from calibration.frame.capture import Capture, Held, touch_of
 from calibration.frame.reasons import Reason, RefusedError
-from tams_app.clock import NS_PER_S
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.runtime.clock import NS_PER_S
+
+pytestmark = pytest.mark.untimed
 
 STEP_NS = NS_PER_S // 120
 

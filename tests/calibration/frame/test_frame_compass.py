@@ -7,9 +7,11 @@ from scipy.spatial.transform import Rotation
 from calibration.frame.compass import Compass, direction_of
 from calibration.frame.prompts import SIX_WAYS
 from calibration.frame.result import rows
-from tams_app.clock import NS_PER_S
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.runtime.clock import NS_PER_S
+
+pytestmark = pytest.mark.untimed
 
 
 def lit_by(velocity, hand, seconds=0.5):

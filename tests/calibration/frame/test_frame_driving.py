@@ -10,6 +10,8 @@ from calibration.frame.wizard import Options, run_frame
 from tams_app.config import load_config
 from tests.calibration.frame.driving import drive
 
+pytestmark = pytest.mark.untimed
+
 LONG_ENOUGH_S = 35.0  # the same operator places the block after 20 s on a rig that is right
 
 

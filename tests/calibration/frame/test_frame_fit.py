@@ -11,6 +11,8 @@ from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import turn_deg
 from tests.calibration.frame.synthetic import stroke, strokes
 
+pytestmark = pytest.mark.untimed
+
 BEHIND = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # upright
 SEEDS = range(200)
 

@@ -16,6 +16,8 @@ from tams_app.records import Pose
 from tests.calibration.frame.synthetic import stroke
 from tests.synthetic_session import tick
 
+pytestmark = pytest.mark.untimed
+
 TRUTH = Rotation.random(random_state=11).as_matrix()
 
 

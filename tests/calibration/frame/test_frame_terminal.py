@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+pytestmark = pytest.mark.waiting
+
 ROOT = Path(__file__).resolve().parents[3]
 PATIENCE_S = 90.0
 QUESTION = "Write it? [y/n]"

@@ -11,6 +11,8 @@ from calibration.frame.rotation import turn_deg
 from calibration.frame.touches import Touch, fit_touches
 from tests.calibration.frame.synthetic import POINTS, touches
 
+pytestmark = pytest.mark.untimed
+
 TRUTH = Rotation.from_euler("xyz", [80, 10, -95], degrees=True).as_matrix()
 
 

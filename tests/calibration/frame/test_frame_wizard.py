@@ -19,15 +19,17 @@ from calibration.frame.rotation import turn_deg
 from calibration.frame.rounds import fit_moves, fit_touched
 from calibration.frame.sources import SimulatedSetup
 from calibration.frame.wizard import Options, run_frame
-from hw.openvr_components import ROLES
-from tams_app.clock import NS_PER_S
+from hw.openvr.components import ROLES
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import ControllerStatus
+from tams_app.runtime.clock import NS_PER_S
 from tests.calibration.frame.synthetic import POINTS
 from tests.calibration.frame.test_frame_recorded import TRUTH, rounds, session
 from tests.synthetic_session import header
+
+pytestmark = pytest.mark.untimed
 
 TURNED = Rotation.random(random_state=4).as_matrix()
 SWAPPED = {"a": "b/click", "b": "a/click"}

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from hw.sim.layout import draw_layout
-from hw.sim.seeing import fixed_cameras
+from hw.sim.operator.seeing import fixed_cameras
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
+
+pytestmark = pytest.mark.untimed
 
 
 @pytest.mark.parametrize("view", FIXED_VIEWPOINTS)
-def test_block_and_container_of_every_scene_are_in_the_picture(view):
+def test_block_and_container_of_every_scene_are_in_the_image(view):
     camera = fixed_cameras()[view]
     for seed in range(200):
         layout = draw_layout(seed)
@@ -32,7 +34,7 @@ def test_the_block_is_large_enough_to_be_worth_looking_at(view):
 
 
 @pytest.mark.parametrize("viewpoint", [*FIXED_VIEWPOINTS.values(), WRIST_VIEWPOINT])
-def test_axes_are_a_proper_rotation_with_the_picture_upright(viewpoint):
+def test_axes_are_a_proper_rotation_with_the_image_upright(viewpoint):
     axes = viewpoint.axes()
     assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-12)
     assert math.isclose(np.linalg.det(axes), 1.0)

@@ -25,7 +25,7 @@ LONG_ENOUGH = {"network": "s3", "seconds": 4.0}  # until he has engaged the arm
 
 
 def short(**changes: Any) -> Config:
-    """A trial of seed 5 with a third of the pictures, for dotted keys in `changes`."""
+    """A trial of seed 5 with a third of the frames, for dotted keys in `changes`."""
     return load_config(None, {"seed": 5, "video.fps": 10, **changes})
 
 
@@ -40,7 +40,7 @@ def run(
 
 
 def digest_of_run(folder: Path) -> str:
-    """One number for every picture shown and every byte of the log."""
+    """One number for every frame shown and every byte of the log."""
     sha = sha256()
 
     def watch(shown: ShownFrame) -> None:

@@ -19,7 +19,7 @@ from tams_app.study.runner import TrialSpec
 from tams_app.study.trial_process import Job, TrialProcess
 from tests.session.virtual.runs import short
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.untimed, pytest.mark.timeout(600)]
 SPEC = TrialSpec("P01-04", "P01", "static", "s3", 1, False, 5, 6)
 
 

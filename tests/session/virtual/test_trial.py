@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tams_app.clock import NS_PER_MS, NS_PER_S
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.process import PROJECT_DIRECTORY
 from tams_app.recording import SessionLog, read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual import trial as trial_module
 from tams_app.session.virtual.cameras import DELIVERY_NS
@@ -31,7 +31,7 @@ from tests.session.virtual.runs import (
 )
 from tests.test_summary import KEYS
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.untimed, pytest.mark.timeout(600)]
 VIEWS = ("eih", "gt", "gs")
 KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 
@@ -53,7 +53,7 @@ def summary(log):
     return summarise(log)
 
 
-def test_the_same_seed_gives_the_same_pictures_and_the_same_log_in_another_process(whole, tmp_path):
+def test_the_same_seed_gives_the_same_frames_and_the_same_log_in_another_process(whole, tmp_path):
     command = [sys.executable, "-m", "tests.session.virtual.runs", str(tmp_path)]
     again = subprocess.run(
         command, cwd=PROJECT_DIRECTORY, capture_output=True, text=True, check=False
@@ -62,7 +62,7 @@ def test_the_same_seed_gives_the_same_pictures_and_the_same_log_in_another_proce
     assert again.stdout.strip() == whole[1]
 
 
-def test_the_summary_has_all_keys_and_every_picture_is_scored(summary, log):
+def test_the_summary_has_all_keys_and_every_frame_is_scored(summary, log):
     assert set(summary) == set(KEYS)
     for view in VIEWS:
         figures = summary["views"][view]
@@ -100,7 +100,7 @@ def test_control_ticks_cameras_and_the_judge_keep_their_rates(log):
     assert {round((b.t_ns - a.t_ns) / NS_PER_MS, -1) for a, b in pairwise(log.scene)} <= {30, 40}
 
 
-def test_no_picture_is_shown_sooner_than_camera_encoder_link_and_decoder_allow(log):
+def test_no_frame_is_shown_sooner_than_camera_encoder_link_and_decoder_allow(log):
     network = load_config().networks["s3"]
     least_ms = network.latency_ms - network.jitter_ms + DELIVERY_NS / NS_PER_MS + 4.5 + 2.5
     captured = {(one.view, one.index): one.capture_ns for one in log.captured}
@@ -109,7 +109,7 @@ def test_no_picture_is_shown_sooner_than_camera_encoder_link_and_decoder_allow(l
     assert float(np.median(ages_ms)) < least_ms + 60
 
 
-def test_the_operator_waits_for_a_picture_arms_the_arm_and_moves_it(log):
+def test_the_operator_waits_for_a_frame_arms_the_arm_and_moves_it(log):
     first_shown_ns = min(one.shown_ns for one in log.shown)
     pressed_ns = next(tick.started_ns for tick in log.ticks if tick.controller.menu)
     assert pressed_ns > first_shown_ns
@@ -163,14 +163,14 @@ def test_the_bitstream_is_in_the_log_and_can_be_left_out(whole, log, lean):
     assert list(read_video(lean, "gt")) == []
 
 
-def test_pictures_are_not_scored_where_nobody_wants_their_quality(lean):
+def test_frames_are_not_scored_where_nobody_wants_their_quality(lean):
     found = read_log(lean)
     assert found.quality == []
     assert found.shown != []
     assert summarise(found)["primary_view"]["received_ssim"] is None
 
 
-def test_without_pictures_he_knows_nothing_and_touches_nothing(tmp_path, monkeypatch):
+def test_without_frames_he_knows_nothing_and_touches_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(trial_module, "ENGAGED_WITHIN_S", 2.5)  # longer than he needs to begin
     dark = {"networks.dark": {"loss": 1.0, "rate_kbps": 3000}, "network": "dark"}
     outcome = run(short(**dark), tmp_path)

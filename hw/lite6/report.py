@@ -1,0 +1,243 @@
+"""The Lite 6's report streams, read on sockets of our own.
+
+The real-time stream (100 Hz) has joints, TCP, mode and state; errors, settings and motors come
+only with the normal one (5 Hz). Frames as in the SDK's `x3/report.py`. Why not the SDK's report
+thread: it takes one stream only, gives no time of receipt, and polls every millisecond. Measured
+on loopback: 5.4 % of a core against 3.7 % for this reader, which hands a report on up to 2 ms
+sooner; both keep within 0.2 ms of the 10 ms period at the median.
+"""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import struct
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hw.lite6.kinematics import pose_from_mm_rpy
+from tams_app.errors import DeviceError
+from tams_app.records import Pose, Vector
+from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.worker import Worker
+
+RICH_PORT_OFFSET = 1
+REAL_PORT_OFFSET = 2
+CONNECT_TIMEOUT_S = 1.0
+POLL_S = 0.1
+STATUS_STALE_NS = NS_PER_S  # five periods of the normal report
+
+_LENGTH = struct.Struct(">I")
+_MOTION = struct.Struct("<B2x6f4x6f")  # at 4: mode and state, joints [rad], pose [mm, rad]
+_STATUS = struct.Struct("<x3B6f4fB")  # at 87: motors, error, warning, offset, load, sensitivity
+_MOTION_AT, _STATUS_AT, _SIMULATION_AT = 4, 87, 314
+_REAL_BYTES = _STATUS_AT  # older firmware; newer appends the force sensor
+_NORMAL_BYTES = _STATUS_AT + _STATUS.size
+_RICH_BYTES = _SIMULATION_AT + 1
+_MAX_BYTES = 4096
+_ALL_MOTORS = 0b111111
+
+
+@dataclass(frozen=True, slots=True)
+class StatusReport:
+    """What the normal report adds, in the units of the wire (mm, rad, kg)."""
+
+    received_ns: int
+    motors_enabled: bool
+    error_code: int
+    warning_code: int
+    tcp_offset: tuple[float, ...]  # x, y, z [mm], roll, pitch, yaw [rad]
+    load: tuple[float, ...]  # [kg], centre of gravity x, y, z [mm]
+    collision_sensitivity: int
+
+
+@dataclass(frozen=True, slots=True)
+class MotionReport:
+    """What the real-time report says: joints [rad], shape (6,); TCP in the base frame."""
+
+    received_ns: int
+    joints: Vector
+    tcp: Pose
+    mode: int
+    state: int
+
+
+class FrameBuffer:
+    """Cuts a byte stream into report frames; ConnectionError if these are no reports."""
+
+    def __init__(self, min_bytes: int) -> None:
+        self._min_bytes = min_bytes
+        self._received = bytearray()
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """The frames that are complete with `data`, oldest first, each with its length field."""
+        self._received += data
+        frames = []
+        while len(self._received) >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(self._received)
+            if not self._min_bytes <= length <= _MAX_BYTES:
+                raise ConnectionError(f"a report frame of {length} bytes")
+            if len(self._received) < length:
+                break
+            frames.append(bytes(self._received[:length]))
+            del self._received[:length]
+        return frames
+
+
+def parse_motion(frame: bytes, received_ns: int) -> MotionReport | None:
+    """Joints, TCP, mode and state of any report frame; None if the numbers are not finite."""
+    mode_and_state, *numbers = _MOTION.unpack_from(frame, _MOTION_AT)
+    if not np.isfinite(numbers).all():
+        return None
+    return MotionReport(
+        received_ns=received_ns,
+        joints=np.array(numbers[:6]),
+        tcp=pose_from_mm_rpy(numbers[6:]),
+        mode=mode_and_state >> 4,
+        state=mode_and_state & 0x0F,
+    )
+
+
+def parse_status(frame: bytes, received_ns: int) -> StatusReport:
+    """Errors, motors and settings of a normal or rich report frame."""
+    motors, error, warning, *rest = _STATUS.unpack_from(frame, _STATUS_AT)
+    return StatusReport(
+        received_ns=received_ns,
+        motors_enabled=motors & _ALL_MOTORS == _ALL_MOTORS,
+        error_code=error,
+        warning_code=warning,
+        tcp_offset=tuple(rest[:6]),
+        load=tuple(rest[6:10]),
+        collision_sensitivity=rest[10],
+    )
+
+
+def read_simulation_flag(host: str, report_port: int) -> bool:
+    """Whether the controller only pretends to move; it says so in the rich report alone."""
+    frames = FrameBuffer(_RICH_BYTES)
+    with _connect(host, report_port + RICH_PORT_OFFSET) as connection:
+        while True:
+            try:
+                data = connection.recv(_MAX_BYTES)
+                complete = frames.feed(data)
+            except OSError as error:
+                raise _silent(host, report_port, error) from error
+            if complete:
+                return complete[0][_SIMULATION_AT] == 1
+            if not data:
+                raise _silent(host, report_port, ConnectionResetError("connection closed"))
+
+
+@dataclass(frozen=True, slots=True)
+class _Stream:
+    """A report connection, what came of the next frame, and who takes a whole one."""
+
+    connection: socket.socket
+    frames: FrameBuffer
+    take: Callable[[bytes, int], None]
+
+
+class ReportReader:
+    """A thread that keeps the newest reports and when they came.
+
+    `motion` stops at its last value when either stream falls silent: joints without the error
+    code beside them are not a state to act on.
+    """
+
+    def __init__(self, host: str, report_port: int, clock: Clock) -> None:
+        self._host, self._port, self._clock = host, report_port, clock
+        self._news = threading.Condition()
+        self._motion: MotionReport | None = None
+        self._status: StatusReport | None = None
+        self._sockets: list[socket.socket] = []
+        self._worker = Worker("arm-report", self._run, self._on_death)
+        self.failure = ""
+        self.native_id: int | None = None
+
+    def start(self) -> None:
+        """Connect to both streams; DeviceError if one is not there."""
+        for offset in (0, REAL_PORT_OFFSET):
+            self._sockets.append(_connect(self._host, self._port + offset))
+        self._worker.start()
+
+    @property
+    def motion(self) -> MotionReport | None:
+        return self._motion
+
+    @property
+    def status(self) -> StatusReport | None:
+        return self._status
+
+    def note_error(self, error_code: int, warning_code: int) -> None:
+        """Codes learned from a reply, before the report that brings them."""
+        if self._status is not None:
+            self._status = replace(self._status, error_code=error_code, warning_code=warning_code)
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until `condition` holds, looking after each report; False if time is up."""
+        with self._news:
+            return self._news.wait_for(lambda: condition() or bool(self.failure), timeout_s) and (
+                condition()
+            )
+
+    def close(self) -> None:
+        """End the thread and hang up; may be called twice."""
+        self._worker.stop()
+        while self._sockets:
+            self._sockets.pop().close()
+
+    def _run(self, stop: threading.Event) -> None:
+        self.native_id = threading.get_native_id()
+        normal, real = self._sockets
+        streams = (
+            _Stream(normal, FrameBuffer(_NORMAL_BYTES), self._take_status),
+            _Stream(real, FrameBuffer(_REAL_BYTES), self._take_motion),
+        )
+        with selectors.DefaultSelector() as selector:
+            for stream in streams:
+                selector.register(stream.connection, selectors.EVENT_READ, stream)
+            while not stop.is_set():
+                for key, _ in selector.select(POLL_S):
+                    self._read(key.data)
+
+    def _read(self, stream: _Stream) -> None:
+        data = stream.connection.recv(_MAX_BYTES)
+        received_ns = self._clock.now_ns()
+        if not data:
+            raise ConnectionResetError("the arm closed a report connection")
+        complete = stream.frames.feed(data)
+        if complete:
+            stream.take(complete[-1], received_ns)  # older ones waited: the newest is the state
+            with self._news:
+                self._news.notify_all()
+
+    def _take_motion(self, frame: bytes, received_ns: int) -> None:
+        status = self._status
+        if status is None or received_ns - status.received_ns > STATUS_STALE_NS:
+            return
+        self._motion = parse_motion(frame, received_ns) or self._motion
+
+    def _take_status(self, frame: bytes, received_ns: int) -> None:
+        self._status = parse_status(frame, received_ns)
+
+    def _on_death(self, name: str, failure: BaseException) -> None:
+        self.failure = f"The arm's reports ended ({failure}); check power and cable, then confirm."
+        with self._news:
+            self._news.notify_all()
+
+
+def _connect(host: str, port: int) -> socket.socket:
+    try:
+        return socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+    except OSError as error:
+        raise _silent(host, port, error) from error
+
+
+def _silent(host: str, port: int, error: OSError) -> DeviceError:
+    return DeviceError(
+        f"The arm at {host} sends no reports on port {port} ({error.strerror or error}); "
+        "restart its control box."
+    )

@@ -1,0 +1,183 @@
+"""UFACTORY's SDK made fit for an application: quiet, leaving no traces, with chosen ports.
+
+What the SDK does unasked, and is kept from here (FINDINGS 8): on import it prints and makes
+~/.UFACTORY; on every connect it prints and sets the default time-out of all new sockets of the
+process; it prefers a Unix socket in the temporary folder, which anybody on the host could make.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import io
+import logging
+import os
+import socket
+import tempfile
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+from hw.lite6.codes import Mode
+from tams_app.errors import DeviceError, SetupError
+
+FACTORY_CONTROL_PORT = 502
+_JOIN_S = 2.0
+_SOCKADDR_BYTES = 16
+
+_log = logging.getLogger(__name__)
+
+# The SDK keeps its ports and the sockets' default time-out in globals: one connect at a time.
+_lock = threading.Lock()
+
+
+class _ForwardToLog(logging.Handler):
+    """Carries the SDK's own log, which goes to stdout, to this module's logger at debug level."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _log.debug("%s", record.getMessage())
+
+
+def connect_sdk(host: str, control_port: int) -> Any:
+    """A connected `XArmAPI` in radians; DeviceError if the controller does not play along.
+
+    Reports are read elsewhere (hw/lite6/report.py), so the SDK's own report thread, which polls
+    every millisecond, stays off. The caller has seen that the controller answers: the SDK would
+    ask a silent one for its version for minutes.
+    """
+    with _lock:
+        arm_api, socket_conf = _load()
+        default_timeout = socket.getdefaulttimeout()
+        api = arm_api(
+            _address(host),
+            is_radian=True,
+            do_not_open=True,
+            forbid_uds=True,
+            enable_report=False,
+            timed_comm=False,  # hw/lite6/sender.py has its own keep-alive
+            check_is_pause=False,  # would block for ever in state 3
+            check_cmdnum_limit=False,  # would ask for the queue length before each call
+        )
+        try:
+            with _control_port(socket_conf, control_port):
+                api.connect()
+        except Exception as error:  # the SDK raises nothing more precise
+            disconnect_sdk(api)
+            raise DeviceError(
+                f"The arm at {host}:{control_port} broke off the connection ({error}); "
+                "restart its control box."
+            ) from error
+        finally:
+            socket.setdefaulttimeout(default_timeout)
+    api._arm._is_sync = True  # without its report thread `set_servo_angle` would wait for this
+    return api
+
+
+def disconnect_sdk(api: Any) -> None:
+    """Hang up and end the SDK's threads."""
+    if api._arm._stream is None:
+        return
+    api.disconnect()
+    feedback = api._arm._feedback_thread
+    if feedback is not None:
+        api._arm._feedback_que.put(bytes(16))  # it looks up from its queue once a second only
+        feedback.join(_JOIN_S)
+
+
+def break_off(api: Any) -> None:
+    """Take back what was sent and not acknowledged, and reset the connection; does not block.
+
+    Connecting a TCP socket to no address (AF_UNSPEC, connect(2)) empties its send queue and sends a
+    reset. Closing it, even with SO_LINGER 0, does that only once the SDK's receiver lets go of it.
+    """
+    connection = api._arm._stream.com
+    number = connection.fileno()
+    if number < 0:  # the SDK has closed it: it was broken
+        return
+    nowhere = ctypes.create_string_buffer(_SOCKADDR_BYTES)  # zeros: AF_UNSPEC
+    if ctypes.CDLL(None, use_errno=True).connect(number, nowhere, _SOCKADDR_BYTES) != 0:
+        _log.warning("The arm's connection is not reset: %s", os.strerror(ctypes.get_errno()))
+
+
+def note_mode(api: Any, mode: Mode) -> None:
+    """Tell the SDK the mode it would learn from its report thread; otherwise it warns per call."""
+    api._arm._mode = int(mode)
+
+
+def set_collision_sensitivity(api: Any, value: int) -> int:
+    """As the SDK's own, which makes the controller ready afterwards (`set_state(0)`), unasked."""
+    return int(api._arm.arm_cmd.set_collis_sens(value)[0])
+
+
+def reply_thread_id(api: Any) -> int | None:
+    """Kernel id of the SDK's receiving thread, through which every reply comes."""
+    native_id: int | None = api._arm._stream.native_id
+    return native_id
+
+
+def _address(host: str) -> str:
+    """The SDK takes anything but an IPv4 address for a serial port."""
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        raise DeviceError(f"The name {host} is unknown; set arm.host to an address.") from error
+
+
+@contextlib.contextmanager
+def _control_port(socket_conf: Any, port: int) -> Iterator[None]:
+    """Let the SDK connect to `port`, for which it has no option.
+
+    Off with the factory's port, hence on hardware. The constant also tells the SDK which socket
+    is the control connection, but only while that is made: so it is put back at once, and other
+    connections of this process keep theirs. `ReportDataStructure.create` knows the report ports
+    in the same way and needs nothing here because the SDK's reports are off.
+    """
+    if port == FACTORY_CONTROL_PORT:
+        yield
+        return
+    factory = socket_conf.TCP_CONTROL_PORT
+    socket_conf.TCP_CONTROL_PORT = port
+    try:
+        yield
+    finally:
+        socket_conf.TCP_CONTROL_PORT = factory
+
+
+@functools.cache
+def _load() -> tuple[Any, Any]:
+    """`XArmAPI` and the SDK's port constants, imported once without traces; or SetupError."""
+    try:
+        with _elsewhere_at_home(), contextlib.redirect_stdout(io.StringIO()):
+            from xarm.core.config.x_config import XCONF
+            from xarm.core.utils import log
+            from xarm.wrapper import XArmAPI
+            from xarm.x3 import base
+    except ImportError as error:
+        raise SetupError(
+            f"The arm's SDK cannot be loaded ({error}); install xArm-Python-SDK."
+        ) from error
+    base.print = _discard  # what it says on connecting is in the session's log anyway
+    log.logger.handlers[:] = [_ForwardToLog()]
+    log.origin_logger.handlers[:] = [_ForwardToLog()]
+    log.origin_logger.propagate = False
+    return XArmAPI, XCONF.SocketConf
+
+
+@contextlib.contextmanager
+def _elsewhere_at_home() -> Iterator[None]:
+    """The SDK makes a log folder in $HOME on import, and fails where it may not."""
+    home = os.environ.get("HOME")
+    with tempfile.TemporaryDirectory(prefix="tams-") as directory:
+        os.environ["HOME"] = directory
+        try:
+            yield
+        finally:
+            if home is None:
+                del os.environ["HOME"]
+            else:
+                os.environ["HOME"] = home
+
+
+def _discard(*_: object, **__: object) -> None:
+    """Stands in for `print`."""

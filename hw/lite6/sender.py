@@ -1,0 +1,315 @@
+"""The one thread that talks to the Lite 6 while it is being moved.
+
+The control loop leaves its newest command in the outbox and never waits; this thread hands it to
+the SDK, waits for the reply, times it and says in `link` what became of it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hw.arm import ServoMode
+from hw.lite6.codes import (
+    NOTHING_GETS_THROUGH,
+    Code,
+    controller_error_sentence,
+    return_code_sentence,
+)
+from hw.lite6.outbox import Outbox
+from hw.lite6.sdk import break_off, reply_thread_id
+from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, LITE6_MAX_TCP_SPEED_MM_S
+from tams_app.records import CommandLink, LinkFault, Pose, Twist
+from tams_app.runtime.clock import NS_PER_MS, Clock
+from tams_app.runtime.worker import Worker
+
+KEEPALIVE_PERIOD_S = 0.25
+MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then
+MAX_POSE_STEP_MM = 10.0  # mode 1 runs every step at full speed, with no profile of its own
+GRIPPER_ATTEMPTS = 3
+READ_BACK_AFTER_NS = 50 * NS_PER_MS
+_OUTPUTS_OPEN, _OUTPUTS_CLOSED = (1, 0), (0, 1)
+_MM_PER_M = 1000.0
+_NO_FAILURE = ("", LinkFault.NONE)
+
+
+@dataclass(slots=True)
+class _ReadBack:
+    """A gripper command whose effect is still to be read back."""
+
+    closed: bool
+    due_ns: int
+    attempts_left: int = GRIPPER_ATTEMPTS
+
+
+class CommandSender:
+    """Sends what is in the outbox; the arm's `link` is what it saw.
+
+    A failure shuts the outbox, so that nothing moves until the arm is enabled again. `on_error` is
+    told the controller's error and warning codes as soon as a reply hints at them.
+
+    A lost link is broken off as well. What was sent and not acknowledged still lies in the kernel,
+    which would deliver it once the network is back, and the controller would drive it: after the
+    fault, perhaps before the stop. One missed reply is not enough for that. The kernel repeats a
+    command after 200 ms at the earliest, so that two reply time-outs come first; if it gets through
+    before, the newer command behind it replaces it at once. But if the arm was stopped meanwhile,
+    no newer one follows, and one missed reply breaks off.
+    """
+
+    def __init__(
+        self,
+        api: Any,
+        outbox: Outbox,
+        clock: Clock,
+        deadman_s: float,
+        slow_after_ns: int,
+        on_error: Callable[[int, int], None],
+    ) -> None:
+        self._api, self._outbox, self._clock = api, outbox, clock
+        self._deadman_s = deadman_s
+        self._slow_after_ns = slow_after_ns
+        self._on_error = on_error
+        self._misses = 0
+        self._last_pose: Pose | None = None
+        self._read_back: _ReadBack | None = None
+        self._worker = Worker("arm-sender", self._run, self._on_death)
+        self._sent = 0
+        self._slow = 0
+        self._acknowledged_ns = clock.now_ns()
+        self._round_trip_ns = 0
+        self._failure: tuple[str, LinkFault] = _NO_FAILURE
+        self._death = ""  # of the thread, which nothing but a new connection brings back
+        self.gripper_closed: bool | None = None
+        self.native_id: int | None = None
+
+    def start(self) -> None:
+        """Read the gripper back, then send."""
+        self.gripper_closed = self._read_gripper()
+        self._worker.start()
+
+    def open(self, servo: ServoMode, start: Pose) -> None:
+        """Begin anew without failure; pose steps are counted from `start`, the measured TCP."""
+        self.forget_failure()
+        self._last_pose = start
+        self._read_back = None
+        self._outbox.open(servo)
+
+    def forget_failure(self) -> None:
+        """The operator has dealt with it; the end of the thread stays a failure."""
+        self._misses = 0
+        self._failure = _NO_FAILURE
+
+    @property
+    def link(self) -> CommandLink:
+        """Its `failure` says why commands no longer get through; "" if they do."""
+        failure, fault = (self._death, LinkFault.LOST) if self._death else self._failure
+        return CommandLink(
+            self._sent, self._acknowledged_ns, self._round_trip_ns, self._slow, failure, fault
+        )
+
+    def close(self) -> None:
+        """End the thread; may be called twice."""
+        self._worker.request_stop()
+        self._outbox.shut()
+        self._worker.stop()
+
+    @property
+    def thread_ids(self) -> dict[str, int | None]:
+        """Kernel ids of the threads on a command's way, for real-time scheduling."""
+        return {"arm-sender": self.native_id, "arm-replies": reply_thread_id(self._api)}
+
+    def _run(self, stop: threading.Event) -> None:
+        self.native_id = threading.get_native_id()
+        while not stop.is_set():
+            work = self._outbox.take(KEEPALIVE_PERIOD_S)
+            if stop.is_set():
+                return
+            if work.motion is not None:
+                self._send_motion(work.opening, work.motion)
+            if work.gripper_closed is not None:
+                self._send_gripper(work.opening, work.gripper_closed)
+            if work.motion is None and work.gripper_closed is None:
+                self._outcome(work.opening, "a keep-alive", self._timed(self._ask_state))
+            self._check_gripper(work.opening)
+
+    # --- motion ---------------------------------------------------------------------------------
+
+    def _send_motion(self, opening: int, motion: Twist | Pose) -> None:
+        if isinstance(motion, Twist):
+            refusal = self._twist_refusal(motion)
+            send = self._velocity_call(motion)
+        else:
+            refusal = self._pose_refusal(motion)
+            send = self._pose_call(motion)
+        if refusal:
+            self._fail(opening, refusal, LinkFault.REFUSED)
+            return
+        if not self._outbox.is_current(opening):
+            return
+        self._sent += 1
+        self._last_pose = motion if isinstance(motion, Pose) else None
+        self._moved(opening, "a motion command", self._timed(send))
+
+    def _velocity_call(self, twist: Twist) -> Callable[[], int]:
+        speeds = [*(twist.linear * _MM_PER_M).tolist(), *twist.angular.tolist()]
+        return lambda: int(
+            self._api.vc_set_cartesian_velocity(speeds, is_radian=True, duration=self._deadman_s)
+        )
+
+    def _pose_call(self, pose: Pose) -> Callable[[], int]:
+        axis_angle = [*(pose.position * _MM_PER_M).tolist(), *pose.rotation.as_rotvec().tolist()]
+        return lambda: int(self._api.set_servo_cartesian_aa(axis_angle, is_radian=True))
+
+    def _twist_refusal(self, twist: Twist) -> str:
+        """Why this twist is not sent, "" if it may be."""
+        speed_mm_s = float(np.linalg.norm(twist.linear)) * _MM_PER_M
+        turn_rad_s = float(np.linalg.norm(twist.angular))
+        if self._outbox.servo is ServoMode.POSE:
+            return "The arm is in the pose servo and takes no velocities; enable it anew."
+        if not speed_mm_s <= LITE6_MAX_TCP_SPEED_MM_S:  # also true for NaN
+            return f"A velocity of {speed_mm_s:g} mm/s was refused; please report this error."
+        if not turn_rad_s <= LITE6_MAX_JOINT_SPEED_RAD_S:
+            return f"A turn of {turn_rad_s:g} rad/s was refused; please report this error."
+        return ""
+
+    def _pose_refusal(self, pose: Pose) -> str:
+        """Why this pose is not sent, "" if it may be."""
+        if self._outbox.servo is ServoMode.VELOCITY:
+            return "The arm is in the velocity servo and takes no poses; enable it anew."
+        if not np.isfinite(pose.rotation.as_quat()).all():
+            return "A pose without a rotation was refused; please report this error."
+        if self._last_pose is None:
+            return ""
+        step_mm = float(np.linalg.norm(pose.position - self._last_pose.position)) * _MM_PER_M
+        if not step_mm <= MAX_POSE_STEP_MM:
+            return (
+                f"The arm answered too late to be led on (a step of {step_mm:.0f} mm was refused); "
+                "check the network to the arm, then confirm."
+            )
+        return ""
+
+    # --- gripper --------------------------------------------------------------------------------
+
+    def _send_gripper(self, opening: int, closed: bool) -> None:
+        # firmware that knows the switch would otherwise queue the outputs behind motion
+        sync = self._api.version_number < (2, 4, 101)
+        call = self._api.close_lite6_gripper if closed else self._api.open_lite6_gripper
+        for _ in range(GRIPPER_ATTEMPTS):
+            if not self._outbox.is_current(opening):  # stopped, or the last attempt was a failure
+                return
+            self._sent += 1
+            code = self._timed(lambda: int(call(sync=sync)))
+            if code == Code.ERROR or code in NOTHING_GETS_THROUGH:
+                self._moved(opening, "a gripper command", code)
+            elif code in (Code.OK, Code.WARNING):
+                self._misses = 0
+                self.gripper_closed = closed
+                self._read_back = _ReadBack(closed, self._clock.now_ns() + READ_BACK_AFTER_NS)
+                return
+        sentence = return_code_sentence(code, "a gripper command")
+        self._fail(opening, sentence, LinkFault.GRIPPER)
+
+    def _check_gripper(self, opening: int) -> None:
+        """When it is due, compare the tool outputs with the last command."""
+        read_back = self._read_back
+        if read_back is None or self._clock.now_ns() < read_back.due_ns:
+            return
+        if self._read_gripper() == read_back.closed:
+            self._read_back = None
+            return
+        read_back.attempts_left -= 1
+        read_back.due_ns = self._clock.now_ns() + READ_BACK_AFTER_NS
+        if read_back.attempts_left == 0:
+            self._read_back = None
+            self.gripper_closed = self._read_gripper()
+            self._fail(
+                opening,
+                "The gripper's outputs are not what was commanded; check its plug at the flange.",
+                LinkFault.GRIPPER,
+            )
+
+    def _read_gripper(self) -> bool | None:
+        """What the tool outputs drive the gripper to; None if they are off or unknown."""
+        try:
+            code, outputs = self._api.get_tgpio_output_digital()
+        except ValueError:  # so the SDK fails if the connection breaks during this call
+            return None
+        if code not in (Code.OK, Code.WARNING):
+            return None
+        return {_OUTPUTS_OPEN: False, _OUTPUTS_CLOSED: True}.get(tuple(outputs[:2]))
+
+    # --- what became of it ----------------------------------------------------------------------
+
+    def _timed(self, send: Callable[[], int]) -> int:
+        """Do one call; its return code. The time it took is noted if it was acknowledged."""
+        started_ns = self._clock.now_ns()
+        code = send()
+        now_ns = self._clock.now_ns()
+        if code in (Code.OK, Code.WARNING):
+            self._acknowledged_ns = now_ns
+            self._round_trip_ns = now_ns - started_ns
+            self._slow += self._round_trip_ns > self._slow_after_ns
+        elif code == Code.TIMEOUT:
+            self._slow += 1
+        return code
+
+    def _moved(self, opening: int, what: str, code: int) -> None:
+        """As `_outcome`, of a command that moves something, and must not arrive after a stop."""
+        if code == Code.TIMEOUT and not self._outbox.is_current(opening):
+            self._lose(return_code_sentence(code, what))
+        else:
+            self._outcome(opening, what, code)
+
+    def _outcome(self, opening: int, what: str, code: int) -> None:
+        """Take note of what `code` says of the link."""
+        if code in (Code.OK, Code.WARNING):
+            self._misses = 0
+            return
+        if code == Code.TIMEOUT:
+            self._misses += 1
+            if self._misses < MISSES_UNTIL_FAILURE:
+                return
+        sentence = return_code_sentence(code, what)
+        if code == Code.ERROR:
+            sentence = self._ask_for_error() or sentence
+        if code not in NOTHING_GETS_THROUGH:
+            self._fail(opening, sentence, LinkFault.REFUSED)
+        elif self._outbox.is_current(opening):
+            self._lose(sentence)
+
+    def _ask_state(self) -> int:
+        return int(self._api.get_state()[0])
+
+    def _ask_for_error(self) -> str:
+        """The report brings an error up to 200 ms later: ask at once."""
+        code, codes = self._api.get_err_warn_code()
+        if code != Code.OK or not codes[0]:
+            return ""
+        self._on_error(codes[0], codes[1])
+        return controller_error_sentence(codes[0])
+
+    def _fail(self, opening: int, sentence: str, fault: LinkFault) -> None:
+        """Keep the first failure; a reply to something older than the last stop is none."""
+        if self._outbox.is_current(opening) and self._failure is _NO_FAILURE:
+            self._failure = (sentence, fault)
+            self._outbox.shut()
+
+    def _lose(self, sentence: str) -> None:
+        """Nothing gets through: nothing may get through later either.
+
+        Told last: when the control loop stops the arm for it, what was sent is taken back already.
+        """
+        self._outbox.shut()
+        try:
+            break_off(self._api)
+        finally:  # the loop hears of it however this ends
+            if self._failure is _NO_FAILURE:
+                self._failure = (sentence, LinkFault.LOST)
+
+    def _on_death(self, name: str, failure: BaseException) -> None:
+        self._death = f"The thread {name} ended ({failure}); please report this error."
+        self._outbox.shut()

@@ -1,0 +1,76 @@
+"""What the operator's hand feels: one pattern of vibrations for each pulse, told apart blind."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+from tams_app.records import Haptic
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+
+MIN_GAP_NS = 5 * NS_PER_MS  # the runtime ignores a legacy pulse that comes sooner
+
+
+@dataclass(frozen=True, slots=True)
+class Vibration:
+    """One stretch of vibration; amplitude 0..1."""
+
+    duration_s: float
+    frequency_hz: float
+    amplitude: float
+
+
+# (start after the beginning [s], vibration)
+PATTERNS: dict[Haptic, tuple[tuple[float, Vibration], ...]] = {
+    Haptic.ENGAGE: ((0.0, Vibration(0.06, 160.0, 0.8)),),
+    Haptic.RELEASE: ((0.0, Vibration(0.03, 80.0, 0.4)),),
+    Haptic.LIMIT: (
+        (0.0, Vibration(0.02, 240.0, 0.6)),
+        (0.06, Vibration(0.02, 240.0, 0.6)),
+    ),
+    Haptic.FAULT: tuple((start_s, Vibration(0.16, 120.0, 1.0)) for start_s in (0.0, 0.24, 0.48)),
+}
+
+
+class HapticPlayer:
+    """Plays one pattern at a time: a new one cuts the old one off, but nothing cuts off a fault."""
+
+    def __init__(self) -> None:
+        self._pending: deque[tuple[int, Vibration]] = deque()
+        self._playing: Haptic | None = None
+        self._handed_ns = -MIN_GAP_NS
+
+    def start(self, haptic: Haptic, now_ns: int, pulse_every_s: float | None) -> None:
+        """Play from now on; `pulse_every_s` cuts vibrations into pulses that often."""
+        if self._pending and self._playing is Haptic.FAULT:
+            return
+        self._playing = haptic
+        self._pending = deque(
+            (now_ns + round(start_s * NS_PER_S), pulse)
+            for begin_s, vibration in PATTERNS[haptic]
+            for start_s, pulse in _cut(begin_s, vibration, pulse_every_s)
+        )
+
+    def due(self, now_ns: int) -> Vibration | None:
+        """What to hand to the device now; the newest if several have become due."""
+        found = None
+        if now_ns - self._handed_ns < MIN_GAP_NS:
+            return found
+        while self._pending and self._pending[0][0] <= now_ns:
+            found = self._pending.popleft()[1]
+            self._handed_ns = now_ns
+        return found
+
+    def silence(self) -> None:
+        """Forget what is still to come."""
+        self._pending.clear()
+
+
+def _cut(
+    begin_s: float, vibration: Vibration, every_s: float | None
+) -> list[tuple[float, Vibration]]:
+    if every_s is None:
+        return [(begin_s, vibration)]
+    count = max(1, round(vibration.duration_s / every_s))
+    pulse = replace(vibration, duration_s=every_s)
+    return [(begin_s + n * every_s, pulse) for n in range(count)]

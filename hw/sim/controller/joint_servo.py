@@ -1,0 +1,139 @@
+"""How the controller turns commands into joint targets, one 4 ms cycle at a time.
+
+The servos of modes 1 and 5, and the brake that ends all motion; mode 0 is in `joint_moves`. Each
+works on the commanded joints [rad], shape (6,); `motion_checks` checks what comes out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.lite6.kinematics import (
+    JOINT_LOWER,
+    JOINT_SPEED_LIMITS,
+    JOINT_UPPER,
+    Lite6Model,
+    Matrix,
+    rotation_matrix,
+)
+from hw.sim.controller.codes import ErrorCode, MotionError
+from tams_app.records import Vector
+
+CYCLE_NS = 4_000_000  # the box runs at 250 Hz
+CYCLE_S = CYCLE_NS / 1e9
+
+MAX_JOINT_ACCELERATION = 20.0  # [rad/s²], the SDK's upper bound (__get_joint_motion_params)
+
+# Mode 5 follows its command with an acceleration of the controller's own, which UFACTORY does not
+# publish and no register changes (xArm-Python-SDK issue 43). These are its joint limit at the
+# middle of our workspace: 20 rad/s² at 350 mm; 250 mm/s to rest within 36 ms.
+VELOCITY_ACCELERATION_M_S2 = 7.0
+VELOCITY_ACCELERATION_RAD_S2 = 20.0
+
+MAX_SERVO_SPEED_M_S = 0.6  # C60 above, mode 1 only
+MAX_SERVO_STEP_M = 0.010
+MAX_SERVO_STEP_RAD = 0.2  # of any joint: beyond it the arm passes a singularity, C24
+
+
+class PoseServo:
+    """Mode 1: each target is run to at full speed, with no profile.
+
+    Full speed is 600 mm/s of the TCP or 180°/s of a joint, whichever comes first. A target more
+    than 10 mm ahead of the commanded TCP would need more: that is the linear overspeed C60, at
+    once for a single long step and after a while for a stream that is too fast.
+    """
+
+    def __init__(self) -> None:
+        self._goal: Vector | None = None
+        self._goal_position = np.zeros(3)
+
+    def command(self, target: Matrix, joints: Vector, model: Lite6Model) -> None:
+        """Take a new target, shape (4, 4); MotionError if it is too far or out of reach."""
+        ahead = float(np.linalg.norm(target[:3, 3] - model.tcp_matrix(joints)[:3, 3]))
+        if ahead > MAX_SERVO_STEP_M:
+            raise MotionError(ErrorCode.LINEAR_OVERSPEED)
+        goal = model.follow(target, joints)
+        if goal is None:
+            raise MotionError(ErrorCode.KINEMATIC)
+        if float(np.abs(goal - joints).max()) > MAX_SERVO_STEP_RAD:
+            raise MotionError(ErrorCode.JOINT_OVERSPEED)
+        self._goal = goal
+        self._goal_position = target[:3, 3].copy()
+
+    def clear(self) -> None:
+        self._goal = None
+
+    def step(self, joints: Vector, model: Lite6Model) -> Vector | None:
+        """The joints one cycle later; None when there is nowhere to go."""
+        if self._goal is None:
+            return None
+        way = self._goal - joints
+        ahead = float(np.linalg.norm(self._goal_position - model.tcp_matrix(joints)[:3, 3]))
+        cycles = max(
+            ahead / (MAX_SERVO_SPEED_M_S * CYCLE_S),
+            float((np.abs(way) / (JOINT_SPEED_LIMITS * CYCLE_S)).max()),
+        )
+        if cycles <= 1.0:
+            goal, self._goal = self._goal, None
+            return goal
+        return joints + way / cycles
+
+
+class TwistServo:
+    """Mode 5: the TCP moves with a commanded twist until the next command or its deadman time."""
+
+    def __init__(self) -> None:
+        self._command = np.zeros(6)
+        self._deadline_ns: int | None = None
+        self._twist = np.zeros(6)
+        self._path: Matrix | None = None  # the TCP as commanded; None at rest
+
+    def command(self, twist: Vector, duration_s: float, now_ns: int) -> None:
+        """Move with `twist` [m/s, rad/s]; a `duration_s` that is not positive means for ever."""
+        self._command = twist
+        self._deadline_ns = now_ns + round(duration_s * 1e9) if duration_s > 0 else None
+
+    def clear(self) -> None:
+        self._command = np.zeros(6)
+        self._deadline_ns = None
+        self._twist = np.zeros(6)
+        self._path = None
+
+    def step(self, joints: Vector, model: Lite6Model, now_ns: int) -> Vector | None:
+        """The joints one cycle later; None at rest."""
+        if self._deadline_ns is not None and now_ns >= self._deadline_ns:
+            self._command = np.zeros(6)
+            self._deadline_ns = None
+        if not (self._command.any() or self._twist.any()):
+            self._path = None
+            return None
+        self._accelerate()
+        if self._path is None:
+            self._path = model.tcp_matrix(joints)
+        self._path[:3, 3] += self._twist[:3] * CYCLE_S
+        self._path[:3, :3] = rotation_matrix(self._twist[3:] * CYCLE_S) @ self._path[:3, :3]
+        following = model.follow(self._path, joints)
+        if following is None:
+            raise MotionError(ErrorCode.KINEMATIC)
+        return following
+
+    def _accelerate(self) -> None:
+        for part, limit in (
+            (slice(0, 3), VELOCITY_ACCELERATION_M_S2),
+            (slice(3, 6), VELOCITY_ACCELERATION_RAD_S2),
+        ):
+            change = self._command[part] - self._twist[part]
+            size = float(np.linalg.norm(change))
+            if size <= limit * CYCLE_S:
+                self._twist[part] = self._command[part]
+            else:
+                self._twist[part] += change * (limit * CYCLE_S / size)
+
+
+def brake(joints: Vector, velocity: Vector) -> tuple[Vector, Vector]:
+    """Joints and joint velocity [rad/s] one cycle later, stopping on the line they moved along."""
+    fastest = float(np.abs(velocity).max())
+    if fastest <= MAX_JOINT_ACCELERATION * CYCLE_S:
+        return joints, np.zeros_like(velocity)
+    slower = velocity * (1.0 - MAX_JOINT_ACCELERATION * CYCLE_S / fastest)
+    return np.clip(joints + slower * CYCLE_S, JOINT_LOWER, JOINT_UPPER), slower

@@ -1,0 +1,219 @@
+"""The wire format of the registers: payload in, a call of the model, data out.
+
+Headers, integers and GPIO values are big-endian, floats and int32 lists little-endian (FINDINGS
+8; uxbus_cmd.py of the SDK). Replies shorter than the SDK asks for would be misread by it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hw.lite6.kinematics import matrix_from_pose, pose_from_mm_rpy, rotation_matrix
+from hw.sim.controller.codes import CommandError, Register
+from hw.sim.controller.reports import (
+    pack_pose,
+    pack_pose_aa,
+    pack_reduced_state,
+    version_text,
+)
+
+if TYPE_CHECKING:
+    from hw.sim.controller.model import ControllerModel
+
+ALL_JOINTS = 8
+TOOL_DIGITAL_IN, TOOL_DIGITAL_OUT, TOOL_OUTPUT_STATE = 0x0A14, 0x0A15, 0x0A18
+_TOOL_OUTPUTS = 0x1F  # five of them; the high byte of a write says which ones it sets
+_SERIAL_NUMBERS = b"LI1006210001\0DL1006210001\0".ljust(40, b"\0")
+
+
+def serve_register(model: ControllerModel, register: int, payload: bytes) -> bytes:
+    """The data of the reply; CommandError if there is no such register or it makes no sense."""
+    try:
+        if register in _QUERIES:
+            return _QUERIES[register](model)
+        if register in _QUERIES_WITH_PAYLOAD:
+            return _QUERIES_WITH_PAYLOAD[register](model, payload)
+        if register in _COMMANDS:
+            _COMMANDS[register](model, payload)
+            return b""
+    except struct.error as error:
+        raise CommandError(f"register {register} needs a longer payload") from error
+    raise CommandError(f"register {register} is not modelled")
+
+
+def _byte(payload: bytes, offset: int = 0) -> int:
+    value: int = struct.unpack_from("B", payload, offset)[0]
+    return value
+
+
+def _floats(payload: bytes, count: int, infinite: bool = False) -> tuple[float, ...]:
+    """`count` floats; CommandError if one is no number, or infinite where that means nothing."""
+    values = struct.unpack_from(f"<{count}f", payload)
+    if any(math.isnan(value) or (math.isinf(value) and not infinite) for value in values):
+        raise CommandError("a value is not a number")
+    return values
+
+
+# --- what it is and how it is ------------------------------------------------------------------
+
+
+def _get_joints(model: ControllerModel, payload: bytes) -> bytes:
+    """Seven angles; asked with a count n: angles, speeds and efforts (0) up to n of the three."""
+    count = max(1, min(3, _byte(payload) & 0x0F)) if payload else 1
+    rows = np.zeros((3, 7), dtype="<f4")
+    rows[0, :6] = model.joints
+    rows[1, :6] = model.joint_speeds
+    return rows[:count].tobytes()
+
+
+_QUERIES: dict[int, Callable[[ControllerModel], bytes]] = {
+    Register.GET_VERSION: lambda model: (
+        version_text(model.firmware).encode("ascii").ljust(40, b"\0")
+    ),
+    Register.GET_ROBOT_SN: lambda _: _SERIAL_NUMBERS,
+    Register.GET_STATE: lambda model: bytes([model.state]),
+    Register.GET_COMMAND_COUNT: lambda model: struct.pack(">H", model.commands_waiting),
+    Register.GET_ERROR: lambda model: bytes([model.error_code, model.warning_code]),
+    Register.GET_TCP_POSE: lambda model: pack_pose(model.tcp),
+    Register.GET_TCP_POSE_AA: lambda model: pack_pose_aa(model.tcp),
+    Register.GET_REDUCED_STATE: lambda model: pack_reduced_state(model.settings),
+}
+
+
+# --- state, mode and configuration -------------------------------------------------------------
+
+
+def _motion_enable(model: ControllerModel, payload: bytes) -> None:
+    joint, on = _byte(payload), _byte(payload, 1)
+    if joint != ALL_JOINTS:
+        raise CommandError("single joints cannot be enabled")
+    model.enable(bool(on))
+
+
+def _set_load(model: ControllerModel, payload: bytes) -> None:
+    model.settings.load = _floats(payload, 4)
+    model.configuration_changed()
+
+
+def _set_collision_sensitivity(model: ControllerModel, payload: bytes) -> None:
+    value = _byte(payload)
+    if value > 5:
+        raise CommandError("collision sensitivity ends at 5")
+    model.settings.collision_sensitivity = value
+    model.configuration_changed()
+
+
+def _set_boundary(model: ControllerModel, payload: bytes) -> None:
+    x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
+    boundary = model.settings.boundary
+    boundary.upper_mm = np.array([x_high, y_high, z_high], dtype=np.float64)
+    boundary.lower_mm = np.array([x_low, y_low, z_low], dtype=np.float64)
+
+
+def _set_fence(model: ControllerModel, payload: bytes) -> None:
+    model.settings.fence = bool(_byte(payload))
+
+
+def _set_collision_rebound(model: ControllerModel, payload: bytes) -> None:
+    model.settings.collision_rebound = bool(_byte(payload))
+
+
+def _set_self_collision_check(model: ControllerModel, payload: bytes) -> None:
+    model.settings.self_collision_check = bool(_byte(payload))
+
+
+def _set_simulation_robot(model: ControllerModel, payload: bytes) -> None:
+    model.set_simulation_robot(bool(_byte(payload)))
+
+
+# --- motion ------------------------------------------------------------------------------------
+
+
+def _move_joint(model: ControllerModel, payload: bytes) -> None:
+    values = _floats(payload, 10, infinite=True)
+    speed, acceleration = values[7:9]
+    if not (0 < speed < math.inf and 0 < acceleration < math.inf):
+        raise CommandError("speed and acceleration must be positive")
+    model.move_joints(np.array(values[:6]), speed, acceleration)
+
+
+def _move_servo_cartesian(model: ControllerModel, payload: bytes) -> None:
+    values = _floats(payload, 9)
+    if values[8] != 0:
+        raise CommandError("servo targets in the tool frame are not modelled")
+    model.servo_pose(matrix_from_pose(pose_from_mm_rpy(values[:6])))
+
+
+def _move_servo_cartesian_aa(model: ControllerModel, payload: bytes) -> None:
+    values = _floats(payload, 8)
+    tool_frame, relative = struct.unpack_from("<iB", payload, 32)
+    if tool_frame or relative:
+        raise CommandError("servo targets in the tool frame are not modelled")
+    target = np.eye(4)
+    target[:3, 3] = np.array(values[:3]) / 1000.0
+    target[:3, :3] = rotation_matrix(np.array(values[3:6]))
+    model.servo_pose(target)
+
+
+def _set_cartesian_velocity(model: ControllerModel, payload: bytes) -> None:
+    twist = np.array(_floats(payload, 6))
+    twist[:3] /= 1000.0
+    if _byte(payload, 24):
+        raise CommandError("velocities in the tool frame are not modelled")
+    # firmware before 1.8 knows no duration, and the SDK does not send it one
+    duration_s = _floats(payload[25:], 1)[0] if len(payload) > 25 else 0.0
+    model.servo_twist(twist, duration_s)
+
+
+# --- the tool's inputs and outputs -------------------------------------------------------------
+
+
+def _tool_gpio_write(model: ControllerModel, payload: bytes) -> None:
+    address = struct.unpack_from(">H", payload, 1)[0]
+    if address != TOOL_DIGITAL_OUT:
+        raise CommandError(f"tool address {address:#06x} cannot be written")
+    value = int(_floats(payload[3:], 1)[0])
+    changed = value >> 8 & _TOOL_OUTPUTS
+    outputs = model.settings.tool_outputs
+    model.settings.tool_outputs = (outputs & ~changed) | (value & changed)
+
+
+def _tool_gpio_read(model: ControllerModel, payload: bytes) -> bytes:
+    address = struct.unpack_from(">H", payload, 1)[0]
+    if address == TOOL_OUTPUT_STATE:
+        return struct.pack(">i", model.settings.tool_outputs)  # the command, nothing senses it
+    if address == TOOL_DIGITAL_IN:
+        return struct.pack(">i", 0)
+    raise CommandError(f"tool address {address:#06x} cannot be read")
+
+
+_COMMANDS: dict[int, Callable[[ControllerModel, bytes], None]] = {
+    Register.MOTION_ENABLE: _motion_enable,
+    Register.SET_STATE: lambda model, payload: model.set_state(_byte(payload)),
+    Register.CLEAN_ERROR: lambda model, _: model.clean_error(),
+    Register.CLEAN_WARNING: lambda model, _: model.raise_warning(0),
+    Register.SET_MODE: lambda model, payload: model.set_mode(_byte(payload)),
+    Register.MOVE_JOINT: _move_joint,
+    Register.MOVE_SERVO_CARTESIAN: _move_servo_cartesian,
+    Register.SET_TCP_OFFSET: lambda model, payload: model.set_tcp_offset(_floats(payload, 6)),
+    Register.SET_LOAD: _set_load,
+    Register.SET_COLLISION_SENSITIVITY: _set_collision_sensitivity,
+    Register.SET_BOUNDARY: _set_boundary,
+    Register.SET_FENCE: _set_fence,
+    Register.SET_COLLISION_REBOUND: _set_collision_rebound,
+    Register.SET_SELF_COLLISION_CHECK: _set_self_collision_check,
+    Register.SET_SIMULATION_ROBOT: _set_simulation_robot,
+    Register.SET_CARTESIAN_VELOCITY: _set_cartesian_velocity,
+    Register.MOVE_SERVO_CARTESIAN_AA: _move_servo_cartesian_aa,
+    Register.TOOL_GPIO_WRITE: _tool_gpio_write,
+}
+
+_QUERIES_WITH_PAYLOAD: dict[int, Callable[[ControllerModel, bytes], bytes]] = {
+    Register.GET_JOINTS: _get_joints,
+    Register.TOOL_GPIO_READ: _tool_gpio_read,
+}

@@ -1,0 +1,176 @@
+"""The controller's report frames, byte for byte as `xarm/x3/report.py` of the SDK lays them out.
+
+Every frame begins with its own length (big-endian u32). Numbers of more than one byte are
+little-endian floats but for counters and voltages, which are big-endian.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from enum import Enum
+
+from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, Matrix, rotation_vector, rpy_from_matrix
+from hw.sim.controller.joint_servo import MAX_JOINT_ACCELERATION
+from hw.sim.controller.settings import ControllerSettings
+from tams_app.records import Vector
+
+LITE6_AXES, LITE6_TYPE = 6, 9
+_WHOLE_BRAKES = 0xFF
+_TEACH_SENSITIVITY = 3
+_TEMPERATURE_C = 30
+_JOINT_CENTIVOLTS = 4800
+
+
+class ReportKind(Enum):
+    """The three report ports: offset from the port of the normal report, and rate [Hz]."""
+
+    NORMAL = (0, 5)
+    RICH = (1, 5)
+    REAL = (2, 100)
+
+    @property
+    def port_offset(self) -> int:
+        return self.value[0]
+
+    @property
+    def rate_hz(self) -> int:
+        return self.value[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What a report tells, at one instant."""
+
+    mode: int
+    state: int
+    error_code: int
+    warning_code: int
+    commands_waiting: int
+    enabled: bool
+    joints: Vector  # measured [rad], shape (6,)
+    joint_speeds: Vector  # [rad/s], shape (6,)
+    tcp: Matrix  # measured, shape (4, 4)
+    tcp_speed_mm_s: float  # only the rich report tells it
+    firmware: str
+    settings: ControllerSettings
+
+
+def pack_report(kind: ReportKind, snapshot: Snapshot) -> bytes:
+    """The frame of `kind`: 145 bytes normal, 587 rich, 87 real."""
+    body = _motion(snapshot)
+    if kind is not ReportKind.REAL:
+        body += _status(snapshot)
+    if kind is ReportKind.RICH:
+        body += _identity_and_limits(snapshot) + _sensors(snapshot) + _safety(snapshot)
+    return struct.pack(">I", len(body) + 4) + body
+
+
+def pack_pose(tcp: Matrix) -> bytes:
+    """x, y, z [mm], roll, pitch, yaw [rad]."""
+    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0), *rpy_from_matrix(tcp))
+
+
+def pack_pose_aa(tcp: Matrix) -> bytes:
+    """x, y, z [mm], axis times angle [rad]."""
+    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0), *rotation_vector(tcp[:3, :3]))
+
+
+def pack_reduced_state(settings: ControllerSettings) -> bytes:
+    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
+    return _reduced_mode(settings)
+
+
+def _motion(snapshot: Snapshot) -> bytes:
+    torques = (0.0,) * 7  # nothing in the model estimates them
+    return (
+        struct.pack(">BH", snapshot.mode << 4 | snapshot.state, snapshot.commands_waiting)
+        + struct.pack("<7f", *snapshot.joints, 0.0)
+        + pack_pose(snapshot.tcp)
+        + struct.pack("<7f", *torques)
+    )
+
+
+def _status(snapshot: Snapshot) -> bytes:
+    settings = snapshot.settings
+    enabled = 0xFF if snapshot.enabled else 0
+    released = _WHOLE_BRAKES if snapshot.enabled else 0
+    return (
+        bytes([released, enabled, snapshot.error_code, snapshot.warning_code])
+        + struct.pack("<6f", *settings.tcp_offset)
+        + struct.pack("<4f", *settings.load)
+        + bytes([settings.collision_sensitivity, _TEACH_SENSITIVITY])
+        + struct.pack("<3f", 0.0, 0.0, -1.0)  # gravity
+    )
+
+
+def _identity_and_limits(snapshot: Snapshot) -> bytes:
+    tcp_limits = (1000.0, 1.0, 50_000.0, 0.1, 500.0)  # jerk, acceleration and speed [mm]
+    joint_limits = (20.0, 0.01, MAX_JOINT_ACCELERATION, 0.0001, math.pi)  # the same [rad]
+    rotation_limits = (2.3, 2.7)  # jerk and acceleration of pure rotations [rad]
+    return (
+        bytes([LITE6_TYPE, LITE6_AXES, 0, 0, 0, 0])
+        + version_text(snapshot.firmware).encode("ascii")[:29].ljust(30, b"\0")
+        + struct.pack("<12f", *tcp_limits, *joint_limits, *rotation_limits)
+    )
+
+
+def _sensors(snapshot: Snapshot) -> bytes:
+    servo_and_tool_codes = bytes(16)
+    counter, world_offset, io_reset = bytes(4), bytes(24), bytes(2)
+    collision_tool = bytes(1 + 24)
+    currents = bytes(28)
+    control_box_io = bytes(2 + 16 + 32)
+    force_sensor = bytes(48)
+    return (
+        servo_and_tool_codes
+        + bytes([_TEMPERATURE_C] * 7)
+        + struct.pack("<8f", snapshot.tcp_speed_mm_s, *snapshot.joint_speeds, 0.0)
+        + counter
+        + world_offset
+        + io_reset
+        + bytes([snapshot.settings.simulation_robot, snapshot.settings.self_collision_check])
+        + collision_tool
+        + struct.pack(">7H", *[_JOINT_CENTIVOLTS] * 7)
+        + currents
+        + control_box_io
+        + force_sensor
+    )
+
+
+def _safety(snapshot: Snapshot) -> bytes:
+    settings = snapshot.settings
+    identification_progress, monitored_device = bytes(1), bytes(13)
+    return (
+        identification_progress
+        + struct.pack("<3f", *rotation_vector(snapshot.tcp[:3, :3]))
+        + bytes([settings.fence << 1])
+        + _reduced_mode(settings)
+        + monitored_device
+    )
+
+
+def _reduced_mode(settings: ControllerSettings) -> bytes:
+    boundary = settings.boundary
+    edges = [
+        max(-0x8000, min(0x7FFF, round(edge)))
+        for pair in zip(boundary.upper_mm, boundary.lower_mm, strict=True)
+        for edge in pair
+    ]
+    ranges = [angle for pair in zip(JOINT_LOWER, JOINT_UPPER, strict=True) for angle in pair]
+    return (
+        bytes(1)  # reduced mode is off
+        + struct.pack(">6h", *edges)
+        + struct.pack("<2f", 500.0, math.pi)
+        + struct.pack("<14f", *ranges, 0.0, 0.0)
+        + bytes([settings.fence, settings.collision_rebound])
+    )
+
+
+def version_text(firmware: str) -> str:
+    """The version register: axes, type, serial numbers, firmware; at most 39 characters.
+
+    The SDK looks for the terminating zero within 40 bytes.
+    """
+    return f"{LITE6_AXES},{LITE6_TYPE},LI1006210001,DL1006210001,v{firmware}"[:39]

@@ -1,0 +1,211 @@
+"""The eyes of an operator who gets what a human gets: three received images and his own hand.
+
+He knows his station (where the cameras stand, what the things look like) and what his hand did.
+He is told nothing else: no capture time, no index, no latency, no state of arm, network or policy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hw.sim.operator.belief import Belief
+from hw.sim.operator.belief_state import BLOCK_YAW, TOOL_YAW, Gap
+from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
+from hw.sim.operator.lag import LagEstimator
+from hw.sim.operator.perception import Estimate, GapSigmas, Percept
+from hw.sim.operator.vision.detections import Glance, Thing
+from hw.sim.operator.vision.looking import Looker
+from hw.sim.operator.vision.pinhole import Pinhole
+from hw.sim.operator.vision.stillness import StillnessWatch
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
+from hw.sim.world.lite6_model import TCP_OFFSET_M
+from tams_app.records import Image, Pose, Vector
+from tams_app.runtime.clock import NS_PER_S
+
+Images = Callable[[], Mapping[str, Image | None]]
+_FINGERS_MOVED_M = 0.0015  # between glances
+_LONGEST_S = 1.0  # between glances that a prediction makes sense of
+
+
+@dataclass(frozen=True, slots=True)
+class Reliance:
+    """Which view told him how much in one glance, for what he was then about.
+
+    Shares of what the glance added to knowing the way from tool to block and from tool to
+    container: by view, summing to 1; empty when the glance told nothing.
+    """
+
+    t_ns: int  # of the glance
+    to_block: dict[str, float]
+    to_container: dict[str, float]
+    block_sigma: float  # [m], after the glance
+    container_sigma: float  # [m]
+    lag_ns: int  # hand to eye, as he judges it
+    hanging: tuple[str, ...]  # views in which he noticed that nothing moves
+
+
+class SeeingPerception:
+    """Looks at the images at his sampling rate, and knows a little later what he saw.
+
+    `watch` is the eyes' work (some milliseconds a glance; live in a thread of its own, in virtual
+    time before each step of the hand), `look` the hand's question, which never blocks.
+    """
+
+    def __init__(
+        self,
+        images: Images,
+        asked: EfferenceCopy,
+        sampling_s: float,
+        delay_s: float,
+        tell: Callable[[Reliance], None],
+    ) -> None:
+        """`images`: what is on screen now, BGR 640 by 480, by view (None: nothing yet).
+
+        `asked`: the operator's own. `delay_s`: from the eye to the hand. `tell` hears of each
+        glance.
+        """
+        self._images = images
+        self._asked = asked
+        self._period_ns = round(sampling_s * NS_PER_S)
+        self._delay_ns = round(delay_s * NS_PER_S)
+        self._tell = tell
+        wrist = {"eih": wrist_camera()}
+        self.belief = Belief(fixed_cameras(), wrist)  # others may read it
+        self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
+        self._looker = Looker(wrist)
+        self._lag = LagEstimator()
+        self._stillness: dict[str, StillnessWatch] = {}
+        self._shown: Vector = np.zeros(6)
+        self._last_ns: int | None = None
+        self._view_ns = 0
+        self._opening: float | None = None
+        self._coming: deque[tuple[int, Percept]] = deque()
+        self._percept: Percept | None = None
+
+    def watch(self, now_ns: int) -> bool:
+        """Glance at the images if it is time to; True if it was."""
+        if self._last_ns is not None and now_ns - self._last_ns < self._period_ns:
+            return False
+        images = {view: image for view, image in self._images().items() if image is not None}
+        if not images:
+            return False
+        lag_ns = self._lag.lag_ns
+        before = self.belief.state.copy()
+        moved = self._advance(now_ns, lag_ns)
+        hanging = tuple(
+            view
+            for view, image in images.items()
+            if self._stillness.setdefault(view, StillnessWatch()).hangs(now_ns, image, moved)
+        )
+        for view in hanging:
+            del images[view]
+        if images:
+            self._view_ns = max(self._view_ns, now_ns - lag_ns + FOLLOW_LAG_NS)
+        glance = self._looker.look(images, self.belief)
+        self._take_in(now_ns, glance)
+        self.belief.learn_whether_it_comes_along(before)
+        if self.belief.seen[Thing.TOOL]:
+            self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
+        self._tell(self._reliance(now_ns, lag_ns, hanging))
+        return True
+
+    def look(self, now_ns: int) -> Percept | None:
+        """What he has understood by `now_ns` of what he saw."""
+        while self._coming and self._coming[0][0] <= now_ns:
+            self._percept = self._coming.popleft()[1]
+        return self._percept
+
+    @property
+    def gap_to_block(self) -> Vector:
+        """From tool to block [m], shape (3,), as the last glance left him believing."""
+        return self.belief.block - self.belief.tcp
+
+    def _advance(self, now_ns: int, lag_ns: int) -> float:
+        """Take his own motion into account as far as it can show; how far that was [m]."""
+        shown = self._asked.asked_at(now_ns - lag_ns)
+        moved, self._shown = shown - self._shown, shown
+        last_ns, self._last_ns = self._last_ns, now_ns
+        seconds = 0.0 if last_ns is None else min(_LONGEST_S, (now_ns - last_ns) / NS_PER_S)
+        self.belief.predict(moved[:3], moved[3:], seconds)
+        self.belief.lay_on_table()
+        path = math.sqrt(moved[:3] @ moved[:3])
+        self.asked_speed_m_s = path / seconds if seconds > 0.0 else 0.0
+        return path
+
+    def _take_in(self, now_ns: int, glance: Glance) -> None:
+        belief = self.belief
+        self._watch_fingers(glance.fingers_opening)
+        for sighting in glance.sightings:
+            if sighting.thing is Thing.TOOL and belief.seen[Thing.TOOL]:
+                source = f"{sighting.view} {len(sighting.pixels)}"
+                slope = belief.camera(sighting.view).jacobian(belief.tcp)
+                if len(sighting.pixels) == 1:
+                    self._lag.see(source, now_ns, sighting.pixels[0], slope, self._asked)
+        belief.take(glance.sightings)
+        for heading in glance.headings:
+            belief.take_heading(heading)
+
+    def _watch_fingers(self, opening: float | None) -> None:
+        if opening is None:
+            return
+        if self._opening is not None and abs(opening - self._opening) > _FINGERS_MOVED_M:
+            self.belief.doubt_the_grip()
+        self._opening = opening
+
+    def _to_percept(self, glance: Glance) -> Percept:
+        belief = self.belief
+        tool = Rotation.from_matrix(belief.tool_axes)
+        block = Rotation.from_matrix(belief.block_axes)
+        return Percept(
+            self._view_ns,
+            Estimate(
+                Pose(belief.tcp.copy(), tool),
+                belief.sigma_of(Thing.TOOL),
+                belief.yaw_sigma(TOOL_YAW),
+            ),
+            Estimate(
+                Pose(belief.block.copy(), block),
+                belief.sigma_of(Thing.BLOCK),
+                belief.yaw_sigma(BLOCK_YAW),
+            ),
+            Estimate(Pose(belief.container, Rotation.identity()), belief.sigma_of(Thing.CONTAINER)),
+            glance.fingers_opening,
+            GapSigmas(
+                belief.gap_sigma(Gap.to_block()),
+                belief.gap_sigma(Gap.to_container()),
+                belief.heading_sigma(),
+            ),
+        )
+
+    def _reliance(self, now_ns: int, lag_ns: int, hanging: tuple[str, ...]) -> Reliance:
+        belief, block, container = self.belief, Gap.to_block(), Gap.to_container()
+        return Reliance(
+            now_ns,
+            belief.shares(block),
+            belief.shares(container),
+            belief.gap_sigma(block),
+            belief.gap_sigma(container),
+            lag_ns,
+            hanging,
+        )
+
+
+def fixed_cameras() -> dict[str, Pinhole]:
+    """The cameras beside and above the table, in the base frame."""
+    return {
+        view: Pinhole.of(np.array(seen.place), seen.axes(), seen.fovy_deg)
+        for view, seen in FIXED_VIEWPOINTS.items()
+    }
+
+
+def wrist_camera() -> Pinhole:
+    """The eye-in-hand camera in the tool's frame (origin: TCP)."""
+    seen = WRIST_VIEWPOINT
+    place = np.array(seen.place) - (0.0, 0.0, TCP_OFFSET_M)
+    return Pinhole.of(place, seen.axes(), seen.fovy_deg)

@@ -1,0 +1,129 @@
+"""Visual servoing as a person does it: see the error, move the hand, know what is under way.
+
+What the operator sees is late: the image travels, and the arm follows the hand with a lag. He
+steers without oscillation because he counts the movement he has made but not yet seen (a Smith
+predictor; in people, the efference copy: Miall et al. 1993).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from hw.sim.operator.perception import Percept
+from tams_app.config import HandConfig
+from tams_app.records import Pose, Vector
+
+GAIN_PER_S = 2.8  # below 4/27 of the hand's own rate: no overshoot (hw.sim.operator.hand lags)
+MISJUDGED_RAD = math.radians(2.0)
+MISJUDGED_SCALE = 0.05
+_HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
+
+
+class HandMap:
+    """How the operator believes his hand's motion becomes the tool's; wrong by a little."""
+
+    def __init__(
+        self,
+        config: HandConfig,
+        random: np.random.Generator,
+        misjudged_rad: float = MISJUDGED_RAD,
+        misjudged_scale: float = MISJUDGED_SCALE,
+    ) -> None:
+        """How well he knows directions (per axis) and scale: one standard deviation each."""
+        misjudged = Rotation.from_rotvec(random.normal(0.0, misjudged_rad, 3)).as_matrix()
+        rotation = misjudged @ np.array(config.rotation)
+        scale = 1.0 + random.normal(0.0, misjudged_scale)
+        self.linear_scale = config.translation_scale
+        self.angular_scale = config.rotation_scale
+        self._linear = scale * config.translation_scale * rotation
+        self._angular = scale * config.rotation_scale * rotation
+        self._linear_inverse = np.linalg.inv(self._linear)
+        self._angular_inverse = np.linalg.inv(self._angular)
+
+    def hand_linear(self, tool: Vector) -> Vector:
+        """The hand's velocity [m/s] for one of the tool in the base frame [m/s]."""
+        return np.asarray(self._linear_inverse @ tool)
+
+    def hand_angular(self, tool: Vector) -> Vector:
+        """The hand's angular velocity [rad/s] for one of the tool in the base frame [rad/s]."""
+        return np.asarray(self._angular_inverse @ tool)
+
+    def tool_linear(self, hand: Vector) -> Vector:
+        """The tool's displacement [m] for one of the hand."""
+        return np.asarray(self._linear @ hand)
+
+    def tool_angular(self, hand: Vector) -> Vector:
+        """The tool's turn [rad] for one of the hand."""
+        return np.asarray(self._angular @ hand)
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """A view, and the tool's motion since, as far as the hand knows of it."""
+
+    percept: Percept
+    moved: Vector  # [m]
+    turned: Vector  # [rad]
+
+    @property
+    def tcp(self) -> Vector:
+        """Where the tool should be by now [m], base frame."""
+        return self.percept.tcp.pose.position + self.moved
+
+    @property
+    def block(self) -> Vector:
+        """Where the block was seen [m], base frame."""
+        return self.percept.block.pose.position
+
+
+def approach(error: Vector, speed: float, gain_per_s: float = GAIN_PER_S) -> Vector:
+    """The velocity [m/s] that closes `error` [m]: at most `speed`, gently at the end.
+
+    Closing a fixed part of the way left per second is Fitts's law: halving it costs the same time
+    however far it is, so the gain is ln 2 times the throughput [bit/s].
+    """
+    distance = math.sqrt(error @ error)
+    wished = gain_per_s * distance
+    return gain_per_s * error * (speed / wished if wished > speed else 1.0)
+
+
+def care(sigma: float, tolerance: float) -> float:
+    """The part of his speed an operator dares who is sure to `sigma` and needs `tolerance`.
+
+    All of it up to the tolerance, nothing from twice the tolerance on: he waits for a better view.
+    """
+    return min(1.0, max(0.0, 2.0 - sigma / tolerance))
+
+
+def grasp_turn(tool: Rotation, block: Rotation) -> Vector:
+    """The rotation vector [rad] that brings the gripper down onto the block, base frame.
+
+    The fingers close along the tool's y axis. The block is 20 mm along its own z, too long for
+    them, so they take its x or y axis, whichever lies flat and needs the smaller turn.
+    """
+    tool_axes = tool.as_matrix()
+    block_axes = block.as_matrix()
+    flat = [axis for axis in (block_axes[:, 0], block_axes[:, 1]) if abs(axis[2]) < _HORIZONTAL]
+    heading = _azimuth(tool_axes[:, 1])
+    turns = [_half_turn(_azimuth(axis) - heading) for axis in flat]
+    pointing = tool_axes[:, 2]  # its cross product with straight down is the tilt
+    return np.array([-pointing[1], pointing[0], min(turns, key=abs, default=0.0)])
+
+
+def _azimuth(axis: Vector) -> float:
+    return math.atan2(axis[1], axis[0])
+
+
+def _half_turn(angle: float) -> float:
+    """`angle` [rad] reduced to ±90°: an axis has no direction."""
+    return (angle + math.pi / 2) % math.pi - math.pi / 2
+
+
+def nearby(pose: Pose, other: Pose, distance_m: float) -> bool:
+    """Whether two poses are within `distance_m` of each other."""
+    gap = pose.position - other.position
+    return bool(gap @ gap <= distance_m**2)

@@ -1,0 +1,1 @@
+"""What the operator who sees makes of one image: detections with measured uncertainty."""

@@ -1,0 +1,184 @@
+"""Patches of one colour: where, how large, and how well their edges tell it.
+
+The strength of a colour is a difference of channels, so that a blurred edge keeps its place at
+half strength. How wide the edge is, and how much noise (of the sensor, of the codec's blocks) lies
+about it, is measured in the same patch and is what the uncertainty is made of.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.sim.operator.vision.pinhole import Matrix
+from hw.sim.operator.vision.solids import BLUE, GREEN, ORANGE
+from tams_app.records import Image, Vector
+
+_WEAKEST = 40.0  # grey levels of colour that stand out at all
+_FROM = 0.25  # of the top strength: inside
+_FULL = 0.40  # of the top strength: as much as the dimmest side of a thing has
+_TOP_PART = 0.25  # of the expected area shows the full strength, even when blurred
+_SMALLEST_PART = 0.12  # of the largest patch: smaller ones are specks
+_SOFT_EDGE_PX = 3
+_EDGE_JUDGEMENT = 0.10  # of an edge's width: how well its middle is judged
+_STEADY_PX = 0.10  # from glance to glance, of what stands still on lossless images
+_SAMPLING_PX = 0.20  # what is left of a perfect edge on a pixel grid
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A rectangle of an image; `left` and `top` are its corner's pixel."""
+
+    left: int
+    top: int
+    patch: Image
+
+    @staticmethod
+    def about(image: Image, middle: Vector, radius_px: float) -> Window | None:
+        """The part within `radius_px` of `middle`; None when hardly any of it is in the image."""
+        height, width = image.shape[:2]
+        left, top = (max(0, int(part - radius_px)) for part in middle)
+        right, bottom = int(middle[0] + radius_px) + 1, int(middle[1] + radius_px) + 1
+        if min(right, width) - left < 8 or min(bottom, height) - top < 8:
+            return None
+        return Window(left, top, image[top:bottom, left:right])
+
+    @property
+    def corner(self) -> Vector:
+        return np.array((self.left, self.top), float)
+
+    def holds(self, blob: Blob) -> bool:
+        """Whether the whole of `blob` is in it, not cut off at its border."""
+        low = blob.outline.min(axis=0) - self.corner
+        high = blob.outline.max(axis=0) - self.corner
+        return bool(low.min() >= 1 and (high < np.array(self.patch.shape[1::-1]) - 2).all())
+
+
+@dataclass(frozen=True, slots=True)
+class Blob:
+    """A coloured patch: middle [px], area [px²], edge width [px], noise over full strength."""
+
+    middle: Vector
+    area: float
+    edge_px: float
+    noise: float
+    outline: Matrix  # its convex hull [px], shape (n, 2)
+
+    @property
+    def edge_sigma_px(self) -> float:
+        """How uncertain one place on its edge is [px]."""
+        return math.hypot(_SAMPLING_PX, self.edge_px * math.hypot(_EDGE_JUDGEMENT, self.noise))
+
+    @property
+    def sigma_px(self) -> float:
+        """How uncertain its middle is [px] from one glance to the next: noise along the edge."""
+        places = max(1.0, math.sqrt(max(self.area, 1.0)) * 4.0 / self.edge_px)
+        return math.hypot(_STEADY_PX, self.edge_px * self.noise * math.sqrt(2.0 / places))
+
+    @property
+    def lasting_px(self) -> float:
+        """How far its middle is off for as long as it looks like this [px]: sampling and blur."""
+        return math.hypot(_SAMPLING_PX, self.edge_px * _EDGE_JUDGEMENT)
+
+
+def strength(patch: Image, colour: int) -> Image:
+    """How much of `colour` each pixel of a BGR patch has, in grey levels, uint8."""
+    blue, green, red = cv2.split(patch)
+    if colour == ORANGE:
+        return np.asarray(cv2.subtract(red, cv2.max(green, blue)), np.uint8)
+    if colour == GREEN:
+        return np.asarray(cv2.subtract(green, cv2.max(red, blue)), np.uint8)
+    if colour == BLUE:
+        return np.asarray(cv2.subtract(blue, red), np.uint8)
+    raise ValueError(f"colour {colour} has no strength; use ORANGE, GREEN or BLUE")
+
+
+def find_blobs(window: Window, colour: int, expected_area: float) -> list[Blob]:
+    """The patches of `colour`, largest first; none when nothing stands out.
+
+    `expected_area` [px²] of one of them, as far as is known: it says how many pixels show the full
+    strength.
+    """
+    strong = strength(window.patch, colour)
+    top = _top_strength(strong, expected_area)
+    if top < _WEAKEST:
+        return []
+    inside = np.asarray(cv2.threshold(strong, _FROM * top, 255, cv2.THRESH_BINARY)[1], np.uint8)
+    noise = _noise(strong, inside) / top
+    count, *parts = cv2.connectedComponentsWithStats(inside, connectivity=8)
+    labels, statistics = np.asarray(parts[0], np.int32), np.asarray(parts[1], np.int32)
+    areas = statistics[1:count, cv2.CC_STAT_AREA]
+    if not areas.size or 3.0 * noise > 1.0 - _FROM:
+        return []
+    order = np.argsort(areas, kind="stable")[::-1]
+    wanted = [place + 1 for place in order if areas[place] >= _SMALLEST_PART * areas.max()]
+    blobs = []
+    for label in wanted[:3]:
+        rows, columns = _frame(statistics[label])
+        corner = window.corner + np.array((columns.start, rows.start))
+        core = _mask(labels[rows, columns] == label)
+        blobs.append(_measure(corner, strong[rows, columns], core, top, noise))
+    return blobs
+
+
+def _frame(statistics: NDArray[np.int32]) -> tuple[slice, slice]:
+    """Rows and columns that hold a patch, its soft edge, and what its slopes are made of."""
+    left, upper, width, height = (int(number) for number in statistics[:4])
+    margin = _SOFT_EDGE_PX + 1
+    rows = slice(max(0, upper - margin), upper + height + margin)
+    return rows, slice(max(0, left - margin), left + width + margin)
+
+
+def _top_strength(strong: Image, expected_area: float) -> float:
+    """Strength that a quarter of the expected area reaches."""
+    wanted = min(strong.size - 1, max(4, round(_TOP_PART * expected_area)))
+    counts = np.bincount(strong.ravel(), minlength=256)
+    reached = np.cumsum(counts[::-1])
+    return float(255 - int(np.searchsorted(reached, wanted)))
+
+
+def _noise(strong: Image, inside: Image) -> float:
+    """Root mean square of the strength well outside, in grey levels; all of it without outside."""
+    outside = cv2.bitwise_not(cv2.dilate(inside, _disc(_SOFT_EDGE_PX + 1)))
+    if not cv2.countNonZero(outside):
+        return 255.0
+    mean, deviation = cv2.meanStdDev(strong, mask=outside)
+    return float(math.hypot(mean[0, 0], deviation[0, 0]))
+
+
+def _slopes(strong: Image) -> NDArray[np.int32]:
+    """Steepness squared, in (grey levels per 8 pixels)²: whole numbers, the same every time."""
+    across = cv2.Sobel(strong, cv2.CV_16S, 1, 0).astype(np.int32)
+    down = cv2.Sobel(strong, cv2.CV_16S, 0, 1).astype(np.int32)
+    return np.asarray(across * across + down * down, np.int32)
+
+
+def _measure(corner: Vector, strong: Image, core: Image, top: float, noise: float) -> Blob:
+    soft = cv2.dilate(core, _disc(_SOFT_EDGE_PX))
+    # No more than half strength counts, so that a dim side weighs as much as a bright one.
+    full = _FULL * top
+    weight = cv2.bitwise_and(np.minimum(strong, np.uint8(round(full))), soft)
+    moments = cv2.moments(weight)
+    middle = corner + np.array((moments["m10"], moments["m01"])) / moments["m00"]
+    edge = cv2.bitwise_xor(soft, cv2.erode(core, _disc(1)))
+    steep = _slopes(strong)[edge > 0]
+    # One of them, not their mean: partition leaves an order that is not the same every time.
+    count = max(1, steep.size // 14)
+    steepest = math.sqrt(float(np.partition(steep, -count)[-count])) / 8 if steep.size else 0.0
+    contours, _ = cv2.findContours(core, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hull = cv2.convexHull(max(contours, key=len)).reshape(-1, 2)
+    return Blob(
+        middle, moments["m00"] / full, top / max(steepest, 1.0), noise, corner + hull.astype(float)
+    )
+
+
+def _mask(chosen: NDArray[np.bool_]) -> Image:
+    return np.where(chosen, np.uint8(255), np.uint8(0))
+
+
+def _disc(radius: int) -> Image:
+    return np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)

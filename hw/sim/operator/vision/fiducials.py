@@ -1,0 +1,137 @@
+"""ArUco markers: which, and where their corners are, with what the fit leaves over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from hw.sim.operator.vision.blobs import Window
+from hw.sim.operator.vision.detections import Cue
+from hw.sim.operator.vision.pinhole import Matrix
+from hw.sim.world.lite6_model import TCP_OFFSET_M
+from tams_app.records import Image, Vector
+
+GRIPPER_MARKER, CONTAINER_MARKER = 3, 2
+FACES = (Cue.MARKER_AHEAD, Cue.MARKER_LEFT, Cue.MARKER_RIGHT)
+_CORNER_PX = 0.15  # of a sharp corner at its best
+EDGE_JUDGEMENT = 0.10  # of an edge's width, as in hw.sim.operator.vision.blobs
+_SHRINKS = 0.25  # of an edge's width: how far blur draws corners inwards, measured
+_SHIFT_COSTS = 0.1  # a face that lies far off must fit that much better
+_ORDERS = np.array(
+    [np.roll(order, turn) for order in ((0, 1, 2, 3), (3, 2, 1, 0)) for turn in range(4)]
+)
+_HALF_MARKER_M = 0.0165 * 96 / 128  # without its quiet zone
+_PLATE_X_M, _PLATE_Y_M, _PLATE_Z_M = 0.019, 0.035, 0.027 - TCP_OFFSET_M
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """Corners [px], shape (4, 2), clockwise as printed."""
+
+    identity: int
+    corners: Matrix
+
+    @property
+    def middle(self) -> Vector:
+        """Where its diagonals cross [px]: its middle however oblique the view."""
+        one, other = self.corners[2] - self.corners[0], self.corners[3] - self.corners[1]
+        apart = self.corners[1] - self.corners[0]
+        crossed = one[0] * other[1] - one[1] * other[0]
+        along = (apart[0] * other[1] - apart[1] * other[0]) / crossed
+        return np.asarray(self.corners[0] + along * one)
+
+
+class MarkerFinder:
+    """Finds markers of the dictionary 4x4_50."""
+
+    def __init__(self) -> None:
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        parameters.cornerRefinementWinSize = 3
+        parameters.adaptiveThreshWinSizeMin = 7
+        parameters.adaptiveThreshWinSizeMax = 15
+        parameters.adaptiveThreshWinSizeStep = 8
+        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+        self._detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+        self.edge_px = 0.0  # how wide the edges were in the last window
+
+    def find(self, window: Window) -> list[Marker]:
+        """The markers in a window of a BGR image."""
+        grey = np.asarray(cv2.cvtColor(window.patch, cv2.COLOR_BGR2GRAY), np.uint8)
+        corners, identities, _ = self._detector.detectMarkers(grey)
+        if not corners:
+            return []
+        self.edge_px = _edge_width(grey)
+        return [
+            Marker(int(identity), window.corner + quad.reshape(4, 2).astype(float))
+            for identity, quad in zip(identities.ravel(), corners, strict=True)
+        ]
+
+
+def _edge_width(grey: Image) -> float:
+    """Width of the steepest edges [px]: their contrast over their steepness."""
+    across = cv2.Sobel(grey, cv2.CV_16S, 1, 0)
+    low, high = np.percentile(grey, (5, 95))
+    steep = np.abs(across).ravel()
+    count = max(1, steep.size // 150)
+    return float((high - low) / max(1.0, float(np.partition(steep, -count)[-count]) / 8))
+
+
+def gripper_faces() -> list[Matrix]:
+    """Corners of the three gripper markers in the tool's frame [m], shape (4, 3) each.
+
+    In the order of `FACES`.
+    """
+    half = _HALF_MARKER_M
+    square = np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
+    faces = [np.column_stack((np.full(4, _PLATE_X_M), square[:, 0], _PLATE_Z_M + square[:, 1]))]
+    for y in (_PLATE_Y_M, -_PLATE_Y_M):
+        faces.append(np.column_stack((square[:, 0], np.full(4, y), _PLATE_Z_M + square[:, 1])))
+    return faces
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A marker's corners paired with points of a face, and the uncertainty of each corner.
+
+    In the next glances too: `lasting_px`, what blur shifts all four by, and `warp_px`, how far it
+    or a turn not expected stretches and shears the whole.
+    """
+
+    face: Cue
+    pixels: Matrix
+    points: Matrix
+    sigma_px: float
+    lasting_px: float
+    warp_px: float
+    misfit_px: float  # how far the whole lies from where it was expected
+
+
+def match_face(
+    marker: Marker, faces: list[Matrix], expected: list[Matrix], edge_px: float
+) -> Match:
+    """Which face this is, and which of its corners is which, by what fits best.
+
+    `expected`: the faces' corners [px] as the operator believes the tool to stand. What is left of
+    the corners once the whole has been shifted into place is their measured error.
+    """
+    found = marker.corners[_ORDERS]
+    gaps = found[None] - np.stack(expected)[:, None]
+    shifts = gaps.sum(axis=2) / 4
+    left = np.sqrt(((gaps - shifts[:, :, None]) ** 2).sum(axis=(2, 3)) / 8)
+    shifted = np.hypot(shifts[..., 0], shifts[..., 1])
+    face, order = np.unravel_index(np.argmin(left + _SHIFT_COSTS * shifted), left.shape)
+    misfit, away = float(left[face, order]), float(shifted[face, order])
+    blurred = EDGE_JUDGEMENT * edge_px
+    return Match(
+        FACES[face],
+        found[order],
+        faces[face],
+        math.hypot(_CORNER_PX, blurred),
+        blurred,
+        math.hypot(misfit, _SHRINKS * edge_px),
+        away,
+    )

@@ -1,0 +1,54 @@
+"""A camera without distortion: from points to pixels, and how pixels move with points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
+from tams_app.records import Vector
+
+Matrix = NDArray[np.float64]
+_NEAREST_M = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Pinhole:
+    """A camera at `place` [m] with the image's right, down, forward `axes` as columns."""
+
+    place: Vector
+    axes: Matrix
+    focal_px: float
+
+    @staticmethod
+    def of(place: Vector, axes: Matrix, fovy_deg: float) -> Pinhole:
+        """From the vertical field of view of an image of 640 by 480."""
+        focal_px = HEIGHT_PX / 2 / math.tan(math.radians(fovy_deg) / 2)
+        return Pinhole(np.asarray(place, float), axes, focal_px)
+
+    def depths(self, points: Matrix) -> Vector:
+        """Distance along the optical axis [m], shape (n,), of `points`, shape (n, 3)."""
+        return np.asarray((points - self.place) @ self.axes[:, 2])
+
+    def project(self, points: Matrix) -> Matrix:
+        """Pixels, shape (n, 2), of `points` [m], shape (n, 3); pixel centres are whole numbers."""
+        seen = (points - self.place) @ self.axes
+        depth = np.maximum(seen[:, 2:], _NEAREST_M)
+        centre = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
+        return np.asarray(self.focal_px * seen[:, :2] / depth + centre)
+
+    def jacobian(self, point: Vector) -> Matrix:
+        """How the pixel moves with the point [px/m], shape (2, 3)."""
+        seen = (point - self.place) @ self.axes
+        depth = max(float(seen[2]), _NEAREST_M)
+        flat = np.array([[1.0, 0.0, -seen[0] / depth], [0.0, 1.0, -seen[1] / depth]])
+        return np.asarray(self.focal_px / depth * flat @ self.axes.T)
+
+    def ray_at_height(self, pixel: Vector, height_m: float) -> Vector:
+        """The point at `height_m` over the table that `pixel` shows [m], shape (3,)."""
+        centre = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
+        ray = self.axes @ np.array([*((pixel - centre) / self.focal_px), 1.0])
+        return np.asarray(self.place + ray * ((height_m - self.place[2]) / ray[2]))

@@ -1,1 +1,0 @@
-"""What the operator who sees makes of one picture: detections with measured uncertainty."""

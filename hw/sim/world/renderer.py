@@ -1,0 +1,150 @@
+"""The renderer of the simulated cameras, a helper process below everything real-time.
+
+Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name.
+Each view has a fixed time grid, a third of a period apart from the next view's; an instant that
+passes before the renderer gets to it, up to the next, is left out: a gap in the index.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+from hw.sim.layout import draw_layout
+from hw.sim.world.camera_images import CameraImages, stagger_ns
+from hw.sim.world.frame_memory import FrameGrid, FrameShape, FrameWriter
+from hw.sim.world.scene import VIEWS
+from hw.sim.world.scene_renderer import HEIGHT, WIDTH
+from hw.sim.world.world_memory import WorldReader, WorldSnapshot
+from tams_app.errors import TamsError
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.realtime import RENDERER_NICE, use_nice
+
+_START_DELAY_NS = 50 * NS_PER_MS
+_STALE_NS = 200 * NS_PER_MS  # a world that has stopped has cameras that have stopped
+_POLL_NS = 20 * NS_PER_MS
+
+
+@dataclass(slots=True)
+class _Camera:
+    """One view's place in time."""
+
+    view: str
+    grid: FrameGrid
+    next_index: int
+    skipped: int = 0
+    taken_ns: int = 0  # instant of the last frame
+
+    @property
+    def due_ns(self) -> int:
+        return self.grid.start_ns + self.next_index * self.grid.period_ns
+
+    def drop_missed(self, now_ns: int) -> None:
+        """Leave out the instants that a later one has followed."""
+        missed = (now_ns - self.due_ns) // self.grid.period_ns
+        if missed > 0:
+            self.next_index += missed
+            self.skipped += missed
+
+    def taken(self) -> None:
+        """Go on to the next instant."""
+        self.taken_ns = self.due_ns
+        self.next_index += 1
+
+
+class CameraSchedule:
+    """Which view is due next; the grids of `writer` are taken over after a restart.
+
+    Where there is no time for all, the views take turns: none misses more frames than another.
+    """
+
+    def __init__(self, writer: FrameWriter, fps: int, now_ns: int) -> None:
+        period_ns = NS_PER_S // fps
+        self._cameras = []
+        for view in VIEWS:
+            grid, next_index = writer.grid(view), 0
+            if grid.start_ns == 0 or grid.period_ns != period_ns:
+                start_ns = now_ns + _START_DELAY_NS + stagger_ns(view, period_ns)
+                grid = FrameGrid(start_ns, period_ns)
+                writer.set_grid(view, grid)
+            elif now_ns > grid.start_ns:
+                next_index = (now_ns - grid.start_ns) // period_ns + 1
+            self._cameras.append(_Camera(view, grid, next_index))
+
+    def next(self, now_ns: int) -> _Camera:
+        """Of the cameras that are due the one that waits longest, else the one due first.
+
+        Instants that a later one has followed are left out.
+        """
+        for camera in self._cameras:
+            camera.drop_missed(now_ns)
+        due = [camera for camera in self._cameras if camera.due_ns <= now_ns]
+        if due:
+            return min(due, key=lambda camera: (camera.taken_ns, camera.due_ns))
+        return min(self._cameras, key=lambda camera: camera.due_ns)
+
+
+def run(
+    frames: CameraImages,
+    world: WorldReader,
+    writer: FrameWriter,
+    fps: int,
+    clock: Clock,
+    stop: threading.Event,
+) -> None:
+    """Render each view at its instants until `stop` is set."""
+    schedule = CameraSchedule(writer, fps, clock.now_ns())
+    while not stop.is_set():
+        camera = schedule.next(clock.now_ns())
+        clock.sleep_until_ns(camera.due_ns)
+        snapshot = world.read()
+        if snapshot is None or clock.now_ns() - snapshot.t_ns > _STALE_NS:
+            clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
+            continue
+        image = frames.take(camera.view, camera.next_index, snapshot.state.qpos)
+        writer.publish(camera.view, camera.next_index, snapshot.t_ns, image, camera.skipped)
+        camera.taken()
+
+
+def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> WorldSnapshot | None:
+    """The first snapshot; None if `stop` is set before."""
+    while not stop.is_set():
+        snapshot = world.read()
+        if snapshot is not None:
+            return snapshot
+        clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
+    return None
+
+
+def main() -> None:
+    side = HelperSide()
+    specification: dict[str, Any] = side.specification
+    use_nice(RENDERER_NICE, int(specification["nice"]))
+    try:
+        _serve(side, specification)
+    except TamsError as error:
+        side.fail(str(error))
+        raise SystemExit(error.exit_code) from error
+
+
+def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
+    name, seed = str(specification["memory_name"]), int(specification["seed"])
+    sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
+    world = WorldReader(name)
+    frames = CameraImages(draw_layout(seed), seed, sigma)
+    writer = FrameWriter(name, FrameShape(VIEWS, WIDTH, HEIGHT))
+    try:
+        side.ready(memory_name=name)
+        if wait_for_world(world, clock, side.stop_requested) is not None:
+            fps = int(specification["fps"])
+            run(frames, world, writer, fps, clock, side.stop_requested)
+    finally:
+        frames.close()
+        writer.close()
+        world.close()
+
+
+if __name__ == "__main__":
+    main()

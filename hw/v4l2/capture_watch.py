@@ -1,0 +1,110 @@
+"""Whether a camera still sees: pure judgement of when its frames came and if they changed."""
+
+from __future__ import annotations
+
+import statistics
+import zlib
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+
+SILENCE_NS = 500 * NS_PER_MS  # without a frame: frozen
+REPETITION_NS = NS_PER_S  # without a frame that was not shown before: opened again
+REMEMBERED = 8  # frames; drivers take turns with about four buffers
+START_PATIENCE_NS = 3 * NS_PER_S  # a USB camera takes its time to the first frame
+_WINDOW_NS = 2 * NS_PER_S
+
+
+class Sight(StrEnum):
+    """What can be said of a camera that is open."""
+
+    SEEING = "seeing"
+    SILENT = "delivers no frames"
+    REPEATED = "showed a frame again"
+    REPEATING = "repeats one frame to the last bit"
+
+
+class FreezeWatch:
+    """Watches one camera over its re-openings; `noisy`: no two of its frames can be the same."""
+
+    def __init__(self, noisy: bool) -> None:
+        self._noisy = noisy
+        self._recent: deque[int] = deque(maxlen=REMEMBERED)  # checksums of different frames
+        self._changed_ns = 0
+        self._seen_ns = 0
+        self._patience_ns = START_PATIENCE_NS
+
+    def opened(self, now_ns: int) -> None:
+        """The camera was opened (again); its first frame may take a while.
+
+        What it showed before is kept: one that repeats itself still does so after re-opening. But
+        it gets the time for a new frame: the first ones may be left over from before.
+        """
+        self._seen_ns = self._changed_ns = now_ns
+        self._patience_ns = START_PATIENCE_NS
+
+    def frame(self, now_ns: int, frame: bytes) -> Sight:
+        """A frame came, at `now_ns`; show it as a new one only if SEEING.
+
+        A sensor has noise, so a frame that comes again to the last bit is an old one, at once:
+        then the age of what was shown last grows from here on. REPEATING: open the camera again.
+        """
+        self._seen_ns = now_ns
+        self._patience_ns = SILENCE_NS
+        if not self._noisy:
+            return Sight.SEEING
+        checksum = zlib.crc32(frame)  # a collision costs one good frame in years
+        if checksum not in self._recent:
+            self._recent.append(checksum)
+            self._changed_ns = now_ns
+            return Sight.SEEING
+        return Sight.REPEATING if now_ns - self._changed_ns > REPETITION_NS else Sight.REPEATED
+
+    def silent_from_ns(self) -> int:
+        """When the camera is to be called silent if no frame comes before."""
+        return self._seen_ns + self._patience_ns
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureStats:
+    """What a camera has done so far; rate and ages over the last two seconds of frames."""
+
+    frames: int
+    missed: int  # places on the time grid that stayed empty
+    openings: int
+    rate_hz: float  # measured, 0 until there are two frames
+    age_ms: float  # median time from capture to delivery
+    oldest_ms: float
+    last_capture_ns: int  # 0 before the first
+
+
+class CaptureMeter:
+    """Measures frame rate and age of the frames a camera delivers."""
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[int, int]] = deque()
+        self._frames = 0
+
+    def add(self, capture_ns: int, delivered_ns: int) -> None:
+        """A frame captured at `capture_ns` left the camera's chain at `delivered_ns`."""
+        self._frames += 1
+        self._recent.append((capture_ns, delivered_ns - capture_ns))
+        while capture_ns - self._recent[0][0] > _WINDOW_NS:
+            self._recent.popleft()
+
+    def stats(self, missed: int, openings: int) -> CaptureStats:
+        """Everything measured, together with what the grid missed and how often it was opened."""
+        recent = list(self._recent)
+        span_ns = recent[-1][0] - recent[0][0] if recent else 0
+        ages_ms = [age_ns / NS_PER_MS for _, age_ns in recent] or [0.0]
+        return CaptureStats(
+            frames=self._frames,
+            missed=missed,
+            openings=openings,
+            rate_hz=(len(recent) - 1) * NS_PER_S / span_ns if span_ns else 0.0,
+            age_ms=statistics.median(ages_ms),
+            oldest_ms=max(ages_ms),
+            last_capture_ns=recent[-1][0] if recent else 0,
+        )

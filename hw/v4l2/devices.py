@@ -1,0 +1,211 @@
+"""Which cameras are plugged in, what they can do, and which of them is meant."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from hw.v4l2.wire import (
+    CAPTURES_VIDEO,
+    COMPRESSED,
+    DISCRETE,
+    HAS_OWN_CAPABILITIES,
+    FrameInterval,
+    FrameSize,
+    V4l2Device,
+)
+from tams_app.errors import DeviceError
+
+MJPEG = ("MJPG", "JPEG")
+_LINKS = ("by-id", "by-path")
+_RATE_TOLERANCE = 0.01  # 29.97 will do for 30
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMode:
+    """One pixel format (fourcc) at one size and the rates [1/s] it offers, fastest first.
+
+    `largest`: (width, height) up to which any size is offered, None if it is this one alone.
+    `any_rate`: everything between the rates; no rates at all: the driver does not say.
+    """
+
+    pixel_format: str
+    compressed: bool
+    width: int
+    height: int
+    rates: tuple[Fraction, ...]
+    any_rate: bool = False
+    largest: tuple[int, int] | None = None
+
+    def rate_for(self, width: int, height: int, fps: int) -> Fraction | None:
+        """The rate to ask for so that `width` x `height` comes `fps` times a second, or None."""
+        widest, highest = self.largest or (self.width, self.height)
+        if not (self.width <= width <= widest and self.height <= height <= highest):
+            return None
+        wanted = Fraction(fps)
+        if not self.rates or (self.any_rate and self.rates[-1] <= wanted <= self.rates[0]):
+            return wanted
+        nearest = min(self.rates, key=lambda rate: abs(rate - wanted))
+        return nearest if abs(nearest - wanted) <= _RATE_TOLERANCE * wanted else None
+
+    def __str__(self) -> str:
+        size = f"{self.width}x{self.height}"
+        if self.largest:
+            size = f"{size} to {self.largest[0]}x{self.largest[1]}"
+        joint = " to " if self.any_rate else ", "
+        rates = joint.join(f"{float(rate):g}" for rate in self.rates) or "unknown rates"
+        return f"{self.pixel_format} {size} at {rates}"
+
+
+@dataclass(frozen=True, slots=True)
+class CameraInfo:
+    """One video node that captures; `serial` is "" for a camera that has none."""
+
+    name: str
+    serial: str
+    node: str  # /dev/videoN, as it is numbered now
+    links: tuple[str, ...]  # of /dev/v4l, which stay the same
+    modes: tuple[CameraMode, ...] = ()
+    refusal: str = ""  # why it could not be asked for its modes
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        return (self.node, *self.links)
+
+    def __str__(self) -> str:
+        serial = f", serial {self.serial}" if self.serial else ""
+        refusal = f", {self.refusal}" if self.refusal else ""
+        return f"{self.name!r}{serial} at {self.node}{refusal}"
+
+
+def list_cameras(dev: Path = Path("/dev"), sys: Path = Path("/sys")) -> list[CameraInfo]:
+    """The cameras of this machine, in the order of their numbers; nothing is changed in them.
+
+    OSError if one is pulled out at the wrong moment; try again.
+    """
+    nodes = (sys / "class/video4linux").glob("video*")
+    ordered = sorted(nodes, key=lambda node: (len(node.name), node.name))
+    links = _links(dev)
+    infos = (_camera(dev / node.name, node, links) for node in ordered)
+    return [info for info in infos if info is not None]
+
+
+def choose_camera(
+    found: Sequence[CameraInfo],
+    name: str = "",
+    serial: str = "",
+    path: str = "",
+    resolve: Callable[[str], str] = os.path.realpath,
+) -> CameraInfo:
+    """The one camera that has everything of `name`, `serial`, `path` that is given.
+
+    DeviceError, which lists what was found, if none or several have. `resolve` follows links,
+    such as those a laboratory makes by rules of its own.
+    """
+    wanted = {"name": name, "serial": serial, "path": path}
+    matches = [
+        info
+        for info in found
+        if (not name or info.name == name)
+        and (not serial or info.serial == serial)
+        and (not path or path in info.paths or resolve(path) == info.node)
+    ]
+    if len(matches) == 1:
+        return matches[0]
+    asked = ", ".join(f"{key} {value!r}" for key, value in wanted.items() if value)
+    if matches:
+        listed = "; ".join(f"{info} ({', '.join(info.links) or info.node})" for info in matches)
+        raise DeviceError(f"{len(matches)} cameras have {asked}; tell them apart by path: {listed}")
+    listed = "; ".join(map(str, found)) or "no camera at all"
+    raise DeviceError(f"no camera has {asked}; plug it in or correct the keys; found: {listed}")
+
+
+def choose_mode(info: CameraInfo, mjpeg: bool, width: int, height: int, fps: int) -> Fraction:
+    """The rate to ask for, compressed or raw; DeviceError, which lists the modes, if none fits."""
+    for mode in info.modes:
+        if mode.pixel_format in MJPEG if mjpeg else not mode.compressed:
+            rate = mode.rate_for(width, height, fps)
+            if rate is not None:
+                return rate
+    kind = "MJPEG" if mjpeg else "raw frames"
+    offered = "; ".join(map(str, info.modes)) or info.refusal or "nothing"
+    raise DeviceError(
+        f"{info} does not offer {kind} of {width}x{height} at {fps}/s; it offers: {offered}"
+    )
+
+
+# --- asking the machine ---------------------------------------------------------------------------
+
+
+def _links(dev: Path) -> dict[str, list[str]]:
+    """The stable links of each node, by what they lead to."""
+    links: dict[str, list[str]] = {}
+    for folder in _LINKS:
+        for link in sorted((dev / "v4l" / folder).glob("*")):
+            links.setdefault(os.path.realpath(link), []).append(str(link))
+    return links
+
+
+def _camera(node: Path, sys_node: Path, links: dict[str, list[str]]) -> CameraInfo | None:
+    """What is known of one node; None if it does not capture (metadata) or is going away."""
+    name = _attribute(sys_node / "name")
+    modes: tuple[CameraMode, ...] = ()
+    refusal = ""
+    try:
+        with V4l2Device(str(node)) as device:
+            capability = device.capability()
+            own = capability.capabilities & HAS_OWN_CAPABILITIES
+            if not (capability.device_caps if own else capability.capabilities) & CAPTURES_VIDEO:
+                return None
+            name = name or capability.card.decode(errors="replace")
+            modes = tuple(_modes(device))
+    except FileNotFoundError:
+        return None
+    except PermissionError:
+        refusal = "which you may not open: join the group video and log in again"
+    except OSError as error:
+        refusal = f"which cannot be opened: {error.strerror}"
+    linked = links.get(os.path.realpath(node), [])
+    return CameraInfo(name, _serial(sys_node), str(node), tuple(linked), modes, refusal)
+
+
+def _serial(sys_node: Path) -> str:
+    """Of the USB device, whose folder lies above that of its interface."""
+    interface = (sys_node / "device").resolve()
+    return _attribute(interface / "serial") or _attribute(interface.parent / "serial")
+
+
+def _attribute(file: Path) -> str:
+    return file.read_text(errors="replace").strip() if file.is_file() else ""
+
+
+def _modes(device: V4l2Device) -> Iterator[CameraMode]:
+    for found in device.formats():
+        fourcc = found.pixelformat.to_bytes(4, "little").decode("latin-1").strip()
+        for size in device.frame_sizes(found.pixelformat):
+            width, height, largest = _size(size)
+            asked = largest or (width, height)
+            intervals = list(device.frame_intervals(found.pixelformat, *asked))
+            ranged = bool(intervals) and intervals[0].type != DISCRETE
+            rates = tuple(sorted(_rates(intervals), reverse=True))
+            compressed = bool(found.flags & COMPRESSED)
+            yield CameraMode(fourcc, compressed, width, height, rates, ranged, largest)
+
+
+def _size(found: FrameSize) -> tuple[int, int, tuple[int, int] | None]:
+    """Width, height, and up to where if it is a range."""
+    if found.type == DISCRETE:
+        return found.size[0], found.size[1], None
+    return found.size[0], found.size[3], (found.size[1], found.size[4])
+
+
+def _rates(intervals: list[FrameInterval]) -> Iterator[Fraction]:
+    for found in intervals:
+        fractions = (0,) if found.type == DISCRETE else (0, 2)
+        for start in fractions:
+            seconds, parts = found.interval[start], found.interval[start + 1]
+            if seconds and parts:
+                yield Fraction(parts, seconds)

@@ -1,0 +1,200 @@
+"""A camera behind a GStreamer chain: opened, watched, and opened again when it goes blind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from hw.camera import Camera
+from hw.v4l2.capture_grid import CaptureGrid
+from hw.v4l2.capture_watch import CaptureMeter, CaptureStats, FreezeWatch, Sight
+from hw.v4l2.gst_capture import GstCapture, RawFrame
+from tams_app.config import VideoConfig
+from tams_app.errors import DeviceError, TamsError
+from tams_app.records import Frame
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+
+REOPEN_NS = NS_PER_S
+_FIRST_PICTURE_NS = 5 * NS_PER_S
+_LOOK_NS = 50 * NS_PER_MS
+
+Note = Callable[[str, str], None]  # level (info, warning or error) and sentence
+
+
+class FrameSource(Protocol):
+    """Where the frames come from, and how to open that."""
+
+    noisy: bool  # a real sensor: two equal frames are one frame twice
+    endless: bool  # its end is a failure; else it begins anew at once
+
+    @property
+    def label(self) -> str:
+        """What people call it."""
+
+    def open(self) -> GstCapture:
+        """Start to capture; DeviceError in one sentence if it is not there or refuses."""
+
+    def complaints(self) -> list[str]:
+        """Now that frames come: what the device does not do as it was told."""
+
+
+class GstCamera(Camera):
+    """View `view` from `source`; start and close in one thread, next_frame in one other.
+
+    A source that fails, falls silent or repeats itself is opened again about once a second, with
+    the same settings; meanwhile next_frame gives None, and the stale video holds the arm. A frame
+    that a sensor delivers again is left out at once. Each change is told once to `note`. The time
+    grid goes on over it all, so no index comes twice.
+    """
+
+    def __init__(
+        self, view: str, source: FrameSource, video: VideoConfig, clock: Clock, note: Note
+    ) -> None:
+        self.view = view
+        self._source = source
+        self._shape = (video.height, video.width, 3)
+        self._clock = clock
+        self._note = note
+        self._grid = CaptureGrid(video.fps)
+        self._watch = FreezeWatch(source.noisy)
+        self._meter = CaptureMeter()
+        self._capture: GstCapture | None = None
+        self._started = False
+        self._openings = 0
+        self._saw = False  # a frame since the last opening
+        self._reopen_ns = 0  # not before
+        self._trouble = ""
+        self._trouble_ns = 0
+        self._complained: set[str] = set()
+
+    def start(self) -> None:
+        """Open the source and wait for its first frame; DeviceError if there is none."""
+        self._started = True
+        try:
+            self._await_first_frame(self._open())
+        except (TamsError, OSError) as error:
+            self.close()
+            raise DeviceError(f"camera {self.view}: {error}") from error
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        if not self._started:
+            raise DeviceError(f"camera {self.view} was not started")
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        while True:
+            capture = self._capture or self._reopen(deadline_ns)
+            if capture is not None:
+                until_ns = min(deadline_ns, self._watch.silent_from_ns())
+                raw = capture.pull(until_ns - self._clock.now_ns())
+                frame = self._look_at(raw) if raw else None
+                if frame is not None:
+                    return frame
+                if raw is None:
+                    self._look_after(capture)
+            if self._clock.now_ns() >= deadline_ns:
+                return None
+
+    def stats(self) -> CaptureStats:
+        """Measured frame rate, age, what was missed; from any thread."""
+        return self._meter.stats(self._grid.missed, self._openings)
+
+    @property
+    def trouble(self) -> str:
+        """What keeps the frames away now; "" while they come."""
+        return self._trouble
+
+    def close(self) -> None:
+        self._started = False
+        self._shut()
+
+    # --- opening ------------------------------------------------------------------------------
+
+    def _open(self) -> GstCapture:
+        self._reopen_ns = self._clock.now_ns() + REOPEN_NS
+        self._capture = self._source.open()
+        self._openings += 1
+        self._saw = False
+        self._watch.opened(self._clock.now_ns())
+        return self._capture
+
+    def _await_first_frame(self, capture: GstCapture) -> None:
+        deadline_ns = self._clock.now_ns() + _FIRST_PICTURE_NS
+        while (raw := capture.pull(_LOOK_NS)) is None:  # a failure does not end the waiting
+            if capture.ended or self._clock.now_ns() >= deadline_ns:
+                reason = capture.failure or f"none within {_FIRST_PICTURE_NS // NS_PER_S} s"
+                raise DeviceError(f"{self._source.label} gives no frame: {reason}")
+        self._look_at(raw)
+
+    def _reopen(self, deadline_ns: int) -> GstCapture | None:
+        """Open the source if it is time to; else sleep until then, or until the deadline."""
+        self._clock.sleep_until_ns(min(self._reopen_ns, deadline_ns))
+        if self._clock.now_ns() < self._reopen_ns:
+            return None
+        try:
+            return self._open()
+        except (TamsError, OSError) as error:  # OSError: it went away while it was looked at
+            self._tell("is away", str(error))
+            return None
+
+    def _shut(self) -> None:
+        if self._capture is not None:
+            self._capture.close()
+            self._capture = None
+
+    # --- looking ------------------------------------------------------------------------------
+
+    def _look_at(self, raw: RawFrame) -> Frame | None:
+        now_ns = self._clock.now_ns()
+        sight = self._watch.frame(now_ns, raw.data)
+        if sight is Sight.REPEATING:
+            self._shut()
+            self._tell(sight, "it is opened again until that ends")
+        if sight is not Sight.SEEING:
+            return None
+        self._tell_recovery(now_ns)
+        index = self._grid.index(raw.capture_ns)
+        if index is None:
+            return None
+        self._meter.add(raw.capture_ns, now_ns)
+        image = np.frombuffer(raw.data, np.uint8).reshape(self._shape).copy()
+        return Frame(self.view, index, raw.capture_ns, image)
+
+    def _look_after(self, capture: GstCapture) -> None:
+        """No frame came: find out whether the source is to be opened again."""
+        if capture.ended:
+            failure = capture.failure
+            self._shut()
+            if failure or self._source.endless or not self._saw:
+                self._tell("failed", failure or "its frames ended")
+            else:
+                self._reopen_ns = 0
+        elif self._clock.now_ns() >= self._watch.silent_from_ns():
+            self._shut()
+            self._tell(Sight.SILENT, "it is opened again until they come")
+
+    # --- telling ------------------------------------------------------------------------------
+
+    def _tell(self, trouble: str, detail: str) -> None:
+        """Note `trouble` unless it is the one there was before."""
+        if trouble == self._trouble:
+            return
+        if not self._trouble:
+            self._trouble_ns = self._clock.now_ns()
+        self._trouble = trouble
+        self._warn(f"{trouble}: {detail}")
+
+    def _tell_recovery(self, now_ns: int) -> None:
+        if not self._saw:
+            self._saw = True
+            for complaint in self._source.complaints():
+                if complaint not in self._complained:
+                    self._complained.add(complaint)
+                    self._warn(complaint)
+        if self._trouble:
+            away_s = (now_ns - self._trouble_ns) / NS_PER_S
+            self._trouble = ""
+            self._note("info", f"camera {self.view} sees again, after {away_s:.1f} s")
+
+    def _warn(self, what: str) -> None:
+        self._note("warning", f"camera {self.view} ({self._source.label}) {what}")

@@ -1,0 +1,96 @@
+"""One opening of a camera: a GStreamer chain from a source to BGR frames with capture times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from tams_app import gst
+from tams_app.config import VideoConfig
+from tams_app.errors import DeviceError, SetupError
+
+_ELEMENTS = ("videoconvert", "videoscale", "appsink")
+
+
+@dataclass(frozen=True, slots=True)
+class RawFrame:
+    """BGR bytes, row by row without padding, and when they were taken (CLOCK_MONOTONIC, ns)."""
+
+    capture_ns: int
+    data: bytes
+
+
+class GstCapture:
+    """A running chain, made of `source` (a launch description that ends in raw video).
+
+    Times: the pipeline runs on GStreamer's system clock, which is CLOCK_MONOTONIC, so a frame
+    was taken at base time + running time of its buffer. v4l2src makes that the kernel's timestamp:
+    with a USB camera the arrival of the frame's first data, after its exposure. `paced`: the
+    source does not keep time by itself, so frames are held until they are due.
+    The newest frame replaces one not pulled yet.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        video: VideoConfig,
+        paced: bool = False,
+        properties: dict[str, dict[str, Any]] | None = None,
+    ) -> None:
+        """Open and start; DeviceError with the reason if the source refuses at once.
+
+        `properties`: of the named elements, for values that a description cannot quote.
+        """
+        gst.require_elements(_ELEMENTS)
+        Gst = gst.load().Gst
+        self._pipeline = gst.parse_pipeline(_description(source, video, paced))
+        self._failure = ""
+        self._sink = self._pipeline.get_by_name("frames")
+        for element, values in (properties or {}).items():
+            for name, value in values.items():
+                self._pipeline.get_by_name(element).set_property(name, value)
+        self._pipeline.use_clock(Gst.SystemClock.obtain())
+        try:
+            gst.set_playing(self._pipeline, "the capture chain")
+        except SetupError as error:
+            self.close()
+            raise DeviceError(str(error)) from error
+
+    def pull(self, timeout_ns: int) -> RawFrame | None:
+        """The newest frame not pulled yet; None if none came in time or none will come."""
+        sample = self._sink.try_pull_sample(max(0, timeout_ns))
+        if sample is None:
+            return None
+        Gst = gst.load().Gst
+        buffer = sample.get_buffer()
+        running_ns = sample.get_segment().to_running_time(Gst.Format.TIME, buffer.pts)
+        if running_ns == Gst.CLOCK_TIME_NONE:
+            self._failure = "its frames carry no times; put the video in a container like .mkv"
+            return None
+        capture_ns = self._pipeline.get_base_time() + running_ns
+        return RawFrame(capture_ns, buffer.extract_dup(0, buffer.get_size()))
+
+    @property
+    def ended(self) -> bool:
+        """The source has no more frames, or failed."""
+        return bool(self._sink.get_property("eos")) or bool(self.failure)
+
+    @property
+    def failure(self) -> str:
+        """Why there will be no more frames; "" if nothing went wrong."""
+        self._failure = self._failure or gst.poll_bus(self._pipeline)
+        return self._failure
+
+    def close(self) -> None:
+        """Let go of the source; may be called twice."""
+        gst.shut_down(self._pipeline)
+
+
+def _description(source: str, video: VideoConfig, paced: bool) -> str:
+    """One thread converts, in the source's own; a live appsink needs async=false (FINDINGS 3)."""
+    waiting = "sync=true" if paced else "sync=false async=false"
+    return (
+        f"{source} ! videoscale n-threads=1 add-borders=true ! videoconvert n-threads=1 "
+        f"! video/x-raw,format=BGR,width={video.width},height={video.height},"
+        f"pixel-aspect-ratio=1/1 ! appsink name=frames {waiting} max-buffers=1 drop=true"
+    )

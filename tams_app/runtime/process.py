@@ -1,0 +1,140 @@
+"""Helper processes: started, watched and ended by the session; and the helper's own side of it.
+
+A helper prints one JSON line when it is ready. Its standard input is a pipe from the session and
+carries nothing: when it closes, however the session died, the helper ends. Helpers live in a
+session of their own: what the terminal does to the application (Ctrl-C, Ctrl-Z, hanging up) does
+not reach them, the guard least of all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+from tams_app.errors import HelperError
+from tams_app.runtime.realtime import use_ordinary
+
+READY_TIMEOUT_S = 30.0
+PROJECT_DIRECTORY = Path(__file__).resolve().parents[2]
+
+
+class HelperProcess:
+    """One child process running `python -m module` with its specification as a JSON argument."""
+
+    def __init__(
+        self, name: str, module: str, specification: dict[str, Any], log_directory: Path | None
+    ) -> None:
+        self.name = name
+        self._command = [sys.executable, "-m", module, json.dumps(specification)]
+        self._log_path = log_directory / f"{name}.log" if log_directory else None
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start the process without waiting; see `wait_ready`."""
+        stderr = None
+        try:
+            stderr = self._log_path.open("ab") if self._log_path else None
+            self._process = subprocess.Popen(
+                self._command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                cwd=PROJECT_DIRECTORY,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise HelperError(f"{self.name} could not be started: {error.strerror}") from error
+        finally:
+            if stderr is not None:
+                stderr.close()
+
+    def wait_ready(self, timeout_s: float = READY_TIMEOUT_S) -> dict[str, Any]:
+        """The JSON object of the helper's ready line; HelperError if none comes in time."""
+        process = self._process
+        if process is None or process.stdout is None:
+            raise HelperError(f"{self.name} was not started")
+        line = b""
+        stdout = process.stdout
+
+        def read() -> None:
+            nonlocal line
+            line = stdout.readline()
+
+        reader = threading.Thread(target=read, name=f"{self.name}-ready", daemon=True)
+        reader.start()
+        reader.join(timeout_s)
+        if reader.is_alive():
+            raise HelperError(f"{self.name} was not ready within {timeout_s:g} s{self._where()}")
+        try:
+            ready = json.loads(line)
+        except ValueError as error:
+            raise HelperError(f"{self.name} could not start{self._where()}") from error
+        if "error" in ready:
+            raise HelperError(str(ready["error"]))
+        return dict(ready)
+
+    @property
+    def pid(self) -> int | None:
+        return self._process.pid if self._process else None
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs or before it was started."""
+        return self._process.poll() if self._process else None
+
+    def stop(self, timeout_s: float = 3.0) -> None:
+        """End it: close its input, then SIGTERM, then SIGKILL; may be called twice."""
+        process = self._process
+        if process is None:
+            return
+        if process.stdin and not process.stdin.closed:
+            process.stdin.close()
+        for force in (None, signal.SIGTERM, signal.SIGKILL):
+            if force is not None:
+                process.send_signal(force)
+            try:
+                process.wait(timeout_s / 3)
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        if process.stdout and not process.stdout.closed:
+            process.stdout.close()
+
+    def _where(self) -> str:
+        return f"; see {self._log_path}" if self._log_path else ""
+
+
+class HelperSide:
+    """What a helper's main function needs: its specification, its ready line, its end."""
+
+    def __init__(self) -> None:
+        use_ordinary()  # not the priority of the thread that happened to start us
+        self.specification: dict[str, Any] = json.loads(sys.argv[1])
+        self.stop_requested = threading.Event()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, lambda *_: self.stop_requested.set())
+        threading.Thread(target=self._watch_parent, name="parent-watch", daemon=True).start()
+
+    def ready(self, **facts: Any) -> None:
+        """Tell the session that this helper works, with what it needs to know (ports, names)."""
+        self._say(facts)
+
+    def fail(self, sentence: str) -> None:
+        """Tell the session in one sentence why this helper cannot work; end after this."""
+        self._say({"error": sentence})
+
+    def _say(self, content: dict[str, Any]) -> None:
+        sys.stdout.write(json.dumps(content) + "\n")
+        sys.stdout.flush()
+
+    def _watch_parent(self) -> None:
+        # os.read, not sys.stdin: a buffered reader blocked at exit would abort the interpreter
+        while os.read(0, 4096):
+            pass
+        self.stop_requested.set()

@@ -1,0 +1,156 @@
+"""An arm for everything but motion: connected and watched for real, its commands go to a model."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from dataclasses import replace
+
+from hw.arm import Arm, ServoMode
+from hw.boundary import TcpBoundary
+from hw.lite6.codes import controller_error_sentence
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.settings import outputs_for
+from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+
+SILENT_NS = 500 * NS_PER_MS  # of the real arm's reports, which come every 10 ms
+LONGEST_STANDSTILL_NS = NS_PER_S
+
+_NOT_CONNECTED = "The arm is not connected; connect it first."
+_SILENT = "The arm has stopped reporting; check its power and network cable, then confirm."
+
+
+class DryRunArm(Arm):
+    """`real` behind a pane of glass: it is connected, checked, watched and stopped, never moved.
+
+    A model of its controller, which begins where the real arm stands, takes the commands, and
+    `state` is the model's. A failing link and an error of the real arm show as they would in
+    earnest. From any thread: one lock guards the model.
+    """
+
+    def __init__(
+        self, real: Arm, config: ArmConfig, clock: Clock, boundary: TcpBoundary | None = None
+    ) -> None:
+        """`boundary`: what the real arm's controller is told, for the model as well."""
+        self._real = real
+        self._config, self._clock, self._boundary = config, clock, boundary
+        self._lock = threading.Lock()
+        self._model: InProcessArm | None = None
+
+    def connect(self) -> None:
+        """Connect the real arm with all its checks, and begin the model where it stands."""
+        self._real.connect()
+        state = self._real.state()
+        if state is None:
+            raise DeviceError(_SILENT)
+        controller = ControllerModel(IdealPlant(), start_joints=state.joints)
+        controller.settings.tool_outputs = outputs_for(state.gripper_closed)
+        model = InProcessArm(self._config, self._clock, controller, self._boundary)
+        model.connect()
+        with self._lock:
+            self._model = model
+
+    def enable(self, servo: ServoMode) -> None:
+        self._check_real()
+        with self._lock:
+            self._required().enable(servo)
+
+    def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
+        self._check_real()
+        with self._lock:
+            self._required().begin_move_to_joints(joints, speed)
+
+    def state(self) -> ArmState | None:
+        """The model's state, with the real controller's error if it has one."""
+        real = self._real.state()
+        with self._lock:
+            model = self._caught_up()
+            state = model.state() if model is not None else None
+        if state is None or real is None or not real.error_code:
+            return state
+        return replace(state, error_code=real.error_code)
+
+    def link(self) -> CommandLink:
+        """The model's link; the real arm's failure if it has one, or has fallen silent."""
+        with self._lock:
+            model = self._caught_up()
+            if model is None:
+                return CommandLink(0, 0, 0, 0, _NOT_CONNECTED, LinkFault.LOST)
+            link = model.link()
+        real = self._real.link()
+        if real.failure:
+            return replace(link, failure=real.failure, fault=real.fault)
+        if self._real_is_silent():
+            return replace(link, failure=_SILENT, fault=LinkFault.LOST)
+        return link
+
+    def send_twist(self, twist: Twist) -> None:
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.send_twist(twist)
+
+    def send_pose(self, pose: Pose) -> None:
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.send_pose(pose)
+
+    def set_gripper(self, closed: bool) -> None:
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.set_gripper(closed)
+
+    def stop(self) -> None:
+        """Stop the model, and the real arm too, whoever may be moving it."""
+        self._real.stop()
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.stop()
+
+    def clear_errors(self) -> None:
+        """Clear the real arm's errors and the model's."""
+        self._real.clear_errors()
+        with self._lock:
+            self._required().clear_errors()
+
+    def close(self) -> None:
+        with ExitStack() as closing:
+            closing.callback(self._real.close)
+            with self._lock:
+                model, self._model = self._model, None
+            if model is not None:
+                model.close()
+
+    @property
+    def realtime_thread_ids(self) -> dict[str, int]:
+        return self._real.realtime_thread_ids
+
+    def _caught_up(self) -> InProcessArm | None:
+        """The model; after a standstill of the process it does not relive all of it."""
+        if self._model is not None:
+            self._model.skip_standstill(LONGEST_STANDSTILL_NS)
+        return self._model
+
+    def _required(self) -> InProcessArm:
+        model = self._caught_up()
+        if model is None:
+            raise DeviceError(_NOT_CONNECTED)
+        return model
+
+    def _check_real(self) -> None:
+        """DeviceError if the real arm could not be moved either."""
+        link, state = self._real.link(), self._real.state()
+        if link.failure:
+            raise DeviceError(link.failure)
+        if state is None or self._real_is_silent():
+            raise DeviceError(_SILENT)
+        if state.error_code:
+            raise DeviceError(controller_error_sentence(state.error_code))
+
+    def _real_is_silent(self) -> bool:
+        state = self._real.state()
+        return state is None or self._clock.now_ns() - state.received_ns > SILENT_NS

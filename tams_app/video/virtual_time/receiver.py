@@ -1,0 +1,104 @@
+"""A view's receiving side in virtual time: jitter buffer, decoder, and what RTCP asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+
+from tams_app import gst
+from tams_app.config import VideoConfig
+from tams_app.errors import TamsError
+from tams_app.records import ShownFrame
+from tams_app.video.packets import read_rtp
+from tams_app.video.repair import RepairRule
+from tams_app.video.view_decoder import ReceiverStats, ViewDecoder
+from tams_app.video.virtual_time.chains import DecoderChain
+from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
+from tams_app.video.virtual_time.shared import LaterClock, Shared
+
+_SEQUENCES = 1 << 16
+
+
+@dataclass(slots=True)
+class ReceivingCounts:
+    """What the receiver asked for; NACKs count packets."""
+
+    nacks_sent: int = 0
+    plis_sent: int = 0
+
+
+class LockstepReceiver:
+    """Receives and decodes one view; `return_feedback` is called when its feedback arrives."""
+
+    def __init__(
+        self,
+        view: str,
+        config: VideoConfig,
+        rule: RepairRule,
+        seed: int,
+        shared: Shared,
+        return_feedback: Callable[[Feedback], None],
+    ) -> None:
+        self.view = view
+        self.shown: ShownFrame | None = None
+        self.counts = ReceivingCounts()
+        self._shared = shared
+        self._return_feedback = return_feedback
+        self._expected = 0  # sequence number of the next media packet, if none is lost
+        self._decoded: list[ShownFrame] = []
+        self._session = ReceiverSession(Random(f"{seed}/{view}/receiver-rtcp"), rule.rtx)
+        done_clock = LaterClock(shared.clock, shared.times.decoding_ns)
+        self._frames = ViewDecoder(view, config, rule, done_clock, self._decoded.append)
+        decoder = gst.choose_decoder(config.decoder)
+        self._chain = DecoderChain(view, decoder, rule, self._frames, shared.clock)
+        self.start, self.close = self._chain.start, self._chain.close
+        self.arrive_report = self._session.received_report
+
+    def arrive(self, packet: bytes, resent: bool) -> None:
+        """A packet has come over the link."""
+        self._session.received(self._shared.clock.now_ns(), resent)
+        header = read_rtp(packet)
+        in_order = header is not None and not resent and header.sequence == self._expected
+        if header is not None and not resent:
+            self._expected = (header.sequence + 1) % _SEQUENCES
+        self._shared.rest.disturb(in_order, ends_frame=header is None or header.marker)
+        self._chain.feed(packet, resent)
+
+    def collect(self) -> None:
+        """Take what the chain's threads have left behind; they are at rest now."""
+        reason = self._frames.failure or self._chain.poll()
+        if reason:
+            raise TamsError(f"the receiver of view {self.view} failed: {reason}")
+        now_ns = self._shared.clock.now_ns()
+        for sequence, patience_ms in self._chain.take_nacks():
+            self._session.ask_again(now_ns, sequence, patience_ms)
+        if self._chain.take_pli():
+            self._session.ask_keyframe(now_ns)
+        for shown in self._decoded:
+            self._shared.events.post(shown.shown_ns, partial(self._show, shown))
+        self._decoded.clear()
+
+    @property
+    def next_ns(self) -> int | None:
+        """When `step` must be called [ns]."""
+        return self._session.next_ns
+
+    def step(self) -> None:
+        """Send the feedback that is due now."""
+        feedback = self._session.step(self._shared.clock.now_ns())
+        if feedback is None:
+            return
+        self.counts.nacks_sent += len(feedback.nacks)
+        self.counts.plis_sent += feedback.pli
+        due_ns = self._shared.link.feedback(feedback.sent_ns, self.view)
+        self._shared.events.post(due_ns, partial(self._return_feedback, feedback))
+
+    def stats(self) -> ReceiverStats:
+        """Counts of the jitter buffer, as live."""
+        return self._frames.stats()
+
+    def _show(self, shown: ShownFrame) -> None:
+        self.shown = shown
+        self._shared.records.shown(shown)

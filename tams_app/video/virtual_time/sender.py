@@ -1,0 +1,150 @@
+"""A view's sending side in virtual time: encoder, what was sent, and RTCP's answers to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+
+from tams_app.config import VideoConfig
+from tams_app.errors import TamsError
+from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
+from tams_app.video.packets import identify
+from tams_app.video.pipelines import RTX_HISTORY_MS
+from tams_app.video.view_encoder import ViewEncoder
+from tams_app.video.virtual_time.chains import EncoderChain
+from tams_app.video.virtual_time.rtcp_sessions import Feedback, SenderSession, SentPackets
+from tams_app.video.virtual_time.shared import LaterClock, Shared
+
+_ORIGINAL_SEQUENCE_BYTES = 2  # what RTX adds to a packet (RFC 4588)
+
+
+@dataclass(slots=True)
+class SendingCounts:
+    """What arrived at the sender and what it made of it; NACKs count packets asked for."""
+
+    nacks_arrived: int = 0
+    plis_arrived: int = 0
+    keyframes_forced: int = 0
+    repairs_sent: int = 0
+    repair_bytes: int = 0
+
+
+class LockstepSender:
+    """Encodes and sends one view into the shared link.
+
+    `deliver(packet, resent)` is called when a packet arrives, `deliver_report(transit_ns, bytes)`
+    when a sender report does.
+    """
+
+    def __init__(
+        self,
+        view: str,
+        config: VideoConfig,
+        rtx: bool,
+        seed: int,
+        start_kbps: float,
+        source_drop_below_kbps: float,
+        shared: Shared,
+        deliver: Callable[[bytes, bool], None],
+        deliver_report: Callable[[int, int], None],
+    ) -> None:
+        self.view = view
+        self.counts = SendingCounts()
+        self.wire_bytes = 0
+        self._shared = shared
+        self._deliver = deliver
+        self._deliver_report = deliver_report
+        self._history = SentPackets(RTX_HISTORY_MS) if rtx else None
+        self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), rtx)
+        self._done_clock = LaterClock(shared.clock)
+        records = shared.records
+        self._frames = ViewEncoder(
+            view,
+            config,
+            self._done_clock,
+            start_kbps,
+            source_drop_below_kbps,
+            records.encoded,
+            records.dropped,
+        )
+        self._chain = EncoderChain(view, config, self._frames, shared.clock)
+        self.start, self.close = self._chain.start, self._chain.close
+        self.set_target_kbps = self._frames.set_target_kbps
+
+    def push(self, frame: Frame) -> None:
+        """Encode `frame` now; its packets enter the link when the encoder has had its time."""
+        buffer = self._frames.admit(frame, self.wire_bytes)
+        if buffer is None:
+            return
+        encoding_ns = self._shared.times.encoding_ns
+        self._done_clock.later_ns = encoding_ns
+        packets = self._chain.encode(buffer)
+        self._done_clock.later_ns = 0
+        if self._frames.failure or not packets:
+            reason = self._frames.failure or f"nothing came of frame {frame.index}"
+            raise TamsError(f"the sender of view {self.view} failed: {reason}")
+        done_ns = self._shared.clock.now_ns() + encoding_ns
+        self._shared.events.post(done_ns, partial(self._send, packets))
+
+    @property
+    def next_ns(self) -> int | None:
+        """When `step` must be called [ns]."""
+        return self._session.next_ns
+
+    def step(self) -> None:
+        """Send the reports that are due now."""
+        now_ns = self._shared.clock.now_ns()
+        for size_bytes in self._session.step(now_ns):
+            link, events = self._shared.link, self._shared.events
+            record = link.offer(now_ns, self.view, PacketKind.RTCP, size_bytes, 0)
+            self._shared.records.packets([record])
+            if record.fate is PacketFate.DELIVERED:
+                transit_ns = record.delivered_ns - now_ns
+                events.post(
+                    record.delivered_ns, partial(self._deliver_report, transit_ns, size_bytes)
+                )
+
+    def obey(self, feedback: Feedback) -> None:
+        """Feedback has come: force a keyframe, send packets again."""
+        self.counts.nacks_arrived += len(feedback.nacks)
+        self.counts.plis_arrived += feedback.pli
+        if self._session.received(self._shared.clock.now_ns(), feedback):
+            self.counts.keyframes_forced += 1
+            self._chain.request_keyframe()
+        resent = [self._resend(sequence) for sequence in feedback.nacks]
+        if found := [record for record in resent if record is not None]:
+            self._shared.records.packets(found)
+
+    def _send(self, packets: list[bytes]) -> None:
+        records = []
+        for packet in packets:
+            _, sequence, timestamp = identify(packet)
+            if self._history is not None:
+                self._history.keep(sequence, timestamp, packet)
+            records.append(self._offer(PacketKind.MEDIA, packet, sequence, timestamp))
+        self._shared.records.packets(records)
+
+    def _resend(self, sequence: int) -> PacketRecord | None:
+        packet = self._history.find(sequence) if self._history is not None else None
+        if packet is None:
+            return None
+        record = self._offer(PacketKind.REPAIR, packet, sequence, identify(packet)[2])
+        self.counts.repairs_sent += 1
+        self.counts.repair_bytes += record.size_bytes
+        return record
+
+    def _offer(
+        self, kind: PacketKind, packet: bytes, sequence: int, timestamp: int
+    ) -> PacketRecord:
+        resent = kind is PacketKind.REPAIR
+        now_ns = self._shared.clock.now_ns()
+        size_bytes = len(packet) + IP_UDP_HEADER_BYTES + resent * _ORIGINAL_SEQUENCE_BYTES
+        self.wire_bytes += size_bytes
+        self._session.sent(now_ns, resent)
+        record = self._shared.link.offer(now_ns, self.view, kind, size_bytes, sequence, timestamp)
+        if record.fate is PacketFate.DELIVERED:
+            deliver = partial(self._deliver, packet, resent)
+            self._shared.events.post(record.delivered_ns, deliver)
+        return record

@@ -1,0 +1,175 @@
+"""All views in lock-step: a trial pushes frames, advances time, and looks at the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+
+from tams_app import gst
+from tams_app.config import Network, VideoConfig
+from tams_app.records import Frame, ShownFrame
+from tams_app.video.link import Link
+from tams_app.video.networks import network_capacity
+from tams_app.video.repair import RepairRule
+from tams_app.video.view_decoder import ReceiverStats
+from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual_time.idle import Rest
+from tams_app.video.virtual_time.receiver import LockstepReceiver, ReceivingCounts
+from tams_app.video.virtual_time.rtcp_sessions import Feedback
+from tams_app.video.virtual_time.sender import LockstepSender, SendingCounts
+from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRecords
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.virtual_time.wait_idle import Quiescence
+
+
+@dataclass(frozen=True, slots=True)
+class RepairCounts:
+    """What repair of one view asked for, got and cost; NACKs count packets asked for."""
+
+    nacks_sent: int
+    plis_sent: int
+    nacks_arrived: int
+    plis_arrived: int
+    keyframes_forced: int  # PLIs that the sender did not ignore
+    repairs_sent: int
+    repair_bytes: int
+
+    @staticmethod
+    def of(receiving: ReceivingCounts, sending: SendingCounts) -> RepairCounts:
+        return RepairCounts(**asdict(receiving), **asdict(sending))
+
+
+class VirtualVideo:
+    """The real encoders, jitter buffers and decoders of all views, over one link, in virtual time.
+
+    For one thread of a process that runs nothing else. The same inputs give the same bytes,
+    frames and times on the same machine. Time begins at `start_ns` > 0, where a capacity trace
+    begins too; `advance_to` moves it.
+    """
+
+    def __init__(
+        self,
+        config: VideoConfig,
+        network: Network,
+        rule: RepairRule,
+        seed: int,
+        start_ns: int,
+        start_kbps: Mapping[str, float],
+        source_drop_below_kbps: float,
+        records: VideoRecords,
+        times: ProcessingTimes | None = None,
+    ) -> None:
+        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view."""
+        gst.require_elements()
+        self._clock = SteppedClock(start_ns)
+        self._events = EventQueue()
+        self._quiescence = Quiescence()
+        self._rest = Rest(self._quiescence, self._clock)
+        link = Link(network, network_capacity(network, start_ns), config.views, seed)
+        shared = Shared(
+            link, self._events, self._clock, self._rest, records, times or ProcessingTimes()
+        )
+        self._senders: dict[str, LockstepSender] = {}
+        self._receivers: dict[str, LockstepReceiver] = {}
+        for view in config.views:
+            receiver = LockstepReceiver(view, config, rule, seed, shared, self._way_back(view))
+            self._receivers[view] = receiver
+            self._senders[view] = LockstepSender(
+                view,
+                config,
+                rule.rtx,
+                seed,
+                start_kbps[view],
+                source_drop_below_kbps,
+                shared,
+                receiver.arrive,
+                receiver.arrive_report,
+            )
+        self._ends: tuple[LockstepReceiver | LockstepSender, ...] = (
+            *self._receivers.values(),
+            *self._senders.values(),
+        )
+        for end in self._ends:
+            end.start()
+        self._rest.wait()
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time [ns]."""
+        return self._clock.now_ns()
+
+    def push(self, frame: Frame) -> None:
+        """Encode a frame at this moment; nothing of it is sent before time advances.
+
+        TamsError if the encoder fails.
+        """
+        self._senders[frame.view].push(frame)
+
+    def set_targets(self, target_kbps: Mapping[str, float]) -> None:
+        """The wire rate each view is to meet from its next frame on."""
+        for view, kbps in target_kbps.items():
+            self._senders[view].set_target_kbps(kbps)
+
+    def advance_to(self, now_ns: int) -> None:
+        """Let everything happen that is due up to `now_ns`, one event after the other.
+
+        ValueError if that lies behind; TamsError if a chain fails or does not come to rest.
+        """
+        while (due_ns := self._due_ns()) is not None and due_ns <= now_ns:
+            self._clock.move_to(max(due_ns, self._clock.now_ns()))
+            self._happen()
+        self._clock.move_to(now_ns)
+
+    def shown(self, view: str) -> ShownFrame | None:
+        """The newest frame of `view` on the operator's screen; None before the first."""
+        return self._receivers[view].shown
+
+    def wire_bytes(self) -> int:
+        """IP datagram bytes sent so far, media and repair of all views together."""
+        return sum(sender.wire_bytes for sender in self._senders.values())
+
+    def counts(self, view: str) -> RepairCounts:
+        """What repair of `view` has asked for, got and cost so far."""
+        return RepairCounts.of(self._receivers[view].counts, self._senders[view].counts)
+
+    def stats(self, view: str) -> ReceiverStats:
+        """The receiver's counts of `view`, as live."""
+        self._rest.wait()
+        return self._receivers[view].stats()
+
+    def close(self) -> None:
+        """End all chains; may be called twice."""
+        with ExitStack() as stack:
+            stack.callback(self._quiescence.close)
+            for end in self._ends:
+                stack.callback(end.close)
+
+    def _way_back(self, view: str) -> Callable[[Feedback], None]:
+        return lambda feedback: self._senders[view].obey(feedback)
+
+    def _due_ns(self) -> int | None:
+        times = [self._clock.next_ns(), self._events.next_ns]
+        times += [end.next_ns for end in self._ends]
+        return min((time for time in times if time is not None), default=None)
+
+    def _happen(self) -> None:
+        """One event: a wait of GStreamer's ends, or something of the events, or RTCP is due."""
+        now_ns = self._clock.now_ns()
+        wait_ns, action_ns = self._clock.next_ns(), self._events.next_ns
+        if wait_ns is not None and wait_ns <= now_ns:
+            self._clock.end_next_wait()
+            self._rest.wait()
+            self._collect()
+        elif action_ns is not None and action_ns <= now_ns:
+            self._events.do_next()
+            if self._rest.wait_if_due():
+                self._collect()
+        else:
+            for end in self._ends:
+                if end.next_ns is not None and end.next_ns <= now_ns:
+                    end.step()
+
+    def _collect(self) -> None:
+        for receiver in self._receivers.values():
+            receiver.collect()

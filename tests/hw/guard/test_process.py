@@ -1,0 +1,441 @@
+"""The guard: its decisions in virtual time, its link, and the process against a controller."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+
+import psutil
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.guard.link import (
+    GuardLink,
+    GuardMessage,
+    Heartbeat,
+    decode_heartbeat,
+    guard_specification,
+)
+from hw.guard.process import HeartbeatWatch, Watch
+from hw.sim.controller.codes import Mode, State
+from tams_app.config import ArmConfig
+from tams_app.errors import HelperError
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.realtime import NOT_PERMITTED
+from tests.hw.lite6.controller_rig import ControllerRig, controller, until
+
+pytestmark = pytest.mark.waiting
+
+TIMEOUT_NS = 100 * NS_PER_MS
+
+
+def beat(arming: int, sequence: int) -> Heartbeat:
+    return Heartbeat(GuardMessage.BEAT, arming, sequence)
+
+
+def disarm(arming: int, sequence: int) -> Heartbeat:
+    return Heartbeat(GuardMessage.DISARM, arming, sequence)
+
+
+# --- the decision -------------------------------------------------------------------------------
+
+
+def test_silence_before_the_first_beat_stops_nothing() -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    assert not watch.lost(10 * NS_PER_S)
+    assert watch.watch is Watch.IDLE
+
+
+@given(st.lists(st.integers(0, TIMEOUT_NS), min_size=1, max_size=50))
+def test_beats_within_the_timeout_never_stop_the_arm(gaps_ns: list[int]) -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    now_ns = 0
+    for sequence, gap_ns in enumerate(gaps_ns, start=1):
+        now_ns += gap_ns
+        assert not watch.lost(now_ns)
+        watch.hear(now_ns, beat(1, sequence))
+        assert watch.watch is Watch.ARMED
+
+
+def test_a_lost_heartbeat_stops_the_arm_once_and_latches() -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    watch.hear(0, beat(1, 1))
+    assert not watch.lost(TIMEOUT_NS)
+    assert watch.lost(TIMEOUT_NS + 1)
+    assert not watch.lost(TIMEOUT_NS + 2)
+    watch.hear(TIMEOUT_NS + 3, beat(1, 2))
+    assert watch.watch is Watch.LATCHED
+
+
+def test_a_new_arming_ends_the_latch() -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    watch.hear(0, beat(1, 1))
+    assert watch.lost(2 * TIMEOUT_NS)
+    watch.hear(3 * TIMEOUT_NS, beat(2, 2))
+    assert watch.watch is Watch.ARMED
+    assert watch.lost(5 * TIMEOUT_NS)
+
+
+def test_disarming_ends_the_watch_without_a_stop_and_late_beats_do_not_arm_again() -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    watch.hear(0, beat(1, 1))
+    watch.hear(1, disarm(1, 3))
+    watch.hear(2, beat(1, 2))
+    assert watch.watch is Watch.IDLE
+    assert not watch.lost(NS_PER_S)
+
+
+def test_a_late_disarm_of_an_older_arming_does_not_end_the_newer_one() -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    watch.hear(0, beat(1, 1))
+    watch.hear(1, beat(2, 3))
+    watch.hear(2, disarm(1, 4))
+    assert watch.watch is Watch.ARMED
+
+
+def test_a_repeated_or_reordered_beat_does_not_count_as_life() -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    watch.hear(0, beat(1, 5))
+    watch.hear(TIMEOUT_NS, beat(1, 5))
+    watch.hear(TIMEOUT_NS, beat(1, 4))
+    assert watch.lost(TIMEOUT_NS + 1)
+
+
+@given(st.binary(max_size=40))
+def test_foreign_datagrams_are_no_heartbeats(data: bytes) -> None:
+    assert decode_heartbeat(data) is None
+
+
+@given(
+    st.sampled_from(GuardMessage),
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**64 - 1),
+    st.booleans(),
+    st.booleans(),
+)
+def test_heartbeats_survive_the_wire(
+    message: GuardMessage, arming: int, sequence: int, latched: bool, arm_lost: bool
+) -> None:
+    heartbeat = Heartbeat(message, arming, sequence, latched, arm_lost)
+    assert decode_heartbeat(heartbeat.encode()) == heartbeat
+
+
+# --- the link -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def silent_guard() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        peer.settimeout(5.0)
+        yield peer
+
+
+@pytest.fixture
+def link(silent_guard: socket.socket) -> Iterator[GuardLink]:
+    made = GuardLink(silent_guard.getsockname()[1], silence_ns=TIMEOUT_NS)
+    yield made
+    made.close()
+
+
+def test_a_link_that_is_not_armed_only_asks_and_is_well_without_an_answer(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.beat(0)
+    assert link.alive(NS_PER_S)
+    assert decode_heartbeat(silent_guard.recv(64)) == Heartbeat(GuardMessage.QUERY, 0, 1)
+
+
+@pytest.mark.parametrize("armings", [0, 1])
+def test_what_is_asked_arms_nothing(armings: int) -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    if armings:
+        watch.hear(0, Heartbeat(GuardMessage.BEAT, 1, 1))
+        watch.hear(0, Heartbeat(GuardMessage.DISARM, 1, 2))
+    watch.hear(0, Heartbeat(GuardMessage.QUERY, armings, 3))
+    watch.hear(0, Heartbeat(GuardMessage.QUERY, armings + 1, 4))  # the arming itself was not heard
+    assert watch.watch is Watch.IDLE
+    assert not watch.lost(TIMEOUT_NS + 1)
+
+
+def test_a_link_that_is_not_armed_hears_whether_the_guard_has_the_arm_but_of_no_stop(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1, latched=True, arm_lost=True)
+    silent_guard.sendto(answer.encode(), sender)
+    assert until(lambda: link.beat(1) or link.arm_lost)
+    assert not link.latched
+
+
+def test_a_guard_that_does_not_answer_is_not_alive(link: GuardLink) -> None:
+    link.arm()
+    link.beat(0)
+    assert link.alive(TIMEOUT_NS)
+    link.beat(TIMEOUT_NS + 1)
+    assert not link.alive(TIMEOUT_NS + 1)
+
+
+def test_answers_keep_the_guard_alive_and_tell_of_its_stop(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    data, sender = silent_guard.recvfrom(64)
+    heartbeat = decode_heartbeat(data)
+    assert heartbeat is not None
+    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, heartbeat.arming, heartbeat.sequence, True)
+    silent_guard.sendto(answer.encode(), sender)
+    assert until(lambda: link.beat(TIMEOUT_NS) or link.latched)
+    assert link.alive(2 * TIMEOUT_NS)
+
+
+def test_a_guard_that_lost_the_arm_is_not_alive(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, arm_lost=True)
+    silent_guard.sendto(answer.encode(), sender)
+    assert until(lambda: link.beat(1) or link.arm_lost)
+    assert not link.alive(1)
+    assert link.answers(1)
+
+
+def test_an_arming_is_acknowledged_by_an_answer_to_one_of_its_own_beats(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    assert not link.acknowledged
+    first, second = (Heartbeat(GuardMessage.ACKNOWLEDGEMENT, arming, 1) for arming in (1, 2))
+    silent_guard.sendto(first.encode(), sender)
+    assert until(lambda: link.beat(1) or link.acknowledged)
+    link.disarm()
+    assert not link.acknowledged
+    link.arm()
+    silent_guard.sendto(first.encode(), sender)  # late
+    for _ in range(10):
+        link.beat(2)
+    assert not link.acknowledged
+    silent_guard.sendto(second.encode(), sender)
+    assert until(lambda: link.beat(3) or link.acknowledged)
+
+
+def test_each_arming_has_a_number_of_its_own(silent_guard: socket.socket, link: GuardLink) -> None:
+    armings = []
+    for _ in range(3):
+        link.arm()
+        link.beat(0)
+        heartbeat = decode_heartbeat(silent_guard.recv(64))
+        assert heartbeat is not None
+        armings.append(heartbeat.arming)
+        link.disarm()
+        silent_guard.recv(64)
+    assert armings == [1, 2, 3]
+
+
+# --- the process --------------------------------------------------------------------------------
+
+
+class GuardedArm:
+    """A moving arm, a guard process and a control loop that beats until told otherwise."""
+
+    def __init__(self, rig: ControllerRig) -> None:
+        self.rig = rig
+        config = rig.config()
+        self.process = HelperProcess(
+            "guard",
+            "hw.guard.process",
+            guard_specification(config) | {"heartbeat_timeout_ms": 300.0},  # a busy machine
+            None,
+        )
+        self.process.start()
+        self.ready = self.process.wait_ready()
+        self.link = GuardLink(self.ready["port"], silence_ns=NS_PER_S)
+        self._clock = MonotonicClock()
+        self._beating = threading.Event()
+
+    def make_ready(self) -> None:
+        """The arm is ready to move, as in a session."""
+        with self.rig.server.lock:
+            self.rig.model.enable(True)
+            self.rig.model.set_mode(Mode.CARTESIAN_VELOCITY)
+            self.rig.model.set_state(0)
+
+    def beat_for(self, seconds: float) -> None:
+        pause = threading.Event()
+        deadline_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
+        while self._clock.now_ns() < deadline_ns:
+            self.link.beat(self._clock.now_ns())
+            pause.wait(0.005)
+
+    @property
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    @property
+    def stopped(self) -> bool:
+        with self.rig.server.lock:
+            return self.rig.model.state == State.STOPPED
+
+    def close(self) -> None:
+        self.link.close()
+        self.process.stop()
+
+
+@pytest.fixture
+def guarded() -> Iterator[GuardedArm]:
+    with controller() as rig:
+        arm = GuardedArm(rig)
+        arm.make_ready()
+        try:
+            yield arm
+        finally:
+            arm.close()
+
+
+def test_while_the_heart_beats_the_arm_is_left_alone_and_then_stopped_until_armed_anew(
+    guarded: GuardedArm,
+) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.8)
+    assert not guarded.stopped
+    assert until(lambda: guarded.stopped)
+    guarded.beat_for(0.1)
+    assert guarded.link.latched
+    guarded.make_ready()
+    guarded.link.arm()
+    guarded.beat_for(0.5)
+    assert not guarded.stopped
+    assert not guarded.link.latched
+
+
+def test_the_ready_line_tells_the_scheduler_that_the_guard_was_granted(
+    guarded: GuardedArm,
+) -> None:
+    pid = guarded.process.pid
+    assert pid is not None
+    scheduler = guarded.ready["scheduler"]
+    assert scheduler in ("fifo", NOT_PERMITTED)
+    assert (scheduler == "fifo") == (os.sched_getscheduler(pid) == os.SCHED_FIFO)
+
+
+def test_disarmed_first_the_guard_ends_without_a_stop(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.1)
+    guarded.link.disarm()
+    threading.Event().wait(0.5)
+    guarded.process.stop()
+    assert guarded.process.exit_code == 0
+    assert not guarded.stopped
+
+
+def test_the_end_of_the_session_while_armed_stops_the_arm(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.1)
+    guarded.process.stop()
+    assert guarded.stopped
+    assert guarded.process.exit_code == 0
+
+
+def test_the_stop_is_repeated_until_the_arm_can_hear_it(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.1)
+    guarded.rig.server.refuse_connections = True
+    guarded.rig.server.drop_connections()
+    threading.Event().wait(0.6)
+    assert not guarded.stopped
+    guarded.rig.server.refuse_connections = False
+    assert until(lambda: guarded.stopped)
+
+
+def test_a_killed_guard_is_noticed(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.1)
+    pid = guarded.process.pid
+    assert pid is not None
+    psutil.Process(pid).send_signal(signal.SIGKILL)
+    clock = MonotonicClock()
+    assert until(
+        lambda: guarded.link.beat(clock.now_ns()) or not guarded.link.alive(clock.now_ns())
+    )
+
+
+def test_a_guard_without_an_arm_says_so() -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        specification = guard_specification(ArmConfig(control_port=unused.getsockname()[1]))
+        process = HelperProcess("guard", "hw.guard.process", specification, None)
+        process.start()
+        with pytest.raises(HelperError, match="No arm answers"):
+            process.wait_ready()
+        process.stop()
+
+
+def test_the_guard_starts_without_the_heavy_libraries() -> None:
+    heavy = "('numpy', 'scipy', 'xarm')"
+    code = f"import sys, hw.guard.process; print([m for m in {heavy} if m in sys.modules])"
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert out.stdout.strip() == "[]"
+
+
+# --- what the guard says unasked ----------------------------------------------------------------
+
+
+def test_the_guard_tells_of_its_stop_without_being_asked(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.1)
+    assert until(lambda: guarded.stopped)
+    guarded.link.beat(guarded.now_ns)  # one beat: it takes in what was said before it
+    assert guarded.link.latched
+
+
+def test_the_link_takes_in_everything_that_waits_before_it_beats(
+    silent_guard: socket.socket, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    for latched in (False, False, True):
+        answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
+        silent_guard.sendto(answer.encode(), sender)
+    link.beat(1)
+    assert link.latched
+
+
+def test_a_latch_lasts_until_the_next_arming(silent_guard: socket.socket, link: GuardLink) -> None:
+    link.arm()
+    link.beat(0)
+    _, sender = silent_guard.recvfrom(64)
+    for latched in (True, False):  # the second may have been under way when it latched
+        answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
+        silent_guard.sendto(answer.encode(), sender)
+    link.beat(1)
+    assert link.latched
+    link.arm()
+    assert not link.latched
+
+
+def test_a_guard_whose_port_is_closed_is_gone_at_the_second_beat() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+    link = GuardLink(port, silence_ns=NS_PER_S)
+    link.arm()
+    link.beat(0)
+    link.beat(1)
+    assert not link.alive(1)
+    link.close()

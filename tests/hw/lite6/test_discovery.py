@@ -1,0 +1,129 @@
+"""What `doctor --devices` learns of an arm, and that it leaves the arm alone."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import hw.sim.controller.registers
+from hw.lite6.discovery import ArmInfo, find_arm, probe_arm
+from hw.sim.controller.codes import ErrorCode, Register, State
+from hw.sim.controller.model import ReportKind
+from tams_app.config import ArmConfig
+from tests.hw.lite6.controller_rig import ControllerRig, controller
+
+pytestmark = pytest.mark.waiting
+
+QUERIES = {Register.GET_VERSION, Register.GET_STATE, Register.GET_ERROR}
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[ControllerRig]:
+    monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
+    with controller() as made:
+        yield made
+
+
+def probe(rig: ControllerRig) -> ArmInfo:
+    return find_arm(rig.config())
+
+
+def test_an_arm_is_found_with_all_that_it_says_of_itself(rig: ControllerRig) -> None:
+    info = probe(rig)
+    assert (info.reachable, info.is_lite6, info.problem) == (True, True, "")
+    assert info.serial == "LI1006210001"
+    assert info.firmware == (2, 6, 0)
+    assert (info.state, info.error_code, info.simulated) == (State.STOPPED, 0, False)
+    assert "Lite 6 LI1006210001, firmware 2.6.0, stopped" in info.description
+
+
+def test_a_moving_arm_goes_on_moving_and_is_asked_only(rig: ControllerRig) -> None:
+    asked = set()
+    handle = rig.model.handle
+
+    def recorded(register: int, payload: bytes, now_ns: int) -> bytes:
+        asked.add(register)
+        return handle(register, payload, now_ns)
+
+    with rig.server.lock:
+        rig.model.handle = recorded  # type: ignore[method-assign]
+        rig.model.enable(True)
+        rig.model.set_state(0)
+        rig.model.move_joints(rig.model.joints + 1.0, 0.05, 1.0)
+    assert probe(rig).state == State.MOVING
+    assert asked == QUERIES
+    with rig.server.lock:
+        assert rig.model.moving
+        assert np.isfinite(rig.model.joints).all()
+
+
+def test_an_error_and_the_simulation_mode_are_told_with_what_to_do(rig: ControllerRig) -> None:
+    with rig.server.lock:
+        rig.model.raise_error(ErrorCode.COLLISION)
+    info = probe(rig)
+    assert info.error_code == ErrorCode.COLLISION
+    assert "C31" in info.description
+    assert "run_tams.py home" in info.problem
+    with rig.server.lock:
+        rig.model.clean_error()
+        rig.model.set_simulation_robot(True)
+    info = probe(rig)
+    assert info.simulated is True
+    assert "simulation mode" in info.description
+
+
+def test_old_firmware_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
+    with controller(firmware="1.7.9") as old:
+        assert "older than 1.8.0" in probe(old).problem
+
+
+def test_another_arm_is_told_from_a_lite6(
+    rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        hw.sim.controller.registers, "version_text", lambda firmware: f"7,12,A,B,v{firmware}"
+    )
+    info = probe(rig)
+    assert not info.is_lite6
+    assert "no Lite 6" in info.problem
+    assert "7 axes" in info.description
+
+
+def test_nobody_there_is_one_sentence() -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        info = probe_arm("127.0.0.1", unused.getsockname()[1], 1, 0.5)
+    assert not info.reachable
+    assert "No arm answers" in info.description
+
+
+def test_a_peer_that_says_nothing_is_no_arm() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        info = probe_arm("127.0.0.1", silent.getsockname()[1], 1, 0.1)
+    assert info.reachable
+    assert "not like an arm" in info.problem
+
+
+def test_an_arm_without_reports_is_told(rig: ControllerRig) -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1] - 1  # the rich report is one above
+        info = probe_arm("127.0.0.1", rig.server.ports.control, port)
+    assert info.simulated is None
+    assert "no reports" in info.problem
+
+
+def test_no_thread_is_left_behind(rig: ControllerRig) -> None:
+    def ours() -> set[str]:
+        names = {thread.name for thread in threading.enumerate()}
+        return {name for name in names if not name.startswith("arm-controller-")}
+
+    before = ours()
+    probe(rig)
+    find_arm(ArmConfig(control_port=1, report_port=2))
+    assert ours() == before

@@ -1,0 +1,241 @@
+"""The stop's own connection, and the protocol it speaks."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from hw.lite6.stop_channel import StopChannel
+from hw.lite6.uxbus import GET_STATE, GET_VERSION, SET_STATE, UxbusClient
+from hw.sim.controller.codes import State
+from tams_app.errors import DeviceError
+from tests.hw.lite6.controller_rig import ControllerRig, controller, until
+from tests.tcp_relay import TcpRelay
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def rig() -> Iterator[ControllerRig]:
+    with controller() as made:
+        yield made
+
+
+def make_ready(rig: ControllerRig) -> None:
+    with rig.server.lock:
+        rig.model.enable(True)
+        rig.model.set_state(0)
+
+
+def is_stopped(rig: ControllerRig) -> bool:
+    with rig.server.lock:
+        return rig.model.state == State.STOPPED
+
+
+@pytest.fixture
+def channel(rig: ControllerRig) -> Iterator[StopChannel]:
+    make_ready(rig)
+    made = StopChannel("127.0.0.1", rig.config().control_port, 0.5, "arm-stop")
+    made.start()
+    yield made
+    made.close()
+    made.close()
+
+
+def test_a_stop_is_acknowledged_once_the_controller_has_stopped(
+    rig: ControllerRig, channel: StopChannel
+) -> None:
+    assert not is_stopped(rig)
+    channel.request_stop()
+    assert channel.wait_acknowledged(10.0)
+    assert is_stopped(rig)
+
+
+def test_each_stop_is_a_new_one(rig: ControllerRig, channel: StopChannel) -> None:
+    for _ in range(3):
+        make_ready(rig)
+        channel.request_stop()
+        assert channel.wait_acknowledged(10.0)
+        assert is_stopped(rig)
+
+
+def test_a_stop_asked_for_during_a_stop_is_sent_after_it(
+    rig: ControllerRig, channel: StopChannel
+) -> None:
+    stops = 0
+    handle = rig.model.handle
+
+    def ask_again(register: int, payload: bytes, now_ns: int) -> bytes:
+        nonlocal stops
+        if register == SET_STATE:
+            stops += 1
+            if stops == 1:
+                channel.request_stop()
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = ask_again  # type: ignore[method-assign]
+    channel.request_stop()
+    assert channel.wait_acknowledged(10.0)
+    assert stops == 2
+
+
+def test_a_stop_over_a_broken_connection_is_repeated_over_a_new_one(
+    rig: ControllerRig, channel: StopChannel
+) -> None:
+    rig.server.refuse_connections = True
+    rig.server.drop_connections()
+    channel.request_stop()
+    assert until(lambda: "does not answer" in channel.failure)
+    assert channel.pending
+    rig.server.refuse_connections = False
+    assert channel.wait_acknowledged(10.0)
+    assert is_stopped(rig)
+    assert channel.failure == ""
+
+
+def test_an_idle_channel_that_would_not_work_says_so(
+    rig: ControllerRig, channel: StopChannel
+) -> None:
+    rig.server.refuse_connections = True
+    rig.server.drop_connections()
+    assert until(lambda: "stop connection" in channel.failure)
+    rig.server.refuse_connections = False
+    assert until(lambda: channel.failure == "")
+
+
+@pytest.fixture
+def relay(rig: ControllerRig) -> Iterator[TcpRelay]:
+    """Between the channel and the arm; what it holds stays open and falls silent."""
+    made = TcpRelay(rig.config().control_port)
+    yield made
+    made.close()
+
+
+def test_a_stop_gives_up_a_connection_that_is_open_but_silent(
+    rig: ControllerRig, relay: TcpRelay
+) -> None:
+    make_ready(rig)
+    channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
+    channel.start()
+    relay.hold_present()
+    channel.request_stop()
+    assert channel.wait_acknowledged(10.0)
+    assert is_stopped(rig)
+    assert channel.failure == ""
+    channel.close()
+
+
+def test_an_idle_channel_gives_up_a_connection_that_is_open_but_silent(
+    rig: ControllerRig, relay: TcpRelay
+) -> None:
+    channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
+    channel.start()
+    relay.hold_present()
+    assert until(lambda: "does not answer" in channel.failure)
+    assert until(lambda: channel.failure == "")
+    channel.close()
+
+
+def test_a_slow_arm_is_given_time_to_acknowledge(rig: ControllerRig) -> None:
+    make_ready(rig)
+    channel = StopChannel("127.0.0.1", rig.config().control_port, 0.02, "arm-stop")
+    channel.start()
+    rig.server.reply_delay_s = 0.2
+    channel.request_stop()
+    assert channel.wait_acknowledged(10.0)
+    channel.close()
+
+
+# --- the protocol -------------------------------------------------------------------------------
+
+Script = Callable[[socket.socket], None]
+
+
+@contextmanager
+def peer(script: Script) -> Iterator[UxbusClient]:
+    """A client connected to a server that runs `script` on the connection."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(5.0)
+
+        def serve() -> None:
+            connection, _ = listener.accept()
+            with connection:
+                connection.settimeout(5.0)
+                script(connection)
+
+        server = threading.Thread(target=serve)
+        server.start()
+        client = UxbusClient("127.0.0.1", listener.getsockname()[1])
+        client.connect()
+        yield client
+        client.close()
+        server.join()
+
+
+def read_request(connection: socket.socket) -> tuple[int, bytes]:
+    data = connection.recv(1024)
+    transaction, protocol, length = struct.unpack_from(">HHH", data)
+    assert protocol == 2
+    assert len(data) == 6 + length
+    return transaction, data[6:]
+
+
+def reply(transaction: int, register: int, data: bytes = b"") -> bytes:
+    body = bytes([register, 0]) + data
+    return struct.pack(">HHH", transaction, 2, len(body)) + body
+
+
+def test_a_version_request_reads_the_controllers_version(rig: ControllerRig) -> None:
+    client = UxbusClient("127.0.0.1", rig.config().control_port)
+    client.connect()
+    assert b"v2.6.0" in client.request(GET_VERSION, b"", 5.0).data
+    client.close()
+
+
+def test_a_reply_in_pieces_is_put_together() -> None:
+    def script(connection: socket.socket) -> None:
+        transaction, _ = read_request(connection)
+        for byte in reply(transaction, GET_STATE, b"\x02"):
+            connection.sendall(bytes([byte]))
+
+    with peer(script) as client:
+        assert client.request(GET_STATE, b"", 5.0).data == b"\x02"
+
+
+def test_a_late_reply_is_not_taken_for_the_next_ones() -> None:
+    def script(connection: socket.socket) -> None:
+        first, _ = read_request(connection)
+        second, _ = read_request(connection)
+        connection.sendall(reply(first, GET_STATE, b"\x01") + reply(second, GET_STATE, b"\x04"))
+
+    with peer(script) as client:
+        with pytest.raises(TimeoutError):
+            client.request(GET_STATE, b"", 0.05)
+        assert client.request(GET_STATE, b"", 5.0).data == b"\x04"
+
+
+@pytest.mark.parametrize("answer", [b"", bytes(8)], ids=["hangs up", "talks nonsense"])
+def test_a_peer_that_is_no_arm_is_a_connection_error(answer: bytes) -> None:
+    def script(connection: socket.socket) -> None:
+        read_request(connection)
+        connection.sendall(answer)
+
+    with peer(script) as client:
+        with pytest.raises(ConnectionError):
+            client.request(GET_STATE, b"", 5.0)
+        assert not client.connected
+        with pytest.raises(ConnectionError):
+            client.request(GET_STATE, b"", 5.0)
+
+
+def test_nobody_there_is_one_sentence() -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        client = UxbusClient("127.0.0.1", unused.getsockname()[1])
+        with pytest.raises(DeviceError, match="No arm answers"):
+            client.connect()

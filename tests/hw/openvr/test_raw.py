@@ -1,0 +1,77 @@
+"""Every component of a controller, however its buttons are mapped."""
+
+import pytest
+
+from calibration.frame.sources import LiveSetup
+from hw.openvr.raw import RawComponents
+from tams_app.config import ControllerConfig, load_config
+from tams_app.errors import DeviceError
+from tams_app.records import ControllerStatus
+from tams_app.runtime.clock import MonotonicClock
+from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def runtime():
+    with FakeRuntime().in_place_of_the_library() as fake:
+        yield fake
+
+
+@pytest.fixture
+def components(runtime):
+    components = RawComponents(
+        ControllerConfig(mapping={"vive_focus3_controller": {"a": "b/click", "b": "a/click"}})
+    )
+    yield components
+    components.close()
+
+
+def test_each_component_is_told_by_its_own_name_whatever_the_mapping(runtime, components):
+    runtime.devices[RIGHT].axes[1] = (0.75, 0.0)
+    runtime.devices[RIGHT].pressed = 1 << 7  # A
+    reading = components.read()
+    assert reading.controller_type == "vive_focus3_controller"
+    assert reading.values == {
+        "trigger/pull": 0.75,
+        "grip/pull": 0.0,
+        "joystick/click": 0.0,
+        "a/click": 1.0,
+        "b/click": 0.0,
+    }
+
+
+def test_a_controller_that_is_away_and_input_that_is_taken_give_nothing(runtime, components):
+    runtime.dashboard = True
+    assert components.read() is None
+    runtime.dashboard = False
+    runtime.devices[RIGHT].connected = False
+    assert components.read() is None
+
+
+def test_an_unknown_type_is_named(runtime, components):
+    runtime.devices[RIGHT].controller_type = "oculus_touch"
+    with pytest.raises(DeviceError, match=r"type oculus_touch are not known.*--no-buttons"):
+        components.read()
+
+
+def test_a_runtime_that_quits_is_told_and_let_go(runtime, components):
+    runtime.quit()
+    with pytest.raises(DeviceError, match="SteamVR has quit"):
+        components.read()
+    assert runtime.quits_acknowledged == 1
+
+
+def test_the_wizard_reads_the_components_first_and_then_the_pose(runtime):
+    config = load_config()
+    setup = LiveSetup(config, MonotonicClock(), lambda *_: None)
+    with setup.buttons() as source:
+        assert source.next()[1].values["trigger/pull"] == 0.0
+    assert runtime.connections == 0
+    with setup.hand(config.controller) as source:
+        now_ns, sample = source.next()
+        assert sample.status is ControllerStatus.OK
+        assert sample.pose.position == pytest.approx((0.2, 1.1, -0.3), abs=1e-6)
+        assert sample.pose_ns <= now_ns
+    assert runtime.connections == 0

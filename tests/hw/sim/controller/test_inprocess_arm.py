@@ -1,0 +1,118 @@
+"""What the in-process arm adds to the contract of every arm (tests/contract/test_arm.py)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hw.arm import ServoMode
+from hw.sim.controller.inprocess_arm import InProcessArm
+from hw.sim.controller.model import CYCLE_NS, ControllerModel
+from hw.sim.controller.plant import IdealPlant
+from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.records import ArmState, Twist
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+
+pytestmark = pytest.mark.untimed
+
+READY = np.radians(ArmConfig().ready_joints_deg)
+SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
+
+
+def enabled_arm(clock: VirtualClock) -> InProcessArm:
+    arm = InProcessArm(ArmConfig(), clock, ControllerModel(IdealPlant(), READY))
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    return arm
+
+
+def state_of(arm: InProcessArm) -> ArmState:
+    state = arm.state()
+    assert state is not None
+    return state
+
+
+def test_the_arm_follows_the_clock_whoever_moves_it() -> None:
+    clock = VirtualClock()
+    arm = enabled_arm(clock)
+    arm.send_twist(SIDEWAYS)
+    clock.advance_ns(80 * NS_PER_MS)
+    assert 0.003 < state_of(arm).tcp.position[1] < 0.0041
+
+
+def test_reports_are_a_hundredth_of_a_second_apart() -> None:
+    clock = VirtualClock()
+    arm = enabled_arm(clock)
+    seen = []
+    for _ in range(500):
+        arm.advance(2 * NS_PER_MS)
+        seen.append(state_of(arm).received_ns)
+    times = np.unique(seen)
+    assert len(times) in (100, 101)
+    assert np.abs(np.diff(times)[1:] - NS_PER_S // 100).max() <= CYCLE_NS
+
+
+def test_the_same_commands_at_the_same_times_give_the_same_motion() -> None:
+    def play() -> bytes:
+        clock = VirtualClock()
+        arm = enabled_arm(clock)
+        random = np.random.default_rng(3)
+        path = []
+        for _ in range(60):
+            arm.send_twist(Twist(random.uniform(-0.1, 0.1, 3), random.uniform(-0.3, 0.3, 3)))
+            arm.advance(NS_PER_S // 120)
+            path.append(state_of(arm).joints)
+        return np.array(path).tobytes()
+
+    assert play() == play()
+
+
+def test_an_arm_whose_firmware_knows_no_deadman_time_is_refused() -> None:
+    model = ControllerModel(IdealPlant(), firmware="1.7.9")
+    with pytest.raises(DeviceError, match="firmware"):
+        InProcessArm(ArmConfig(), VirtualClock(), model).connect()
+
+
+def test_the_deadman_time_is_the_configuration_s() -> None:
+    clock = VirtualClock()
+    config = ArmConfig(velocity_deadman_s=0.5)
+    arm = InProcessArm(config, clock, ControllerModel(IdealPlant(), READY))
+    arm.connect()
+    arm.enable(ServoMode.VELOCITY)
+    arm.send_twist(SIDEWAYS)
+    arm.advance(NS_PER_S)
+    assert state_of(arm).tcp.position[1] == pytest.approx(0.025, abs=1e-3)
+
+
+def test_moving_to_joints_takes_the_time_it_would_take() -> None:
+    clock = VirtualClock()
+    arm = enabled_arm(clock)
+    began_ns = clock.now_ns()
+    goal = READY + np.array([0.5, 0, 0, 0, 0, 0])
+    arm.begin_move_to_joints(goal.tolist(), 0.25)
+    while arm.model.moving:
+        arm.advance(CYCLE_NS)
+    took_s = (clock.now_ns() - began_ns) / NS_PER_S
+    assert took_s == pytest.approx(0.5 / 0.25 + 0.25, abs=0.05)
+    np.testing.assert_allclose(arm.model.joints, goal, atol=1e-6)
+
+
+def test_a_move_that_the_controller_stops_shows_its_error() -> None:
+    clock = VirtualClock()
+    arm = enabled_arm(clock)
+    arm.begin_move_to_joints([0.0, 0.01, 0.03, 0.0, 1.41, 0.0], 1.0)
+    arm.advance(10 * NS_PER_S)
+    state = state_of(arm)
+    assert (state.error_code, state.state) == (22, 4)
+
+
+def test_what_passed_during_a_standstill_can_be_left_out() -> None:
+    clock = VirtualClock()
+    arm = enabled_arm(clock)
+    arm.begin_move_to_joints((READY + np.array([0.5, 0, 0, 0, 0, 0])).tolist(), 0.25)
+    clock.advance_ns(3600 * NS_PER_S)
+    arm.skip_standstill(NS_PER_S)
+    state = state_of(arm)
+    assert 0.05 < state.joints[0] < 0.3
+    assert state.received_ns > clock.now_ns() - 20 * NS_PER_MS

@@ -1,0 +1,241 @@
+"""The servos of modes 1 and 5 and the brake."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hw.lite6.kinematics import (
+    HOME_JOINTS,
+    JOINT_UPPER,
+    Lite6Model,
+    Matrix,
+    offset_from_mm_deg,
+    rotation_matrix,
+    rotation_vector,
+)
+from hw.sim.controller.codes import ErrorCode, MotionError
+from hw.sim.controller.joint_servo import (
+    CYCLE_NS,
+    CYCLE_S,
+    MAX_JOINT_ACCELERATION,
+    MAX_SERVO_SPEED_M_S,
+    VELOCITY_ACCELERATION_M_S2,
+    PoseServo,
+    TwistServo,
+    brake,
+)
+from hw.sim.controller.motion_checks import check_motion
+from tams_app.records import Vector
+
+pytestmark = pytest.mark.untimed
+
+MODEL = Lite6Model(offset_from_mm_deg((0, 0, 82, 0, 0, 0)))
+READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])
+START = MODEL.tcp_matrix(READY)
+
+
+def moved(
+    *, by: tuple[float, float, float], turn: tuple[float, float, float] = (0, 0, 0)
+) -> Matrix:
+    """The ready pose, moved [m] and turned [rad] in the base frame."""
+    target = START.copy()
+    target[:3, 3] += by
+    target[:3, :3] = rotation_matrix(np.array(turn)) @ target[:3, :3]
+    return target
+
+
+def run_twist(servo: TwistServo, joints: Vector, now_ns: int, cycles: int) -> list[Vector]:
+    path = [joints]
+    for cycle in range(1, cycles + 1):
+        following = servo.step(path[-1], MODEL, now_ns + cycle * CYCLE_NS)
+        path.append(path[-1] if following is None else following)
+    return path
+
+
+def tcp_positions(path: list[Vector]) -> Matrix:
+    return np.array([MODEL.tcp_matrix(joints)[:3, 3] for joints in path])
+
+
+# --- mode 5 -------------------------------------------------------------------------------------
+
+
+def test_a_twist_moves_the_tcp_on_a_straight_line_without_turning_it() -> None:
+    servo = TwistServo()
+    servo.command(np.array([0.0, 0.06, 0.08, 0, 0, 0]), 0.0, 0)
+    path = run_twist(servo, READY, 0, 250)
+    way = tcp_positions(path) - START[:3, 3]
+    np.testing.assert_allclose(way[:, 0], 0.0, atol=2e-5)
+    np.testing.assert_allclose(way[:, 1] * 0.08, way[:, 2] * 0.06, atol=2e-6)
+    assert way[-1, 1] == pytest.approx(0.06, abs=0.001)  # a second, less the acceleration
+    turned = MODEL.tcp_matrix(path[-1])[:3, :3] @ START[:3, :3].T
+    assert np.linalg.norm(rotation_vector(turned)) < 1e-4
+
+
+def test_a_twist_turns_the_tcp_about_its_own_point() -> None:
+    servo = TwistServo()
+    servo.command(np.array([0, 0, 0, 0.0, 0.0, 0.4]), 0.0, 0)
+    path = run_twist(servo, READY, 0, 125)
+    np.testing.assert_allclose(tcp_positions(path), np.tile(START[:3, 3], (126, 1)), atol=2e-5)
+    turned = rotation_vector(MODEL.tcp_matrix(path[-1])[:3, :3] @ START[:3, :3].T)
+    np.testing.assert_allclose(turned, [0, 0, 0.2], atol=0.005)
+
+
+def test_speed_comes_and_goes_with_seven_metres_a_second_squared() -> None:
+    servo = TwistServo()
+    servo.command(np.array([0.0, 0.21, 0, 0, 0, 0]), 0.0, 0)
+    path = run_twist(servo, READY, 0, 20)
+    servo.command(np.zeros(6), 0.0, 20 * CYCLE_NS)
+    path += run_twist(servo, path[-1], 20 * CYCLE_NS, 20)[1:]
+    speed = np.diff(tcp_positions(path)[:, 1]) / CYCLE_S
+    np.testing.assert_allclose(speed[:7], 0.028 * np.arange(1, 8), rtol=0, atol=0.003)
+    np.testing.assert_allclose(speed[20:26], 0.21 - 0.028 * np.arange(1, 7), rtol=0, atol=0.003)
+    assert speed[8:20] == pytest.approx(0.21, abs=0.004)
+    assert not speed[29:].any()
+
+
+@given(st.lists(st.tuples(*[st.floats(-0.2, 0.2)] * 3), min_size=1, max_size=4))
+@settings(deadline=None, max_examples=15)
+def test_the_tcp_never_accelerates_more_than_the_controller_does(
+    commands: list[tuple[float, float, float]],
+) -> None:
+    servo, path, now_ns = TwistServo(), [READY], 0
+    for command in commands:
+        servo.command(np.array([*command, 0, 0, 0]), 0.0, now_ns)
+        path += run_twist(servo, path[-1], now_ns, 15)[1:]
+        now_ns += 15 * CYCLE_NS
+    velocity = np.diff(tcp_positions(path), axis=0, prepend=[START[:3, 3]]) / CYCLE_S
+    change = np.linalg.norm(np.diff(velocity, axis=0), axis=1)
+    # the joints follow the path to within 10 micrometres
+    assert change.max() <= VELOCITY_ACCELERATION_M_S2 * CYCLE_S + 4e-5 / CYCLE_S
+
+
+def test_the_deadman_time_ends_the_motion() -> None:
+    servo = TwistServo()
+    servo.command(np.array([0.0, 0.2, 0, 0, 0, 0]), 0.1, 0)
+    path = tcp_positions(run_twist(servo, READY, 0, 60))
+    moving = np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9
+    assert moving[:24].all()  # 96 ms
+    assert not moving[32:].any()  # 100 ms and 29 ms of braking
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0])
+def test_without_a_deadman_time_the_arm_runs_for_ever(duration_s: float) -> None:
+    servo = TwistServo()
+    servo.command(np.array([0.0, 0.02, 0, 0, 0, 0]), duration_s, 0)
+    path = tcp_positions(run_twist(servo, READY, 0, 1000))
+    assert np.linalg.norm(path[-1] - path[-2]) == pytest.approx(0.02 * CYCLE_S, rel=0.05)
+
+
+def test_a_later_command_renews_the_deadman_time() -> None:
+    servo = TwistServo()
+    path = [READY]
+    for command in range(10):
+        now_ns = command * 20 * CYCLE_NS
+        servo.command(np.array([0.0, 0.05, 0, 0, 0, 0]), 0.1, now_ns)
+        path += run_twist(servo, path[-1], now_ns, 20)[1:]
+    assert tcp_positions(path)[-1, 1] == pytest.approx(0.05 * 0.8, abs=0.001)
+
+
+def test_a_twist_that_leads_out_of_reach_is_a_kinematic_error_or_an_overspeed() -> None:
+    servo = TwistServo()
+    servo.command(np.array([0.3, 0.0, 0, 0, 0, 0]), 0.0, 0)
+    path: list[Vector] = [READY]
+    code: ErrorCode | None = None
+    while code is None and len(path) < 500:
+        try:
+            path += run_twist(servo, path[-1], len(path) * CYCLE_NS, 1)[1:]
+            check_motion(path[-2], path[-1], np.eye(4), None, self_collision=True)
+        except MotionError as fault:
+            code = fault.code
+    assert code in (ErrorCode.KINEMATIC, ErrorCode.JOINT_OVERSPEED)
+    reach = np.linalg.norm(tcp_positions(path), axis=1)
+    assert reach.max() < 0.6
+
+
+# --- mode 1 -------------------------------------------------------------------------------------
+
+
+def run_pose(servo: PoseServo, joints: Vector) -> list[Vector]:
+    path = [joints]
+    while (following := servo.step(path[-1], MODEL)) is not None:
+        path.append(following)
+    return path
+
+
+def test_a_pose_is_reached_at_full_speed_and_exactly() -> None:
+    servo = PoseServo()
+    target = moved(by=(0.0, 0.006, 0.0), turn=(0.0, 0.0, 0.01))
+    servo.command(target, READY, MODEL)
+    path = run_pose(servo, READY)
+    np.testing.assert_allclose(MODEL.tcp_matrix(path[-1]), target, atol=2e-5)
+    speed = np.linalg.norm(np.diff(tcp_positions(path), axis=0), axis=1) / CYCLE_S
+    assert speed[0] == pytest.approx(MAX_SERVO_SPEED_M_S, rel=0.02)  # no profile
+    assert speed.max() <= MAX_SERVO_SPEED_M_S * 1.02
+    assert len(path) == 4  # 6 mm at 2.4 mm a cycle
+
+
+def test_a_step_over_ten_millimetres_is_a_linear_overspeed() -> None:
+    servo = PoseServo()
+    servo.command(moved(by=(0.0, 0.0, 0.0099)), READY, MODEL)
+    with pytest.raises(MotionError) as caught:
+        servo.command(moved(by=(0.0, 0.0, 0.0101)), READY, MODEL)
+    assert caught.value.code is ErrorCode.LINEAR_OVERSPEED
+
+
+@pytest.mark.parametrize(("speed_m_s", "trips"), [(0.5, False), (0.75, True)])
+def test_a_stream_of_poses_trips_above_the_linear_speed_limit(
+    speed_m_s: float, trips: bool
+) -> None:
+    servo, joints = PoseServo(), READY
+
+    def stream() -> None:
+        nonlocal joints
+        for cycle in range(1, 76):
+            if cycle % 2:  # 125 commands a second
+                way = speed_m_s * cycle * CYCLE_S
+                servo.command(moved(by=(0.0, way, 0.0)), joints, MODEL)
+            following = servo.step(joints, MODEL)
+            joints = joints if following is None else following
+
+    if not trips:
+        stream()
+        return
+    with pytest.raises(MotionError) as caught:
+        stream()
+    assert caught.value.code is ErrorCode.LINEAR_OVERSPEED
+
+
+def test_a_small_turn_through_the_wrist_singularity_is_a_joint_overspeed() -> None:
+    # the factory home with a nearly straight wrist: joints 4 and 6 would have to spin
+    joints = np.array([0.0, 0.3, 1.2, 0.0, 0.01, 0.0])
+    target = MODEL.tcp_matrix(joints)
+    target[:3, :3] = rotation_matrix(0.1 * target[:3, 0]) @ target[:3, :3]
+    with pytest.raises(MotionError) as caught:
+        PoseServo().command(target, joints, MODEL)
+    assert caught.value.code in (ErrorCode.JOINT_OVERSPEED, ErrorCode.KINEMATIC)
+
+
+# --- the brake ----------------------------------------------------------------------------------
+
+
+def test_the_brake_stops_on_the_line_of_motion_at_the_joints_acceleration() -> None:
+    joints, velocity = HOME_JOINTS, np.array([1.0, -0.5, 0.25, 0, 0, 0])
+    cycles = 0
+    while velocity.any():
+        joints, slower = brake(joints, velocity)
+        assert np.abs(velocity - slower).max() <= MAX_JOINT_ACCELERATION * CYCLE_S * (1 + 1e-9)
+        np.testing.assert_allclose(np.cross(slower[:3], [1.0, -0.5, 0.25]), 0.0, atol=1e-12)
+        velocity = slower
+        cycles += 1
+    assert cycles * CYCLE_S == pytest.approx(1.0 / MAX_JOINT_ACCELERATION, abs=2 * CYCLE_S)
+
+
+def test_the_brake_does_not_run_over_a_joint_limit() -> None:
+    joints = JOINT_UPPER - 0.001
+    velocity = np.full(6, 3.0)
+    for _ in range(50):
+        joints, velocity = brake(joints, velocity)
+    assert (joints <= JOINT_UPPER).all()

@@ -1,0 +1,447 @@
+"""The controller box: states, modes, errors, gripper, through its registers."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
+from hw.sim.controller.codes import ErrorCode, Mode, Register, ReplyBit, State
+from hw.sim.controller.model import CYCLE_NS, ControllerModel
+from hw.sim.controller.plant import GripperDrive, PlantState
+from tams_app.records import Vector
+
+pytestmark = pytest.mark.untimed
+
+READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])
+REFUSED = ReplyBit.NOT_READY | ReplyBit.ERROR | ReplyBit.INVALID
+OFFSET_MM_RAD = (0.0, 0.0, 82.0, 0.0, 0.0, 0.0)
+TCP = Lite6Model(offset_from_mm_deg((0, 0, 82, 0, 0, 0)))
+
+
+class LaggingPlant:
+    """Joints that lag two thirds of a cycle behind, and can be told to collide."""
+
+    def __init__(self) -> None:
+        self.joints = READY.copy()
+        self.collision = False
+        self.gripper = GripperDrive.OFF
+        self.cycles = 0
+
+    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+        assert duration_ns == CYCLE_NS
+        self.joints = self.joints + (joints_target - self.joints) / 3.0
+        self.gripper = gripper
+        self.cycles += 1
+        return PlantState(self.joints.copy(), self.collision)
+
+
+class Rig:
+    """A model in the ready pose and a clock."""
+
+    def __init__(self) -> None:
+        self.plant = LaggingPlant()
+        self.model = ControllerModel(self.plant, READY)
+        self.now_ns = 1_000_000_000
+
+    def ask(self, register: Register, payload: bytes = b"") -> tuple[int, bytes]:
+        """Status and data."""
+        reply = self.model.handle(register, payload, self.now_ns)
+        return reply[0], reply[1:]
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 250)):
+            self.now_ns += CYCLE_NS
+            self.model.step(self.now_ns)
+
+    def arm(self, mode: Mode) -> None:
+        self.ask(Register.SET_TCP_OFFSET, struct.pack("<6f", *OFFSET_MM_RAD))
+        self.ask(Register.MOTION_ENABLE, bytes([8, 1]))
+        self.ask(Register.SET_MODE, bytes([mode]))
+        status, _ = self.ask(Register.SET_STATE, bytes([0]))
+        assert status == 0
+
+    def velocity(self, vx: float, vy: float, vz: float, duration_s: float | None = 0.1) -> int:
+        """[mm/s]; the status of the reply."""
+        payload = struct.pack("<6f", vx, vy, vz, 0, 0, 0) + bytes(1)
+        if duration_s is not None:
+            payload += struct.pack("<f", duration_s)
+        return self.ask(Register.SET_CARTESIAN_VELOCITY, payload)[0]
+
+    def servo_to(self, position_mm: Vector) -> int:
+        """Keeping the rotation; the status of the reply."""
+        payload = struct.pack("<8fiB", *position_mm, math.pi, 0, 0, 0, 0, 0, 0)
+        return self.ask(Register.MOVE_SERVO_CARTESIAN_AA, payload)[0]
+
+    def move(self, joints: Vector, speed: float = 1.0) -> int:
+        payload = struct.pack("<10f", *joints, 0, speed, 10.0, 0)
+        return self.ask(Register.MOVE_JOINT, payload)[0]
+
+    @property
+    def position_mm(self) -> Vector:
+        position: Vector = self.model.tcp[:3, 3] * 1000
+        return position
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+# --- states -------------------------------------------------------------------------------------
+
+
+def test_power_on_is_stopped_and_refuses_to_move(rig: Rig) -> None:
+    assert rig.model.state is State.STOPPED
+    assert rig.move(HOME_JOINTS) & ReplyBit.NOT_READY
+    rig.run(0.5)
+    np.testing.assert_allclose(rig.model.joints, READY, atol=1e-6)
+
+
+def test_being_ready_takes_enabling(rig: Rig) -> None:
+    rig.ask(Register.SET_STATE, bytes([0]))
+    assert not rig.model.ready
+    rig.arm(Mode.POSITION)
+    assert rig.model.state is State.READY
+
+
+def test_disabling_stops(rig: Rig) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.velocity(0, 100, 0, None)
+    rig.run(0.2)
+    rig.ask(Register.MOTION_ENABLE, bytes([8, 0]))
+    rig.run(0.3)
+    assert rig.model.state is State.STOPPED
+    assert not rig.model.joint_speeds.any()
+
+
+@pytest.mark.parametrize(
+    ("register", "payload"),
+    [
+        (Register.SET_MODE, bytes([5])),
+        (Register.SET_TCP_OFFSET, struct.pack("<6f", *OFFSET_MM_RAD)),
+        (Register.SET_LOAD, struct.pack("<4f", 0.35, 0, 0, 40)),
+        (Register.SET_COLLISION_SENSITIVITY, bytes([3])),
+    ],
+)
+def test_a_change_of_configuration_needs_the_ready_state_again(
+    rig: Rig, register: Register, payload: bytes
+) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.ask(register, payload)
+    assert rig.model.state is State.CHANGED
+    assert rig.velocity(0, 50, 0) & ReplyBit.NOT_READY
+    rig.run(0.1)
+    assert not rig.model.moving
+    rig.ask(Register.SET_STATE, bytes([0]))
+    assert rig.velocity(0, 50, 0) == 0
+
+
+def test_a_load_is_acknowledged_as_ready_if_it_was_given_while_ready(rig: Rig) -> None:
+    load = struct.pack("<4f", 0.35, 0, 0, 40)
+    assert rig.ask(Register.SET_LOAD, load)[0] & ReplyBit.NOT_READY
+    rig.arm(Mode.POSITION)
+    assert rig.ask(Register.SET_LOAD, load)[0] == 0
+    assert rig.model.settings.load == pytest.approx((0.35, 0, 0, 40))
+
+
+def test_state_four_brakes_at_once_and_forgets_the_command(rig: Rig) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.velocity(0, 200, 0, None)
+    rig.run(0.5)
+    rig.ask(Register.SET_STATE, bytes([4]))
+    assert rig.model.state is State.STOPPED
+    rig.run(0.1)
+    assert not rig.model.joint_speeds.any()
+    stood = rig.position_mm
+    rig.ask(Register.SET_STATE, bytes([0]))
+    rig.run(0.3)
+    np.testing.assert_allclose(rig.position_mm, stood, atol=0.1)
+
+
+def test_being_made_ready_while_still_braking_does_not_stop_with_a_jerk(rig: Rig) -> None:
+    rig.arm(Mode.POSITION)
+    rig.move(HOME_JOINTS, speed=2.0)
+    rig.run(0.3)
+    fast = np.abs(rig.model.joint_speeds).max()
+    rig.ask(Register.SET_STATE, bytes([4]))
+    rig.ask(Register.SET_STATE, bytes([0]))
+    rig.run(0.004)
+    assert 0 < np.abs(rig.model.joint_speeds).max() < fast
+    assert rig.model.state is State.MOVING
+    rig.run(0.3)
+    assert rig.model.state is State.READY
+
+
+def test_a_paused_move_goes_on_and_arrives(rig: Rig) -> None:
+    rig.arm(Mode.POSITION)
+    rig.move(HOME_JOINTS)
+    rig.run(0.3)
+    rig.ask(Register.SET_STATE, bytes([3]))
+    rig.run(0.3)
+    assert rig.model.state is State.PAUSED
+    paused_at = rig.model.joints
+    rig.run(0.3)
+    np.testing.assert_allclose(rig.model.joints, paused_at, atol=1e-6)
+    rig.ask(Register.SET_STATE, bytes([0]))
+    rig.run(3.0)
+    np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-5)
+    assert rig.model.state is State.READY
+
+
+def test_a_state_or_mode_that_does_not_exist_is_refused_and_changes_nothing(rig: Rig) -> None:
+    rig.arm(Mode.SERVO)
+    assert rig.ask(Register.SET_STATE, bytes([9]))[0] & ReplyBit.INVALID
+    assert rig.ask(Register.SET_MODE, bytes([2]))[0] & ReplyBit.INVALID
+    assert (rig.model.mode, rig.model.state) == (Mode.SERVO, State.READY)
+
+
+# --- motion -------------------------------------------------------------------------------------
+
+
+def test_a_joint_move_arrives_and_shows_as_moving_until_then(rig: Rig) -> None:
+    rig.arm(Mode.POSITION)
+    assert rig.move(HOME_JOINTS) == 0
+    assert rig.model.state is State.MOVING
+    assert rig.model.commands_waiting == 1
+    rig.run(0.2)
+    assert rig.model.state is State.MOVING
+    rig.run(3.0)
+    assert rig.model.state is State.READY
+    assert rig.model.commands_waiting == 0
+    np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-5)
+
+
+def test_velocity_moves_the_tcp_and_the_deadman_time_stops_it(rig: Rig) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    start = rig.position_mm
+    for _ in range(50):
+        assert rig.velocity(0, 50, 0) == 0
+        rig.run(0.02)
+    way = rig.position_mm - start
+    assert way[1] == pytest.approx(50.0, abs=1.0)
+    rig.run(0.2)
+    assert rig.model.state is State.READY
+    stood = rig.position_mm
+    rig.run(0.5)
+    np.testing.assert_allclose(rig.position_mm, stood, atol=1e-3)
+
+
+@pytest.mark.parametrize("duration_s", [None, 0.0, -1.0])
+def test_velocity_without_a_deadman_time_goes_on_for_ever(
+    rig: Rig, duration_s: float | None
+) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.velocity(0, 20, 0, duration_s)
+    start = rig.position_mm
+    rig.run(3.0)
+    assert rig.position_mm[1] - start[1] == pytest.approx(60.0, abs=1.0)
+
+
+def test_servo_poses_are_followed(rig: Rig) -> None:
+    rig.arm(Mode.SERVO)
+    start = rig.position_mm
+    for step in range(1, 101):
+        assert rig.servo_to(start + np.array([0, 0.4 * step, 0])) == 0
+        rig.run(0.008)
+    rig.run(0.05)
+    np.testing.assert_allclose(rig.position_mm, start + np.array([0, 40, 0]), atol=0.05)
+
+
+def test_servo_poses_in_roll_pitch_yaw_reach_the_same_place(rig: Rig) -> None:
+    rig.arm(Mode.SERVO)
+    x, y, z = rig.position_mm
+    payload = struct.pack("<9f", x, y + 5, z, math.pi, 0, 0, 0, 0, 0)
+    assert rig.ask(Register.MOVE_SERVO_CARTESIAN, payload)[0] == 0
+    rig.run(0.1)
+    np.testing.assert_allclose(rig.position_mm, [x, y + 5, z], atol=0.05)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_command_of_another_mode_is_refused(rig: Rig, mode: Mode) -> None:
+    rig.arm(mode)
+    assert bool(rig.move(HOME_JOINTS) & ReplyBit.INVALID) is (mode is not Mode.POSITION)
+    rig.arm(mode)
+    invalid = rig.velocity(0, 10, 0) & ReplyBit.INVALID
+    assert bool(invalid) is (mode is not Mode.CARTESIAN_VELOCITY)
+    rig.arm(mode)
+    assert bool(rig.servo_to(rig.position_mm) & ReplyBit.INVALID) is (mode is not Mode.SERVO)
+
+
+def test_reports_show_where_the_joints_are_and_not_where_they_should_be(rig: Rig) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.velocity(0, 200, 0, None)
+    rig.run(0.2)
+    np.testing.assert_array_equal(rig.model.joints, rig.plant.joints)
+    np.testing.assert_allclose(rig.model.tcp, TCP.tcp_matrix(rig.plant.joints))
+
+
+# --- errors -------------------------------------------------------------------------------------
+
+
+def trip(rig: Rig, code: ErrorCode) -> None:
+    """Provoke `code` by what causes it in the real arm."""
+    if code is ErrorCode.EMERGENCY_STOP:
+        rig.model.press_emergency_stop()
+    elif code is ErrorCode.KINEMATIC:
+        rig.model.raise_error(code)
+    elif code is ErrorCode.SELF_COLLISION:
+        rig.arm(Mode.POSITION)
+        rig.move(np.array([0.0, 0.01, 0.03, 0.0, 1.41, 0.0]))
+    elif code is ErrorCode.JOINT_LIMIT:
+        rig.arm(Mode.POSITION)
+        rig.move(READY + np.array([0, 0, 0, 0, 2.0, 0]))
+    elif code is ErrorCode.JOINT_OVERSPEED:
+        rig.arm(Mode.CARTESIAN_VELOCITY)
+        rig.velocity(300, 0, 0, None)
+    elif code is ErrorCode.COLLISION:
+        rig.arm(Mode.CARTESIAN_VELOCITY)
+        rig.plant.collision = True
+    elif code is ErrorCode.BOUNDARY:
+        x, y, z = (round(float(value)) for value in rig.position_mm)
+        box = struct.pack("<6i", x + 20, x - 20, y + 20, y - 20, z + 300, z - 300)
+        rig.ask(Register.SET_BOUNDARY, box)
+        rig.ask(Register.SET_FENCE, bytes([1]))
+        rig.arm(Mode.CARTESIAN_VELOCITY)
+        rig.velocity(0, 100, 0, None)
+    elif code is ErrorCode.LINEAR_OVERSPEED:
+        rig.arm(Mode.SERVO)
+        assert rig.servo_to(rig.position_mm + np.array([0, 0, 11])) & ReplyBit.ERROR
+    rig.run(2.5)
+
+
+@pytest.mark.parametrize("code", list(ErrorCode))
+def test_an_error_stops_the_arm_and_refuses_commands_until_cleaned(
+    rig: Rig, code: ErrorCode
+) -> None:
+    trip(rig, code)
+    assert rig.model.error_code == code
+    assert rig.model.state is State.STOPPED
+    assert not rig.model.joint_speeds.any()
+    assert rig.ask(Register.GET_ERROR)[1] == bytes([code, 0])
+    rig.ask(Register.SET_STATE, bytes([0]))
+    assert rig.velocity(0, 0, 0) & (ReplyBit.ERROR | ReplyBit.NOT_READY)
+    assert not rig.model.ready
+
+    rig.plant.collision = False
+    rig.model.release_emergency_stop()
+    rig.ask(Register.CLEAN_ERROR)
+    assert rig.model.error_code == 0
+    assert rig.model.state is State.STOPPED
+    rig.ask(Register.SET_FENCE, bytes([0]))  # the way back from a limit is the operator's
+    rig.ask(Register.SET_SELF_COLLISION_CHECK, bytes([0]))
+    rig.arm(Mode.POSITION)
+    assert rig.move(READY) == 0
+    rig.run(5.0)
+    np.testing.assert_allclose(rig.model.joints, READY, atol=1e-5)
+
+
+def test_the_emergency_stop_cannot_be_cleaned_while_it_is_pressed(rig: Rig) -> None:
+    rig.arm(Mode.POSITION)
+    rig.model.press_emergency_stop()
+    rig.ask(Register.CLEAN_ERROR)
+    rig.ask(Register.MOTION_ENABLE, bytes([8, 1]))
+    assert rig.model.error_code == ErrorCode.EMERGENCY_STOP
+    assert not rig.model.enabled
+
+
+def test_a_collision_lets_go_instead_of_pressing_on(rig: Rig) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.velocity(0, 0, -200, None)
+    rig.run(0.2)
+    rig.plant.collision = True
+    rig.run(0.004)
+    met_at = rig.plant.joints.copy()
+    rig.run(0.2)
+    np.testing.assert_allclose(rig.plant.joints, met_at, atol=1e-9)
+
+
+def test_without_collision_detection_a_collision_goes_unnoticed(rig: Rig) -> None:
+    rig.ask(Register.SET_COLLISION_SENSITIVITY, bytes([0]))
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.plant.collision = True
+    rig.run(0.1)
+    assert rig.model.error_code == 0
+
+
+def test_the_fence_holds_only_while_it_is_on(rig: Rig) -> None:
+    trip(rig, ErrorCode.BOUNDARY)
+    overrun = rig.position_mm[1] - 20
+    assert -1 < overrun < 5
+    rig.ask(Register.SET_FENCE, bytes([0]))
+    rig.ask(Register.CLEAN_ERROR)
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.velocity(0, 100, 0, 0.3)
+    rig.run(0.5)
+    assert rig.model.error_code == 0
+    assert rig.position_mm[1] > 40
+
+
+def test_the_first_error_stays(rig: Rig) -> None:
+    rig.model.raise_error(ErrorCode.COLLISION)
+    rig.model.raise_error(ErrorCode.KINEMATIC)
+    assert rig.model.error_code == ErrorCode.COLLISION
+
+
+def test_a_warning_shows_and_does_not_stop(rig: Rig) -> None:
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    rig.model.raise_warning(11)
+    assert rig.velocity(0, 10, 0) == ReplyBit.WARNING
+    assert rig.ask(Register.GET_ERROR)[1] == bytes([0, 11])
+    assert rig.ask(Register.CLEAN_WARNING)[0] == 0
+
+
+# --- tool and simulation ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("outputs", "drive"),
+    [
+        (0b01, GripperDrive.OPEN),
+        (0b10, GripperDrive.CLOSE),
+        (0b00, GripperDrive.OFF),
+        (0b11, GripperDrive.OFF),
+    ],
+)
+def test_two_tool_outputs_drive_the_gripper(rig: Rig, outputs: int, drive: GripperDrive) -> None:
+    rig.model.settings.tool_outputs = 0b11 & ~outputs
+    payload = struct.pack(">BH", 9, 0x0A15) + struct.pack("<f", 0x0300 | outputs)
+    assert rig.ask(Register.TOOL_GPIO_WRITE, payload)[0] & ReplyBit.INVALID == 0
+    assert rig.model.gripper is drive
+    rig.run(0.004)
+    assert rig.plant.gripper is drive
+    read_back = rig.ask(Register.TOOL_GPIO_READ, struct.pack(">BH", 9, 0x0A18))[1]
+    assert struct.unpack(">i", read_back)[0] == outputs
+
+
+def test_a_write_changes_only_the_outputs_it_names(rig: Rig) -> None:
+    rig.model.settings.tool_outputs = 0b10
+    payload = struct.pack(">BH", 9, 0x0A15) + struct.pack("<f", 0x0101)
+    rig.ask(Register.TOOL_GPIO_WRITE, payload)
+    assert rig.model.settings.tool_outputs == 0b11
+
+
+def test_the_emergency_stop_cuts_the_tool_s_power(rig: Rig) -> None:
+    rig.model.settings.tool_outputs = 0b10
+    rig.model.press_emergency_stop()
+    assert rig.model.gripper is GripperDrive.OFF
+
+
+def test_with_the_simulation_flag_the_arm_only_pretends_to_move(rig: Rig) -> None:
+    rig.run(0.2)
+    stood = rig.plant.joints.copy()
+    rig.ask(Register.SET_SIMULATION_ROBOT, bytes([1]))
+    rig.arm(Mode.POSITION)
+    rig.move(HOME_JOINTS)
+    rig.run(3.0)
+    np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-9)
+    np.testing.assert_allclose(rig.plant.joints, stood, atol=1e-9)
+    rig.ask(Register.SET_SIMULATION_ROBOT, bytes([1]))  # once more changes nothing
+    rig.run(0.2)
+    np.testing.assert_allclose(rig.plant.joints, stood, atol=1e-9)
+    rig.ask(Register.SET_SIMULATION_ROBOT, bytes([0]))
+    rig.run(0.2)
+    np.testing.assert_allclose(rig.plant.joints, stood, atol=1e-9)

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.sim.operator.estimate import GaussianEstimate
+
+pytestmark = pytest.mark.untimed
+
+SOUGHT, OTHERS = 3, 2
+SIZE = SOUGHT + OTHERS
+
+
+def _drawn(seed):
+    """An estimate of correlated numbers, and a measurement of them."""
+    random = np.random.default_rng(seed)
+    estimate = GaussianEstimate(random.normal(size=SIZE), np.ones(SIZE), SOUGHT)
+    spread = random.normal(size=(SIZE, SIZE))
+    estimate.covariance = spread @ spread.T + 0.1 * np.eye(SIZE)
+    count = int(random.integers(1, 4))
+    rows, noise = random.normal(size=(count, SIZE)), random.normal(size=(count, count))
+    return estimate, rows, random.normal(size=count), noise @ noise.T + 0.1 * np.eye(count)
+
+
+seeds = st.integers(0, 2**32)
+
+
+@given(seeds)
+def test_a_measurement_never_makes_what_is_sought_less_certain(seed):
+    estimate, rows, gaps, noise = _drawn(seed)
+    before = estimate.covariance.copy()
+    estimate.update(rows, gaps, noise)
+    gained = (before - estimate.covariance)[:SOUGHT, :SOUGHT]
+    assert np.linalg.eigvalsh(gained).min() > -1e-8 * np.abs(before).max()
+    assert np.linalg.eigvalsh(estimate.covariance).min() > -1e-8
+
+
+@given(seeds)
+def test_what_is_not_sought_stays_as_it_is(seed):
+    estimate, rows, gaps, noise = _drawn(seed)
+    state, own = estimate.state.copy(), estimate.covariance[SOUGHT:, SOUGHT:].copy()
+    estimate.update(rows, gaps, noise)
+    assert (estimate.state[SOUGHT:] == state[SOUGHT:]).all()
+    assert estimate.covariance[SOUGHT:, SOUGHT:] == pytest.approx(own)
+
+
+def test_a_shared_error_bounds_what_any_number_of_measurements_can_tell():
+    estimate = GaussianEstimate(np.zeros(2), np.array([10.0, 1.0]), 1)
+    for _ in range(1000):
+        estimate.update(np.array([[1.0, 2.0]]), np.array([0.0]), np.array([[0.25]]))
+    assert 1.9 < np.sqrt(estimate.covariance[0, 0]) < 2.1
+
+
+def test_errors_of_several_draws_are_as_large_as_the_covariance_says():
+    random = np.random.default_rng(4)
+    normalised = []
+    for _ in range(300):
+        true, error = random.normal(0.0, 10.0), random.normal()
+        estimate = GaussianEstimate(np.zeros(2), np.array([10.0, 1.0]), 1)
+        for _ in range(8):
+            seen = true + 2.0 * error + random.normal(0.0, 0.5)
+            gap = np.array([seen - estimate.state[0]])
+            estimate.update(np.array([[1.0, 2.0]]), gap, np.array([[0.25]]))
+        normalised.append((estimate.state[0] - true) / np.sqrt(estimate.covariance[0, 0]))
+    assert np.std(normalised) == pytest.approx(1.0, abs=0.12)
+
+
+def test_what_fades_becomes_independent_again():
+    estimate = GaussianEstimate(np.zeros(2), np.array([10.0, 1.0]), 1)
+    estimate.update(np.array([[1.0, 2.0]]), np.array([3.0]), np.array([[0.25]]))
+    assert estimate.covariance[0, 1] < -1.0
+    estimate.fade(np.array([1.0, 0.0]))
+    assert estimate.covariance[0, 1] == 0.0
+    assert estimate.covariance[1, 1] == pytest.approx(1.0)
+
+
+def test_a_surprise_is_counted_in_standard_deviations():
+    estimate = GaussianEstimate(np.zeros(1), np.array([3.0]), 1)
+    assert estimate.surprise(np.eye(1), np.array([10.0]), np.eye(1) * 16.0) == pytest.approx(4.0)
+
+
+def test_what_is_forgotten_is_as_uncertain_as_told_and_tied_to_nothing():
+    estimate, *_ = _drawn(1)
+    estimate.forget(slice(1, 3), 0.5)
+    assert estimate.covariance[1:3, 1:3] == pytest.approx(np.eye(2) * 0.25)
+    assert not estimate.covariance[1:3, [0, 3, 4]].any()

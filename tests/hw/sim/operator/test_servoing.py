@@ -1,0 +1,64 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from hw.sim.operator.servoing import HandMap, approach, care, grasp_turn
+from tams_app.config import HandConfig
+
+pytestmark = pytest.mark.untimed
+
+DOWN = Rotation.from_matrix([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
+angles = st.floats(-math.pi, math.pi)
+
+
+@given(angles, angles)
+def test_the_fingers_take_the_nearest_face_of_a_standing_block(block_yaw, tool_yaw):
+    block = Rotation.from_euler("z", block_yaw)
+    tool = Rotation.from_euler("z", tool_yaw) * DOWN
+    turn = grasp_turn(tool, block)
+    assert abs(turn[2]) <= math.pi / 4 + 1e-6
+    closing = (Rotation.from_rotvec(turn) * tool).apply([0, 1, 0])
+    assert np.abs(block.inv().apply(closing)).max() == pytest.approx(1.0, abs=1e-6)
+
+
+@given(st.floats(-0.5, 0.5))
+def test_the_fingers_never_close_along_the_length_of_a_lying_block(yaw):
+    lying = Rotation.from_euler("z", yaw) * Rotation.from_euler("x", math.pi / 2)
+    turn = grasp_turn(DOWN, lying)
+    closing = (Rotation.from_rotvec(turn) * DOWN).apply([0, 1, 0])
+    assert abs(lying.inv().apply(closing)[0]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_tilted_gripper_is_brought_upright():
+    tilted = Rotation.from_rotvec([0.1, -0.05, 0.0]) * DOWN
+    for _ in range(5):
+        tilted = Rotation.from_rotvec(grasp_turn(tilted, Rotation.identity())) * tilted
+    assert tilted.apply([0, 0, 1]) == pytest.approx([0, 0, -1], abs=1e-3)
+
+
+@given(st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.floats(0.01, 0.3))
+def test_approach_heads_for_the_goal_and_keeps_the_speed(error, speed):
+    velocity = approach(np.array(error), speed)
+    assert np.linalg.norm(velocity) <= speed * (1 + 1e-9)
+    assert velocity @ np.array(error) >= 0.0
+
+
+def test_care_slows_down_and_then_waits():
+    assert care(0.001, 0.003) == 1.0
+    assert 0.0 < care(0.0045, 0.003) < 1.0
+    assert care(0.006, 0.003) == care(math.inf, 0.003) == 0.0
+
+
+def test_the_hand_map_knows_the_directions_roughly_and_itself_exactly():
+    config = HandConfig(translation_scale=2.0)
+    hand_map = HandMap(config, np.random.default_rng(3))
+    wished = np.array([0.1, -0.05, 0.02])
+    hand = hand_map.hand_linear(wished)
+    assert hand_map.tool_linear(hand) == pytest.approx(wished)
+    true = 2.0 * np.array(config.rotation) @ hand
+    assert true == pytest.approx(wished, abs=0.03)
+    assert not np.allclose(true, wished, atol=1e-4)

@@ -1,0 +1,154 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hw.sim.operator.hand import Button
+from hw.sim.operator.perception import Estimate, GapSigmas, Percept
+from hw.sim.operator.servoing import Sight
+from hw.sim.operator.task import Intent, PickAndPlace, Stage
+from tams_app.records import Pose
+from tams_app.runtime.clock import NS_PER_MS
+
+pytestmark = pytest.mark.untimed
+
+DOWN = Rotation.from_matrix([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
+STEP_NS = 10 * NS_PER_MS
+
+
+def _task() -> PickAndPlace:
+    return PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0))
+
+
+def _percept(tcp=(0.35, 0.0, 0.18), block=(0.33, -0.1, 0.01), opening=0.016) -> Percept:
+    return Percept(
+        0,
+        Estimate(Pose(np.array(tcp), DOWN)),
+        Estimate(Pose(np.array(block), Rotation.identity())),
+        Estimate(Pose(np.array([0.33, 0.15, 0.0]), Rotation.identity())),
+        opening,
+    )
+
+
+def _step(task: PickAndPlace, percept: Percept, now_ns: int = 0) -> Intent:
+    return task.step(now_ns, Sight(percept, np.zeros(3), np.zeros(3)))
+
+
+def _run(task: PickAndPlace, percept: Percept, start_ns: int, seconds: float) -> list[Intent]:
+    steps = round(seconds * 100)
+    return [_step(task, percept, start_ns + step * STEP_NS) for step in range(steps)]
+
+
+def test_reaching_keeps_the_height_so_that_only_a_descent_goes_down():
+    intent = _step(_task(), _percept())
+    assert intent.linear[2] == 0.0
+    assert np.linalg.norm(intent.linear) == pytest.approx(0.2)
+    assert intent.turning is False
+
+
+def test_a_low_gripper_rises_before_it_travels():
+    intent = _step(_task(), _percept(tcp=(0.35, 0.0, 0.05)))
+    assert intent.linear[2] > 0.0
+    assert not intent.linear[:2].any()
+
+
+def test_a_block_out_of_sight_is_waited_for():
+    percept = _percept()
+    unseen = replace(percept, block=replace(percept.block, position_sigma=math.inf))
+    assert not any(intent.linear.any() for intent in _run(_task(), unseen, 0, 1.0))
+    unsure = replace(percept, block=replace(percept.block, position_sigma=0.03))
+    assert 0.0 < np.linalg.norm(_step(_task(), unsure).linear) < 0.15
+
+
+def test_closed_fingers_are_opened_before_anything_else():
+    task = _task()
+    intents = _run(task, _percept(opening=0.0), 0, 0.2)
+    assert task.stage is Stage.OPEN
+    assert intents[-1].button is Button.B
+
+
+def test_a_descent_stops_while_the_gripper_is_beside_the_block():
+    task = _task()
+    task.stage = Stage.DESCEND
+    intent = _step(task, _percept(tcp=(0.33, -0.08, 0.04)))
+    assert intent.linear[2] == 0.0
+    assert intent.linear[1] < 0.0
+    assert _step(task, _percept(tcp=(0.33, -0.1, 0.04))).linear[2] < -0.015
+
+
+def test_a_descent_is_twice_as_fast_while_it_is_far_from_its_end():
+    task = _task()
+    task.stage = Stage.DESCEND
+    for height, speed in ((0.15, 0.12), (0.055, 0.06)):
+        intent = _step(task, _percept(tcp=(0.33, -0.1, height)))
+        assert intent.linear == pytest.approx([0.0, 0.0, -speed])
+
+
+def test_motion_under_way_is_not_asked_for_again():
+    task = _task()
+    percept = _percept(tcp=(0.30, -0.1, 0.18))
+    intent = task.step(0, Sight(percept, np.array([0.03, 0.0, 0.0]), np.zeros(3)))
+    assert intent.linear == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_a_lift_without_the_block_is_noticed_and_one_with_it_goes_on():
+    for block_z, stage in ((0.01, Stage.OPEN), (0.049, Stage.LIFT)):
+        task = _task()
+        task.stage = Stage.DESCEND
+        at_block = _percept(tcp=(0.33, -0.1, 0.011))
+        start_ns = 0
+        while task.stage is not Stage.LIFT:
+            _run(task, at_block, start_ns, 0.01)
+            start_ns += STEP_NS
+        lifted = _percept(tcp=(0.33, -0.1, 0.05), block=(0.33, -0.1, block_z))
+        _run(task, lifted, start_ns, 0.3)
+        assert task.stage is stage
+
+
+def test_a_block_that_already_lies_in_the_container_ends_the_task():
+    for x, stage in ((0.36, Stage.DONE), (0.39, Stage.REACH)):
+        task = _task()
+        task.stage = Stage.RETREAT
+        _step(task, _percept(tcp=(0.33, 0.15, 0.12), block=(x, 0.15, 0.012)))
+        assert task.stage is stage
+
+
+def _uncertain(sigma: float) -> Percept:
+    percept = _percept()
+    return replace(percept, seen_gaps=GapSigmas(sigma, sigma, sigma))
+
+
+def test_out_of_patience_he_goes_on_slowly_with_what_he_has():
+    patient = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0))
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=1.5)
+    for task, moves in ((patient, False), (hasty, True)):
+        intents = _run(task, _uncertain(0.05), 0, 2.0)
+        assert not any(intent.linear.any() for intent in intents[:140])
+        assert bool(intents[-1].linear.any()) is moves
+    assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
+
+
+def test_without_any_idea_he_waits_longer_but_not_for_ever():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=0.5)
+    intents = _run(hasty, _uncertain(0.5), 0, 3.0)
+    moving = [intent.linear.any() for intent in intents]
+    assert not any(moving[: len(moving) * 2 // 3])
+    assert moving[-1]
+    assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
+
+
+def test_a_view_that_clears_gives_the_patience_back():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=1.0)
+    assert _run(hasty, _uncertain(0.05), 0, 1.5)[-1].linear.any()
+    _run(hasty, _uncertain(0.001), 1_500_000_000, 0.1)
+    assert not _run(hasty, _uncertain(0.05), 1_600_000_000, 0.5)[-1].linear.any()
+
+
+def test_a_higher_throughput_closes_the_last_part_faster():
+    speeds = []
+    for gain in (2.0, 3.0):
+        task = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), gain_per_s=gain)
+        speeds.append(np.linalg.norm(_step(task, _percept(tcp=(0.34, -0.1, 0.18))).linear))
+    assert speeds[1] == pytest.approx(1.5 * speeds[0])

@@ -1,0 +1,114 @@
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from hw.sim.operator.vision.blobs import Window, find_blobs, strength
+from hw.sim.operator.vision.solids import BLUE, GREEN, ORANGE
+
+pytestmark = pytest.mark.untimed
+
+GREY, RED = (70, 66, 62), (30, 90, 230)
+
+
+def _image(middle=(50.0, 45.0), edge=14.0, blur=0.8, noise=1.5, seed=0):
+    """A block-coloured square on grey, drawn finely and reduced: true sub-pixel edges."""
+    fine = 8
+    large = np.full((100 * fine, 100 * fine, 3), GREY, np.uint8)
+    low = [round((part + 0.5 - edge / 2) * fine) for part in middle]
+    high = [round((part + 0.5 + edge / 2) * fine) - 1 for part in middle]
+    cv2.rectangle(large, low, high, RED, -1)
+    small = cv2.resize(large, (100, 100), interpolation=cv2.INTER_AREA).astype(float)
+    if blur > 0.0:
+        small = cv2.GaussianBlur(small, (0, 0), blur)
+    small += np.random.default_rng(seed).normal(0.0, noise, small.shape)
+    return np.clip(small, 0, 255).astype(np.uint8)
+
+
+def _find(image, edge=14.0):
+    return find_blobs(Window(0, 0, image), ORANGE, edge**2)
+
+
+def _sigma(blob):
+    return math.hypot(blob.sigma_px, blob.lasting_px)
+
+
+@pytest.mark.parametrize("middle", [(50.0, 45.0), (50.25, 44.5), (49.5, 45.375)])
+def test_the_middle_is_found_to_a_fraction_of_a_pixel(middle):
+    (blob,) = _find(_image(middle))
+    assert blob.middle == pytest.approx(middle, abs=0.1)
+    assert blob.area == pytest.approx(14**2, rel=0.25)
+
+
+def test_blur_is_measured_and_makes_the_middle_less_certain():
+    blobs = [_find(_image(blur=blur))[0] for blur in (0.8, 2.0, 4.0)]
+    widths = [blob.edge_px for blob in blobs]
+    sigmas = [_sigma(blob) for blob in blobs]
+    assert widths[0] < 0.7 * widths[1] < 0.5 * widths[2]
+    assert sigmas[0] < sigmas[1] < sigmas[2]
+    assert blobs[2].middle == pytest.approx((50.0, 45.0), abs=sigmas[2])
+
+
+def test_noise_is_measured_and_makes_an_edge_less_certain():
+    for noise, least in ((1.0, 0.0), (15.0, 0.02)):
+        (blob,) = _find(_image(noise=noise))
+        assert least <= blob.noise < least + 0.05
+    silent = replace(blob, noise=0.0)
+    assert blob.edge_sigma_px > silent.edge_sigma_px
+    assert blob.sigma_px > silent.sigma_px
+
+
+def test_errors_are_as_large_as_the_uncertainty_says():
+    for blur, noise in ((0.8, 2.0), (2.0, 8.0), (3.0, 4.0)):
+        errors, sigmas = [], []
+        for seed in range(30):
+            middle = tuple(45.0 + np.random.default_rng([seed, 1]).uniform(0, 1, 2))
+            (blob,) = _find(_image(middle, blur=blur, noise=noise, seed=seed))
+            errors.append(blob.middle - middle)
+            sigmas.append(_sigma(blob))
+        rms = float(np.sqrt(np.mean(np.square(errors))))
+        assert rms < 2.0 * np.mean(sigmas)
+
+
+def test_noise_is_anew_in_every_glance_and_blur_is_not():
+    (sharp,), (blurred,) = _find(_image()), _find(_image(blur=3.0))
+    assert blurred.lasting_px > 1.5 * sharp.lasting_px
+    (noisy,) = _find(_image(noise=15.0))
+    assert noisy.sigma_px > sharp.sigma_px
+    assert noisy.lasting_px < 1.3 * sharp.lasting_px
+
+
+def test_a_image_without_the_colour_shows_nothing():
+    grey = np.full((100, 100, 3), GREY, np.uint8)
+    assert _find(grey) == []
+    assert find_blobs(Window(0, 0, _image()), GREEN, 196) == []
+    assert find_blobs(Window(0, 0, _image()), BLUE, 196) == []
+
+
+def test_what_fills_the_window_does_not_stand_out():
+    dots = np.zeros((100, 100, 3), np.uint8)
+    dots[::4, ::4, 2] = 255
+    assert _find(dots, edge=6.0) == []
+
+
+def test_a_blob_blurred_into_nothing_is_not_seen():
+    assert _find(_image(edge=6.0, blur=8.0), edge=6.0) == []
+
+
+def test_a_window_knows_where_it_lies_and_what_is_cut_off():
+    image = _image()
+    window = Window.about(image, np.array((50.0, 45.0)), 16.0)
+    assert window is not None
+    (blob,) = find_blobs(window, ORANGE, 196)
+    assert blob.middle == pytest.approx((50.0, 45.0), abs=0.1)
+    assert window.holds(blob)
+    cut = Window.about(image, np.array((58.0, 45.0)), 10.0)
+    assert not cut.holds(find_blobs(cut, ORANGE, 100)[0])
+    assert Window.about(image, np.array((300.0, 45.0)), 10.0) is None
+
+
+def test_an_unknown_colour_is_refused():
+    with pytest.raises(ValueError, match="ORANGE"):
+        strength(_image(), 99)

@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hw.sim.world.camera import SimCamera
+from hw.sim.world.frame_memory import FrameShape, FrameWriter
+from hw.sim.world.renderer import CameraSchedule
+from hw.sim.world.scene import VIEWS
+from hw.sim.world.shared_block import new_memory_name, remove_memory
+from hw.sim.world.truth import TruthReader
+from tams_app.errors import HelperError
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.realtime import RENDERER_NICE
+
+pytestmark = pytest.mark.waiting
+
+SHAPE = FrameShape(VIEWS, 16, 8)
+PERIOD_NS = NS_PER_S // 30
+READY_DEG = [0, 36.81, 86.74, 0, 49.93, 0]
+
+
+@pytest.fixture
+def name() -> Iterator[str]:
+    name = new_memory_name()
+    yield name
+    remove_memory(name)
+
+
+@pytest.fixture
+def writer(name: str) -> Iterator[FrameWriter]:
+    writer = FrameWriter(name, SHAPE)
+    yield writer
+    writer.close()
+
+
+def test_views_take_turns_a_third_of_a_period_apart(writer: FrameWriter) -> None:
+    schedule = CameraSchedule(writer, 30, now_ns=NS_PER_S)
+    turns, now_ns = [], NS_PER_S
+    for _ in range(9):
+        camera = schedule.next(now_ns)
+        turns.append((camera.view, camera.next_index, camera.due_ns))
+        now_ns = camera.due_ns
+        camera.taken()
+    assert [turn[0] for turn in turns] == list(VIEWS) * 3
+    assert [turn[1] for turn in turns] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    for before, after in pairwise(turns):
+        assert after[2] - before[2] == pytest.approx(PERIOD_NS / 3, abs=2)
+
+
+def test_missed_instants_are_left_out_and_counted(writer: FrameWriter) -> None:
+    schedule = CameraSchedule(writer, 30, now_ns=NS_PER_S)
+    first = schedule.next(NS_PER_S)
+    start_ns = first.due_ns
+    latest = schedule.next(start_ns + 5 * PERIOD_NS + PERIOD_NS // 4)
+    assert first.next_index == first.skipped == 5
+    assert (latest.view, latest.next_index, latest.skipped) == ("gt", 4, 4)
+
+
+@pytest.mark.parametrize("work_periods", [0.4, 0.7, 1.0, 1.9])
+def test_where_time_is_short_no_view_misses_more_than_another(
+    writer: FrameWriter, work_periods: float
+) -> None:
+    schedule = CameraSchedule(writer, 30, now_ns=NS_PER_S)
+    taken = dict.fromkeys(VIEWS, 0)
+    now_ns = NS_PER_S
+    for _ in range(200):
+        camera = schedule.next(now_ns)
+        now_ns = max(now_ns, camera.due_ns) + round(work_periods * PERIOD_NS)
+        taken[camera.view] += 1
+        camera.taken()
+    assert max(taken.values()) - min(taken.values()) <= 2
+
+
+def test_restart_keeps_the_time_grid_and_leaves_a_gap(writer: FrameWriter) -> None:
+    first = CameraSchedule(writer, 30, now_ns=NS_PER_S).next(NS_PER_S)
+    start_ns = first.due_ns
+    later = CameraSchedule(writer, 30, now_ns=start_ns + 10 * PERIOD_NS + 1)
+    camera = later.next(start_ns + 10 * PERIOD_NS + 1)
+    assert (camera.due_ns - start_ns) % PERIOD_NS in (PERIOD_NS // 3, 2 * (PERIOD_NS // 3), 0)
+    eih = next(camera for camera in later._cameras if camera.view == "eih")
+    assert eih.next_index == 11
+    assert eih.due_ns == start_ns + 11 * PERIOD_NS
+
+
+def renderer_process(name: str, directory: Path) -> HelperProcess:
+    specification: dict[str, Any] = {
+        "memory_name": name, "seed": 3, "fps": 30, "nice": 10, "noise_sigma": 1.0,
+    }  # fmt: skip
+    return HelperProcess("renderer", "hw.sim.world.renderer", specification, directory)
+
+
+def rig_process(name: str, directory: Path) -> HelperProcess:
+    specification: dict[str, Any] = {
+        "memory_name": name, "seed": 3, "host": "127.0.0.1", "control_port": 0, "report_port": 0,
+        "start_joints_deg": READY_DEG,
+    }  # fmt: skip
+    return HelperProcess("rig", "hw.sim.rig", specification, directory)
+
+
+def test_renderer_without_a_rig_says_so_in_one_sentence(name: str, tmp_path: Path) -> None:
+    helper = renderer_process(name, tmp_path)
+    helper.start()
+    with pytest.raises(HelperError, match="start its processes"):
+        helper.wait_ready()
+    helper.stop()
+    assert helper.exit_code == 1
+
+
+def test_the_renderer_is_never_real_time_so_that_a_full_machine_keeps_its_control_loop(
+    name: str, tmp_path: Path
+) -> None:
+    rig, renderer = rig_process(name, tmp_path), renderer_process(name, tmp_path)
+    rig.start()
+    try:
+        rig.wait_ready()
+        renderer.start()
+        renderer.wait_ready()
+        assert renderer.pid is not None
+        assert os.sched_getscheduler(renderer.pid) == os.SCHED_OTHER
+        assert os.getpriority(os.PRIO_PROCESS, renderer.pid) in (RENDERER_NICE, 10)
+    finally:
+        renderer.stop()
+        rig.stop()
+
+
+def test_rig_and_renderer_deliver_every_view_and_survive_being_killed(
+    name: str, tmp_path: Path
+) -> None:
+    clock = MonotonicClock()
+    helpers = [rig_process(name, tmp_path)]
+    try:
+        helpers[0].start()
+        ready = helpers[0].wait_ready()
+        assert ready["memory_name"] == name
+        assert ready["control_port"] > 0
+        helpers.append(renderer_process(name, tmp_path))
+        helpers[1].start()
+        helpers[1].wait_ready()
+        cameras = {view: SimCamera(view, name, clock) for view in VIEWS}
+        last = {}
+        for view, camera in cameras.items():
+            camera.start()
+            for _ in range(3):
+                frame = camera.next_frame(10.0)
+                assert frame is not None
+                assert frame.image.shape == (480, 640, 3)
+                assert frame.image.std() > 10
+                assert frame.capture_ns <= clock.now_ns()
+                last[view] = frame.index
+        truth = TruthReader(name)
+        first = truth.read()
+        kill(helpers.pop())
+        drain(cameras["gt"])
+        assert cameras["gt"].next_frame(0.3) is None
+        second = truth.read()
+        assert first is not None
+        assert second is not None
+        assert second.t_ns > first.t_ns
+        helpers.append(renderer_process(name, tmp_path))
+        helpers[1].start()
+        helpers[1].wait_ready()
+        again = cameras["gt"].next_frame(10.0)
+        assert again is not None
+        assert again.index > last["gt"]
+        truth.close()
+        for camera in cameras.values():
+            camera.close()
+    finally:
+        for helper in reversed(helpers):
+            helper.stop()
+
+
+def kill(helper: HelperProcess) -> None:
+    assert helper._process is not None
+    helper._process.kill()
+    helper.stop()
+
+
+def drain(camera: SimCamera) -> None:
+    while camera.next_frame(0.1) is not None:
+        pass

@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+
+from hw.sim.controller.plant import GripperDrive
+from hw.sim.layout import draw_layout
+from hw.sim.world.scene import VIEWS
+from hw.sim.world.scene_renderer import HEIGHT, WIDTH, SceneRenderer
+from hw.sim.world.world import World
+from tams_app.errors import SetupError
+from tams_app.records import Image, Vector
+from tests.hw.sim.operator.scripted_pick import CYCLE_NS, READY
+
+pytestmark = pytest.mark.untimed
+
+LAYOUT = draw_layout(5)
+CONTAINER_MARKER, GRIPPER_MARKER = 2, 3
+BLOCK_X = 8  # in qpos, after six joints and two fingers
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[SceneRenderer]:
+    renderer = SceneRenderer(LAYOUT)
+    yield renderer
+    renderer.close()
+
+
+@pytest.fixture(scope="module")
+def ready() -> Vector:
+    return World(LAYOUT, READY).qpos
+
+
+def poses() -> list[Vector]:
+    world, target, seen = World(LAYOUT, READY), READY.copy(), []
+    for cycle in range(120):
+        target = target + np.array([0.004, 0.001, 0.001, 0.002, 0.003, 0.006])
+        world.step(target, GripperDrive.CLOSE, CYCLE_NS)
+        if cycle % 30 == 0:
+            seen.append(world.qpos)
+    return seen
+
+
+def orange_pixels(image: Image) -> int:
+    hue, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
+    return int(((hue < 20) & (saturation > 180) & (value > 90)).sum())
+
+
+def markers(image: Image) -> set[int]:
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    _, identities, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(image)
+    return set() if identities is None else {int(identity) for identity in identities.ravel()}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_shortcut_is_pixel_identical_to_drawing_everything(
+    renderer: SceneRenderer, view: str
+) -> None:
+    images = []
+    for qpos in poses():
+        images.append(renderer.render(view, qpos))
+        assert np.array_equal(images[-1], renderer.render_whole(view, qpos))
+    assert not np.array_equal(images[0], images[-1])
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_images_are_full_of_detail_and_show_the_block(
+    renderer: SceneRenderer, ready: Vector, view: str
+) -> None:
+    image = renderer.render(view, ready)
+    assert image.shape == (HEIGHT, WIDTH, 3)
+    assert image.dtype == np.uint8
+    assert 60 < image.mean() < 180
+    assert cv2.Laplacian(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.CV_64F).std() > 6
+    assert orange_pixels(image) > 80
+    hidden = ready.copy()
+    hidden[BLOCK_X] = -5.0
+    assert orange_pixels(renderer.render(view, hidden)) < 15
+
+
+def test_markers_of_container_gripper_and_mat_can_be_detected(
+    renderer: SceneRenderer, ready: Vector
+) -> None:
+    assert CONTAINER_MARKER in markers(renderer.render("gt", ready))
+    assert {12, 13} <= markers(renderer.render("gt", ready))
+    assert GRIPPER_MARKER in markers(renderer.render("gs", ready))
+
+
+def test_earlier_images_leave_no_trace(renderer: SceneRenderer, ready: Vector) -> None:
+    before = {view: renderer.render(view, ready) for view in VIEWS}
+    for qpos in poses():
+        for view in VIEWS:
+            renderer.render(view, qpos)
+    for view in VIEWS:
+        assert np.array_equal(before[view], renderer.render(view, ready))
+
+
+def test_missing_opengl_is_one_sentence_that_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco.egl", None)
+    monkeypatch.setitem(sys.modules, "mujoco.osmesa", None)
+    with pytest.raises(SetupError, match="install libegl1"):
+        SceneRenderer(LAYOUT)

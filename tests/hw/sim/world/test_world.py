@@ -1,0 +1,103 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, tcp_pose
+from hw.sim.controller.plant import GripperDrive
+from hw.sim.layout import BLOCK_EDGE_M, draw_layout
+from hw.sim.world.world import World
+from tests.hw.sim.operator.scripted_pick import CYCLE_NS, READY, TCP_OFFSET, ScriptedPick
+
+pytestmark = pytest.mark.untimed
+
+
+def test_tcp_is_where_the_controllers_kinematics_say() -> None:
+    random = np.random.default_rng(5)
+    for _ in range(30):
+        joints = random.uniform(JOINT_LOWER, JOINT_UPPER)
+        tcp, expected = World(draw_layout(0), joints).truth(0).tcp, tcp_pose(joints, TCP_OFFSET)
+        assert np.linalg.norm(tcp.position - expected.position) < 1e-6
+        assert (tcp.rotation.inv() * expected.rotation).magnitude() < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_contact_grasp_lifts_carries_and_places_the_block(seed: int) -> None:
+    layout = draw_layout(seed)
+    hand = ScriptedPick(World(layout, READY))
+    hand.pick(layout)
+    assert hand.block_height() > 0.09
+    assert 0.9 * BLOCK_EDGE_M < hand.world.truth(0).fingers_opening < BLOCK_EDGE_M
+    hand.place(layout)
+    assert hand.block_in_container()
+    assert not hand.collided
+    assert hand.tracking_error_m < 0.001
+
+
+def test_held_block_does_not_creep_out_of_the_fingers() -> None:
+    layout = draw_layout(1)
+    hand = ScriptedPick(World(layout, READY))
+    hand.pick(layout)
+    hand.grip(GripperDrive.CLOSE, 0.5)
+    before = hand.block_height()
+    hand.grip(GripperDrive.CLOSE, 6.0)
+    assert abs(hand.block_height() - before) < 1e-4
+
+
+def test_same_calls_give_the_same_world() -> None:
+    def run() -> np.ndarray:
+        world = World(draw_layout(7), READY)
+        target = READY.copy()
+        for _ in range(100):
+            target += 0.002
+            world.step(target, GripperDrive.CLOSE, CYCLE_NS)
+        return world.qpos
+
+    assert run().tobytes() == run().tobytes()
+
+
+def test_block_and_container_stand_where_the_layout_says() -> None:
+    layout = draw_layout(3)
+    truth = World(layout, READY).truth(42)
+    assert truth.t_ns == 42
+    assert truth.block.position[:2] == pytest.approx([layout.block.x, layout.block.y])
+    assert truth.container.position[:2] == pytest.approx([layout.container.x, layout.container.y])
+    assert truth.block.rotation.as_euler("xyz")[2] == pytest.approx(layout.block.yaw)
+
+
+def test_fingers_open_sixteen_millimetres_close_fully_and_rest_when_off() -> None:
+    world = World(draw_layout(0), READY)
+
+    def drive(gripper: GripperDrive) -> float:
+        for _ in range(200):
+            world.step(READY, gripper, CYCLE_NS)
+        return world.truth(0).fingers_opening
+
+    assert drive(GripperDrive.CLOSE) < 0.0005
+    assert drive(GripperDrive.OPEN) == pytest.approx(0.016, abs=1e-4)
+    assert drive(GripperDrive.OFF) == pytest.approx(0.016, abs=1e-4)
+
+
+def test_pressing_on_the_table_reads_as_a_collision() -> None:
+    hand = ScriptedPick(World(draw_layout(0), READY))
+    hand.move([0.35, 0.0, 0.020], 0.0)
+    assert not hand.collided
+    hand.move([0.35, 0.0, -0.010], 0.0, 0.05)
+    assert hand.collided
+
+
+def test_fast_free_motion_and_sudden_stops_read_as_no_collision() -> None:
+    world, target, collided = World(draw_layout(0), READY), READY.copy(), False
+    for cycle in range(200):
+        if cycle < 100:
+            target = target + np.array([0.006, -0.002, 0.002, 0.0, 0.0, 0.006])
+        collided |= world.step(target, GripperDrive.OFF, CYCLE_NS).collision
+    assert not collided
+    assert world.joints == pytest.approx(target, abs=1e-3)
+
+
+@pytest.mark.parametrize("duration_ns", [0, -CYCLE_NS, 1_500_000])
+def test_durations_other_than_whole_milliseconds_are_refused(duration_ns: int) -> None:
+    world = World(draw_layout(0), READY)
+    with pytest.raises(ValueError, match="multiple"):
+        world.step(READY, GripperDrive.OFF, duration_ns)

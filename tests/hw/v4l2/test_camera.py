@@ -1,0 +1,251 @@
+"""V4L2 cameras through the real v4l2src; the kernel's side of the device is played."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from typing import Any
+
+import pytest
+
+from hw.v4l2.devices import CameraMode
+from tams_app.config import CameraConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Frame
+from tams_app.runtime.clock import NS_PER_S
+from tests.hw.v4l2.fake_cameras import (
+    GREYS,
+    PICTURES,
+    SMALL,
+    WEBCAM_CONTROLS,
+    Behaviour,
+    CameraProcess,
+    FakeControl,
+    Machine,
+    RemoteCamera,
+    camera_process,
+)
+
+pytestmark = pytest.mark.waiting
+
+PATIENCE_S = 10.0  # generous: the machine may be busy
+Open = Callable[..., RemoteCamera]
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CameraProcess]:
+    with camera_process(tmp_path_factory.mktemp("machine")) as process:
+        yield process
+
+
+@pytest.fixture
+def machine(process: CameraProcess) -> Iterator[Machine]:
+    yield process.machine
+    for node in list(process.machine.nodes.iterdir()):
+        process.machine.unplug(int(node.name.removeprefix("video")))
+
+
+@pytest.fixture
+def open_camera(process: CameraProcess, machine: Machine) -> Iterator[Open]:
+    cameras: list[RemoteCamera] = []
+
+    def start(**keys: Any) -> RemoteCamera:
+        cameras.append(RemoteCamera(process, CameraConfig(**(keys or {"name": "Webcam"}))))
+        cameras[-1].start()
+        return cameras[-1]
+
+    yield start
+    for camera in cameras:
+        camera.close()
+
+
+def next_of(camera: RemoteCamera) -> Frame:
+    frame = camera.next_frame(PATIENCE_S)
+    assert frame is not None
+    return frame
+
+
+def until_noted(camera: RemoteCamera, words: str) -> None:
+    for _ in range(200):
+        if any(words in text for _, text in camera.notes()):
+            return
+        camera.next_frame(0.05)
+    raise AssertionError(f"no note of {words!r}: {camera.notes()}")
+
+
+def frame_number(frame: Frame) -> int:
+    return round((float(frame.image.mean()) - 30) / GREYS)
+
+
+# --- finding ------------------------------------------------------------------------------------
+
+
+def test_cameras_are_listed_with_serial_links_and_modes(
+    process: CameraProcess, machine: Machine
+) -> None:
+    machine.plug(0, "Webcam", "S1", port=1)
+    machine.plug(1, "Webcam", "S1", port=1, metadata=True)
+    machine.plug(10, "Other", "", port=3, raw=True)
+    machine.plug(2, "Twin", "S2", port=2)
+    found = process.cameras()
+    assert [(info.name, info.serial) for info in found] == [
+        ("Webcam", "S1"),
+        ("Twin", "S2"),
+        ("Other", ""),
+    ]
+    assert [info.node for info in found] == [machine.node(number) for number in (0, 2, 10)]
+    assert found[1].links == tuple(
+        str(machine.dev / "v4l" / link)
+        for link in ("by-id/usb-S2-video-index0", "by-path/usb-0:2:1.0-video-index0")
+    )
+    assert found[0].modes == (CameraMode("MJPG", True, 160, 120, (Fraction(30),)),)
+    assert found[2].modes == (CameraMode("YUYV", False, 160, 120, (Fraction(30),)),)
+
+
+def test_a_camera_is_opened_by_its_serial_whatever_its_number(
+    machine: Machine, open_camera: Open
+) -> None:
+    first, second = machine.plug(0, serial="S1", port=1), machine.plug(2, serial="S2", port=2)
+    open_camera(serial="S2")
+    assert (first.streams_started, second.streams_started) == (0, 1)
+
+
+def test_a_mode_the_camera_lacks_is_refused_at_the_start(
+    machine: Machine, open_camera: Open
+) -> None:
+    machine.plug(rate=15)
+    with pytest.raises(DeviceError, match="does not offer MJPEG of 160x120 at 30/s"):
+        open_camera()
+
+
+def test_a_camera_in_use_is_one_sentence_at_the_start(machine: Machine, open_camera: Open) -> None:
+    machine.plug()
+    open_camera()
+    with pytest.raises(DeviceError, match=r"camera gt: Webcam.* gives no frame: .*busy"):
+        open_camera()
+
+
+# --- frames -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_frames_come_decoded_in_either_format(
+    machine: Machine, open_camera: Open, raw: bool
+) -> None:
+    machine.plug(raw=raw)
+    camera = open_camera(name="Webcam", pixel_format="raw" if raw else "mjpeg")
+    frames = [next_of(camera) for _ in range(4)]
+    assert all(frame.image.shape == (120, 160, 3) for frame in frames)
+    if not raw:
+        assert len({(frame_number(f) - f.index) % PICTURES for f in frames}) == 1
+
+
+def test_a_frame_was_taken_when_the_kernel_says(machine: Machine, open_camera: Open) -> None:
+    webcam = machine.plug()
+    webcam.age_us = 200_000
+    camera = open_camera()
+    for _ in range(5):
+        next_of(camera)
+    assert camera.stats().oldest_ms >= camera.stats().age_ms >= 200
+
+
+def test_frames_the_camera_leaves_out_leave_gaps(machine: Machine, open_camera: Open) -> None:
+    webcam = machine.plug()
+    webcam.behaviour = Behaviour.SKIPS
+    camera = open_camera()
+    indices = [next_of(camera).index for _ in range(20)]
+    assert len({index % 5 for index in indices}) <= 4
+    assert camera.stats().missed >= 4
+
+
+def test_damaged_frames_do_not_end_the_stream(machine: Machine, open_camera: Open) -> None:
+    webcam = machine.plug()
+    webcam.behaviour = Behaviour.DAMAGES
+    camera = open_camera()
+    for _ in range(15):
+        next_of(camera)
+    assert webcam.streams_started == 1
+    assert camera.notes() == []
+
+
+# --- controls -----------------------------------------------------------------------------------
+
+
+def test_exposure_white_balance_and_controls_are_set_in_the_camera(
+    machine: Machine, open_camera: Open
+) -> None:
+    webcam = machine.plug()
+    open_camera(name="Webcam", exposure_us=8000, white_balance_k=4600, controls={"gain": 17})
+    values = {control.name: control.value for control in webcam.controls if control.name}
+    assert values == {
+        b"Gain": 17,
+        b"Auto Exposure": 1,
+        b"Exposure Time, Absolute": 80,
+        b"Exposure, Dynamic Framerate": 0,
+        b"White Balance, Automatic": 0,
+        b"White Balance Temperature": 4600,
+    }
+
+
+def test_a_control_the_camera_lacks_is_named_at_the_start(
+    machine: Machine, open_camera: Open
+) -> None:
+    machine.plug(controls=WEBCAM_CONTROLS[:1])
+    with pytest.raises(DeviceError, match=r"camera gt: .*no control zoom.*its controls: gain"):
+        open_camera(name="Webcam", controls={"zoom": 3})
+
+
+def test_a_control_that_does_not_stay_as_it_was_set_is_told_once(
+    machine: Machine, open_camera: Open
+) -> None:
+    gain = FakeControl.from_buffer_copy(WEBCAM_CONTROLS[0])
+    gain.stubborn = 1
+    machine.plug(controls=(gain, *WEBCAM_CONTROLS[1:]))
+    camera = open_camera(name="Webcam", controls={"gain": 17})
+    next_of(camera)
+    assert len(camera.notes()) == 1
+    assert camera.notes()[0][1].endswith("keeps gain at 10 although 17 was set")
+
+
+# --- going blind --------------------------------------------------------------------------------
+
+
+def test_an_unplugged_camera_is_taken_up_again_under_another_number_with_its_settings(
+    machine: Machine, open_camera: Open
+) -> None:
+    machine.plug(0)
+    camera = open_camera(name="Webcam", exposure_us=8000)
+    before = next_of(camera)
+    machine.unplug(0)
+    until_noted(camera, "is away: no camera has name 'Webcam'")
+    assert camera.next_frame(0.1) is None
+    webcam = machine.plug(3)
+    after = next_of(camera)
+    assert webcam.control(b"Exposure Time, Absolute").value == 80
+    periods = (after.capture_ns - before.capture_ns) * SMALL.fps / NS_PER_S
+    assert after.index - before.index == pytest.approx(periods, abs=1.6)
+    assert [level for level, _ in camera.notes()] == ["warning", "warning", "info"]
+
+
+def test_a_silent_camera_is_opened_again(machine: Machine, open_camera: Open) -> None:
+    webcam = machine.plug()
+    camera = open_camera()
+    before = next_of(camera)
+    webcam.behaviour = Behaviour.SILENT
+    until_noted(camera, "delivers no frames")
+    webcam.behaviour = Behaviour.RUNS
+    assert next_of(camera).index > before.index
+    assert webcam.streams_started == 2
+
+
+def test_a_frozen_sensor_is_not_shown_and_opened_again(machine: Machine, open_camera: Open) -> None:
+    webcam = machine.plug()
+    camera = open_camera()
+    webcam.behaviour = Behaviour.REPEATS
+    until_noted(camera, "repeats one frame to the last bit")
+    images = webcam.images
+    assert camera.next_frame(1.5) is None
+    assert webcam.images > images
+    webcam.behaviour = Behaviour.RUNS
+    next_of(camera)
+    assert [level for level, _ in camera.notes()] == ["warning", "info"]

@@ -1,0 +1,124 @@
+"""Freeze detection and the measures of a camera, in virtual time."""
+
+from __future__ import annotations
+
+import pytest
+
+from hw.v4l2.capture_watch import (
+    REMEMBERED,
+    REPETITION_NS,
+    SILENCE_NS,
+    START_PATIENCE_NS,
+    CaptureMeter,
+    FreezeWatch,
+    Sight,
+)
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+
+pytestmark = pytest.mark.untimed
+
+PERIOD_NS = NS_PER_S // 30
+OPENED_NS = 7 * NS_PER_S
+
+
+@pytest.fixture
+def watch() -> FreezeWatch:
+    watch = FreezeWatch(noisy=True)
+    watch.opened(OPENED_NS)
+    return watch
+
+
+def test_a_camera_that_was_just_opened_is_given_time(watch: FreezeWatch) -> None:
+    assert watch.silent_from_ns() == OPENED_NS + START_PATIENCE_NS
+
+
+def test_a_camera_is_silent_half_a_second_after_its_last_frame(watch: FreezeWatch) -> None:
+    watch.frame(OPENED_NS + 900 * NS_PER_MS, b"a")
+    assert watch.silent_from_ns() == OPENED_NS + 900 * NS_PER_MS + SILENCE_NS
+    assert SILENCE_NS == 500 * NS_PER_MS
+
+
+def test_frames_that_differ_in_one_bit_are_seen(watch: FreezeWatch) -> None:
+    for number in range(90):
+        frame = b"same" * 100 + bytes([number])
+        assert watch.frame(OPENED_NS + number * PERIOD_NS, frame) is Sight.SEEING
+
+
+def test_a_frame_that_comes_again_is_left_out_at_once(watch: FreezeWatch) -> None:
+    assert watch.frame(OPENED_NS, b"a") is Sight.SEEING
+    assert watch.frame(OPENED_NS + PERIOD_NS, b"a") is Sight.REPEATED
+    assert watch.frame(OPENED_NS + 2 * PERIOD_NS, b"b") is Sight.SEEING
+    assert watch.frame(OPENED_NS + 3 * PERIOD_NS, b"a") is Sight.REPEATED
+
+
+@pytest.mark.parametrize("buffers", [2, 4, REMEMBERED])
+def test_old_buffers_in_turn_are_left_out_and_then_a_frozen_sensor(
+    watch: FreezeWatch, buffers: int
+) -> None:
+    sights = [
+        watch.frame(OPENED_NS + number * PERIOD_NS, bytes([number % buffers]))
+        for number in range(60)
+    ]
+    assert set(sights[:buffers]) == {Sight.SEEING}
+    assert set(sights[buffers:30]) == {Sight.REPEATED}
+    assert sights[-1] is Sight.REPEATING
+
+
+def test_no_new_frame_for_more_than_a_second_is_a_frozen_sensor(watch: FreezeWatch) -> None:
+    at = OPENED_NS
+    assert watch.frame(at, b"a") is Sight.SEEING
+    assert watch.frame(at + REPETITION_NS, b"a") is Sight.REPEATED
+    assert watch.frame(at + REPETITION_NS + 1, b"a") is Sight.REPEATING
+    assert REPETITION_NS == NS_PER_S
+
+
+def test_reopening_does_not_make_the_same_frame_a_new_one(watch: FreezeWatch) -> None:
+    for number in range(60):
+        watch.frame(OPENED_NS + number * PERIOD_NS, b"a")
+    reopened_ns = OPENED_NS + 3 * NS_PER_S
+    watch.opened(reopened_ns)
+    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is Sight.REPEATED
+    assert watch.frame(reopened_ns + REPETITION_NS + 1, b"a") is Sight.REPEATING
+    assert watch.frame(reopened_ns + REPETITION_NS + PERIOD_NS, b"b") is Sight.SEEING
+
+
+def test_a_frame_left_over_from_before_reopening_does_not_close_the_camera(
+    watch: FreezeWatch,
+) -> None:
+    for number in range(60):
+        watch.frame(OPENED_NS + number * PERIOD_NS, b"a")
+    reopened_ns = OPENED_NS + 3 * NS_PER_S
+    watch.opened(reopened_ns)
+    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is not Sight.REPEATING
+    assert watch.frame(reopened_ns + 2 * PERIOD_NS, b"b") is Sight.SEEING
+
+
+def test_a_file_may_show_one_frame_for_ever() -> None:
+    watch = FreezeWatch(noisy=False)
+    watch.opened(OPENED_NS)
+    for number in range(300):
+        assert watch.frame(OPENED_NS + number * PERIOD_NS, b"a") is Sight.SEEING
+
+
+def test_rate_and_ages_are_those_of_the_last_two_seconds() -> None:
+    meter = CaptureMeter()
+    for number in range(60):  # slow and late, long ago
+        meter.add(number * 2 * PERIOD_NS, number * 2 * PERIOD_NS + 900 * NS_PER_MS)
+    start_ns = 60 * 2 * PERIOD_NS
+    for number in range(90):
+        capture_ns = start_ns + number * PERIOD_NS
+        meter.add(capture_ns, capture_ns + (40 if number == 80 else 10) * NS_PER_MS)
+    stats = meter.stats(missed=3, openings=2)
+    assert stats.rate_hz == pytest.approx(30.0, rel=1e-6)
+    assert stats.age_ms == 10.0
+    assert stats.oldest_ms == 40.0
+    assert (stats.frames, stats.missed, stats.openings) == (150, 3, 2)
+    assert stats.last_capture_ns == start_ns + 89 * PERIOD_NS
+
+
+def test_before_the_first_frame_nothing_is_claimed() -> None:
+    meter = CaptureMeter()
+    assert meter.stats(0, 0).rate_hz == 0.0
+    meter.add(5, 6)
+    assert meter.stats(0, 1).rate_hz == 0.0
+    assert meter.stats(0, 1).frames == 1

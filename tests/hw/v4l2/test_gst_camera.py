@@ -1,0 +1,216 @@
+"""Blind cameras: real GStreamer chains that end, fail, fall silent or repeat themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from hw.v4l2.gst_camera import GstCamera
+from hw.v4l2.gst_capture import GstCapture
+from tams_app.config import VideoConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Frame
+from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+
+SMALL = VideoConfig(width=160, height=120)
+CAPS = "video/x-raw,format=I420,width=160,height=120,framerate=30/1"
+# by wall time: like a sensor, it never shows the same frame twice, also when opened again
+MOVING = f"videotestsrc is-live=true pattern=ball animation-mode=wall-time ! {CAPS}"
+STILL = f"videotestsrc is-live=true pattern=blue ! {CAPS}"
+PATIENCE_S = 10.0  # generous: the machine may be busy
+
+pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
+
+
+class PlayedSource:
+    """Opens the given chains one after the other, the last one again and again."""
+
+    label = "played camera"
+
+    def __init__(self, *chains: str | Exception, noisy: bool = True, endless: bool = True) -> None:
+        self._chains = list(chains)
+        self.noisy = noisy
+        self.endless = endless
+        self.opened: list[str] = []
+        self.capture: GstCapture | None = None
+        self.says: list[str] = []
+
+    def open(self) -> GstCapture:
+        chain = self._chains.pop(0) if len(self._chains) > 1 else self._chains[0]
+        self.opened.append(str(chain))
+        if isinstance(chain, Exception):
+            raise chain
+        self.capture = GstCapture(chain, SMALL)
+        return self.capture
+
+    def complaints(self) -> list[str]:
+        return self.says
+
+
+Notes = list[tuple[str, str]]
+Make = Callable[[PlayedSource], tuple[GstCamera, Notes]]
+
+
+@pytest.fixture
+def make() -> Iterator[Make]:
+    cameras: list[GstCamera] = []
+
+    def make(source: PlayedSource) -> tuple[GstCamera, Notes]:
+        notes: Notes = []
+        note = lambda level, text: notes.append((level, text))  # noqa: E731
+        cameras.append(GstCamera("eih", source, SMALL, MonotonicClock(), note))
+        return cameras[-1], notes
+
+    yield make
+    for camera in cameras:
+        camera.close()
+
+
+def next_of(camera: GstCamera) -> Frame:
+    frame = camera.next_frame(PATIENCE_S)
+    assert frame is not None
+    return frame
+
+
+def until_blind(camera: GstCamera, last: Frame | None = None) -> Frame:
+    """The last frame before the camera is in trouble; `last` if there is none after it."""
+    while not camera.trouble:
+        last = camera.next_frame(0.05) or last
+    assert last is not None
+    return last
+
+
+def assert_grid_goes_on(before: Frame, after: Frame) -> None:
+    periods = (after.capture_ns - before.capture_ns) * SMALL.fps / NS_PER_S
+    assert after.index > before.index
+    assert after.index - before.index == pytest.approx(periods, abs=1.6)
+
+
+def test_a_camera_whose_frames_end_is_opened_again_and_its_grid_goes_on(make: Make) -> None:
+    source = PlayedSource(MOVING.replace("videotestsrc", "videotestsrc num-buffers=6"), MOVING)
+    camera, notes = make(source)
+    camera.start()
+    before = until_blind(camera)
+    assert notes == [
+        ("warning", "camera eih (played camera) failed: its frames ended"),
+    ]
+    after = next_of(camera)
+    assert_grid_goes_on(before, after)
+    assert [level for level, _ in notes] == ["warning", "info"]
+    assert notes[1][1].startswith("camera eih sees again, after ")
+    assert camera.trouble == ""
+
+
+def test_a_camera_that_fails_gives_its_reason_and_is_opened_again(make: Make) -> None:
+    source = PlayedSource(f"{MOVING} ! identity error-after=6", MOVING)
+    camera, notes = make(source)
+    camera.start()
+    before = until_blind(camera)
+    assert "failed: identity" in notes[0][1]
+    assert_grid_goes_on(before, next_of(camera))
+
+
+def test_a_camera_that_falls_silent_is_opened_again(make: Make) -> None:
+    source = PlayedSource(f"{MOVING} ! valve name=valve", MOVING)
+    camera, notes = make(source)
+    camera.start()
+    before = next_of(camera)
+    assert source.capture is not None
+    source.capture._pipeline.get_by_name("valve").set_property("drop", True)
+    before = until_blind(camera, before)
+    assert "delivers no frames" in notes[0][1]
+    after = next_of(camera)
+    assert after.capture_ns - before.capture_ns > NS_PER_S // 2
+    assert_grid_goes_on(before, after)
+    assert camera.stats().missed >= 14
+    assert camera.stats().openings == 2
+
+
+def test_a_sensor_that_repeats_one_frame_is_not_shown_however_often_it_is_opened(
+    make: Make,
+) -> None:
+    source = PlayedSource(STILL, STILL, MOVING)
+    camera, notes = make(source)
+    camera.start()
+    shown = camera.stats().frames
+    while not camera.trouble:
+        assert camera.next_frame(0.05) is None
+    assert "repeats one frame to the last bit" in notes[0][1]
+    after = next_of(camera)
+    assert len(source.opened) == 3
+    assert after.index > SMALL.fps  # counted on over a second without a frame
+    assert camera.stats().frames == shown + 1
+    assert [level for level, _ in notes] == ["warning", "info"]
+
+
+def test_a_pattern_may_repeat_one_frame(make: Make) -> None:
+    camera, notes = make(PlayedSource(STILL, noisy=False))
+    camera.start()
+    frames = [next_of(camera) for _ in range(45)]
+    assert frames[-1].capture_ns - frames[0].capture_ns > NS_PER_S
+    assert notes == []
+
+
+def test_a_camera_that_is_away_is_tried_about_once_a_second_and_told_once(make: Make) -> None:
+    ends = MOVING.replace("videotestsrc", "videotestsrc num-buffers=40")
+    pulled_out = OSError(19, "No such device")
+    source = PlayedSource(ends, DeviceError("no camera at all"), pulled_out, MOVING)
+    camera, notes = make(source)
+    camera.start()
+    until_blind(camera)
+    next_of(camera)
+    assert [text.split(" (played camera) ")[-1] for _, text in notes[:2]] == [
+        "failed: its frames ended",
+        "is away: no camera at all",
+    ]
+    assert [level for level, _ in notes] == ["warning", "warning", "info"]
+    assert len(source.opened) == 4
+
+
+def test_away_frames_are_none_after_the_timeout_and_nothing_is_raised(make: Make) -> None:
+    ends = MOVING.replace("videotestsrc", "videotestsrc num-buffers=3")
+    camera, _ = make(PlayedSource(ends, DeviceError("gone")))
+    camera.start()
+    until_blind(camera)
+    clock = MonotonicClock()
+    start_ns = clock.now_ns()
+    assert camera.next_frame(0.3) is None
+    assert clock.now_ns() - start_ns >= 0.3 * NS_PER_S
+
+
+def test_a_camera_that_refuses_at_the_start_is_a_device_error(make: Make) -> None:
+    camera, _ = make(PlayedSource(DeviceError("no camera at all; plug it in")))
+    with pytest.raises(DeviceError, match="camera eih: no camera at all; plug it in"):
+        camera.start()
+    with pytest.raises(DeviceError, match="not started"):
+        camera.next_frame(0.0)
+
+
+def test_a_camera_that_gives_no_first_frame_is_a_device_error(make: Make) -> None:
+    camera, _ = make(PlayedSource(f"{MOVING} ! identity error-after=1"))
+    with pytest.raises(DeviceError, match="camera eih: played camera gives no frame: identity"):
+        camera.start()
+
+
+def test_what_the_device_does_not_do_is_told_once(make: Make) -> None:
+    ends = MOVING.replace("videotestsrc", "videotestsrc num-buffers=3")
+    source = PlayedSource(ends, MOVING)
+    source.says = ["keeps gain at 7 although 9 was set"]
+    camera, notes = make(source)
+    camera.start()
+    until_blind(camera)
+    next_of(camera)
+    told = [text for _, text in notes if "keeps gain" in text]
+    assert told == ["camera eih (played camera) keeps gain at 7 although 9 was set"]
+
+
+def test_stats_tell_rate_and_age(make: Make) -> None:
+    camera, _ = make(PlayedSource(MOVING))
+    camera.start()
+    for _ in range(20):
+        next_of(camera)
+    stats = camera.stats()
+    assert stats.rate_hz == pytest.approx(30, rel=0.5)
+    assert 0 < stats.age_ms <= stats.oldest_ms
+    assert stats.frames >= 20

@@ -1,0 +1,98 @@
+"""Helper processes, from both sides."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from tams_app.errors import HelperError
+from tams_app.runtime.process import PROJECT_DIRECTORY, HelperProcess
+
+pytestmark = pytest.mark.waiting
+
+
+def helper(tmp_path, behaviour):
+    specification = {"behaviour": behaviour, "number": 42}
+    return HelperProcess("echo", "tests.echo_helper", specification, tmp_path)
+
+
+def test_a_helper_tells_when_it_is_ready_and_ends_when_asked(tmp_path):
+    process = helper(tmp_path, "serve")
+    process.start()
+    assert process.wait_ready() == {"number": 42}
+    assert process.exit_code is None
+    process.stop()
+    process.stop()
+    assert process.exit_code == 0
+
+
+def test_a_helper_that_cannot_work_says_why_in_one_sentence(tmp_path):
+    process = helper(tmp_path, "fail")
+    process.start()
+    with pytest.raises(HelperError, match="port 7 is in use"):
+        process.wait_ready()
+    process.stop()
+
+
+def test_a_helper_that_dies_at_the_start_is_reported_with_its_log(tmp_path):
+    process = helper(tmp_path, "die")
+    process.start()
+    with pytest.raises(HelperError, match=r"echo could not start; see .*echo\.log"):
+        process.wait_ready()
+    process.stop()
+
+
+def test_a_helper_that_ignores_everything_is_killed(tmp_path):
+    process = helper(tmp_path, "stubborn")
+    process.start()
+    process.wait_ready()
+    process.stop(timeout_s=0.6)
+    assert process.exit_code == -signal.SIGKILL
+
+
+def test_a_helper_survives_ctrl_c_and_leaves_the_stopping_to_the_session(tmp_path):
+    process = helper(tmp_path, "serve")
+    process.start()
+    process.wait_ready()
+    assert os.getsid(process.pid) != os.getsid(0)  # nor does Ctrl-Z or a hang-up reach it
+    os.kill(process.pid, signal.SIGINT)
+    assert process.exit_code is None
+    process.stop()
+    assert process.exit_code == 0
+
+
+def gone_within_s(patience_s, pid):
+    """Whether process `pid`, nobody's child by now, ends; a zombie has ended too."""
+    give_up_s = time.monotonic() + patience_s
+    while time.monotonic() < give_up_s:
+        try:
+            if psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+                return True
+        except psutil.NoSuchProcess:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_a_helper_ends_when_its_session_is_killed():
+    lines = (
+        "import os, signal",
+        "from tams_app.runtime.process import HelperProcess",
+        "specification = {'behaviour': 'serve', 'number': 1}",
+        "h = HelperProcess('echo', 'tests.echo_helper', specification, None)",
+        "h.start(); h.wait_ready(); print(h.pid, flush=True)",
+        "os.kill(os.getpid(), signal.SIGKILL)",
+    )
+    parent = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)],
+        cwd=PROJECT_DIRECTORY,
+        capture_output=True,
+        timeout=30,
+        check=False,
+    )
+    assert parent.returncode == -signal.SIGKILL
+    assert gone_within_s(30.0, int(parent.stdout))

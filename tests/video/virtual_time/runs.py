@@ -1,0 +1,116 @@
+"""Short runs in virtual time; as a program it prints the hash of one, for a fresh process.
+
+`python -m tests.video.virtual_time.runs NETWORK SEED SECONDS`
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import closing
+from dataclasses import dataclass, field
+from hashlib import sha256
+
+from tams_app.config import Network, VideoConfig
+from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
+from tams_app.runtime.clock import NS_PER_S
+from tams_app.video.repair import RepairRule, repair_rule
+from tams_app.video.view_decoder import ReceiverStats
+from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
+from tams_app.video.virtual_time.video import RepairCounts, VirtualVideo
+from tests.video.scenes import frame
+
+START_NS = NS_PER_S
+CLEAN = Network(latency_ms=20)
+NETWORKS = {
+    "clean": CLEAN,
+    "s2": Network(latency_ms=40, jitter_ms=8, loss=0.003, rate_kbps=6000),
+    "s3": Network(latency_ms=80, jitter_ms=15, loss=0.01, rate_kbps=3000),
+    "lossy": Network(latency_ms=20, jitter_ms=4, loss=0.02),
+}
+
+
+@dataclass
+class Run:
+    """All that one run left behind, in the order in which it was told."""
+
+    encoded: list[EncodedFrame] = field(default_factory=list)
+    dropped: list[DroppedFrame] = field(default_factory=list)
+    shown: list[ShownFrame] = field(default_factory=list)
+    packets: list[PacketRecord] = field(default_factory=list)
+    counts: dict[str, RepairCounts] = field(default_factory=dict)
+    stats: dict[str, ReceiverStats] = field(default_factory=dict)
+    wire_bytes: int = 0
+
+    @property
+    def records(self) -> VideoRecords:
+        return VideoRecords(
+            self.encoded.append, self.dropped.append, self.shown.append, self.packets.extend
+        )
+
+    def digest(self) -> str:
+        """One number for every packet, time and pixel."""
+        sha = sha256(repr((self.packets, self.dropped, self.counts, self.stats)).encode())
+        for sent in self.encoded:
+            sha.update(repr(sent).encode())
+        for seen in self.shown:
+            sha.update(repr((seen.view, seen.index, seen.shown_ns)).encode())
+            sha.update(seen.image.tobytes())
+        return sha.hexdigest()
+
+
+def make(
+    run: Run,
+    network: Network,
+    views: tuple[str, ...] = ("eih",),
+    kbps: float = 900.0,
+    rule: RepairRule | None = None,
+    times: ProcessingTimes | None = None,
+    seed: int = 1,
+    records: VideoRecords | None = None,
+) -> VirtualVideo:
+    config = VideoConfig(views=views)
+    return VirtualVideo(
+        config,
+        network,
+        rule or repair_rule(network, config.pli_min_interval_ms),
+        seed,
+        START_NS,
+        dict.fromkeys(views, kbps),
+        80.0,
+        records or run.records,
+        times,
+    )
+
+
+def drive(video: VirtualVideo, views: tuple[str, ...], indices: range, fps: int = 30) -> None:
+    """Push frames at their times, then let a second pass."""
+    for index in indices:
+        video.advance_to(START_NS + index * NS_PER_S // fps)
+        for place, view in enumerate(views):
+            image = frame(index + 40 * place).image
+            video.push(Frame(view, index, video.now_ns, image))
+    video.advance_to(video.now_ns + NS_PER_S)
+
+
+def run_whole(
+    network: Network,
+    frames: int,
+    views: tuple[str, ...] = ("eih",),
+    kbps: float = 900.0,
+    rule: RepairRule | None = None,
+    seed: int = 1,
+) -> Run:
+    """`frames` of each view from first to last."""
+    run = Run()
+    with closing(make(run, network, views, kbps, rule, seed=seed)) as video:
+        drive(video, views, range(frames))
+        run.counts = {view: video.counts(view) for view in views}
+        run.wire_bytes = video.wire_bytes()
+        run.stats = {view: video.stats(view) for view in views}
+    return run
+
+
+if __name__ == "__main__":
+    name, number, seconds = sys.argv[1:]
+    whole = run_whole(NETWORKS[name], int(seconds) * 30, ("eih", "gt", "gs"), seed=int(number))
+    sys.stdout.write(f"{whole.digest()} {len(whole.shown)} {len(whole.packets)}\n")

@@ -1,0 +1,154 @@
+"""The real chains between pads of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+
+from tams_app import gst
+from tams_app.config import VideoConfig
+from tams_app.records import EncodedFrame, ShownFrame
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.video.frame_identity import index_of_rtp_timestamp
+from tams_app.video.packets import read_rtp
+from tams_app.video.repair import RepairRule
+from tams_app.video.view_decoder import ViewDecoder
+from tams_app.video.view_encoder import ViewEncoder
+from tams_app.video.virtual_time.chains import DecoderChain, EncoderChain, time_left_ms
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.virtual_time.wait_idle import Quiescence
+from tests.video.scenes import frame
+from tests.video.streams import PATIENT, UNREPAIRED
+
+pytestmark = pytest.mark.untimed
+
+FRAME_NS = NS_PER_S // 30
+
+
+class Ends:
+    """An encoder and a decoder with nothing in between but the test."""
+
+    def __init__(self, rule: RepairRule = PATIENT) -> None:
+        config = VideoConfig(views=("eih",))
+        self.clock = SteppedClock(NS_PER_S)
+        self.encoded: list[EncodedFrame] = []
+        self.shown: list[ShownFrame] = []
+        self.frames = ViewEncoder(
+            "eih", config, self.clock, 1500.0, 80.0, self.encoded.append, lambda dropped: None
+        )
+        images = ViewDecoder("eih", config, rule, self.clock, self.shown.append)
+        self.encoder = EncoderChain("eih", config, self.frames, self.clock)
+        self.decoder = DecoderChain("eih", "avdec_h264", rule, images, self.clock)
+        self.quiescence = Quiescence()
+        self.encoder.start()
+        self.decoder.start()
+
+    def packets(self, index: int) -> list[bytes]:
+        buffer = self.frames.admit(frame(index), 0)
+        assert buffer is not None
+        return self.encoder.encode(buffer)
+
+    def feed(self, packet: bytes, resent: bool = False) -> None:
+        self.decoder.feed(packet, resent)
+        self.quiescence.wait()
+
+    def let_pass(self, duration_ns: int) -> None:
+        end_ns = self.clock.now_ns() + duration_ns
+        while (due_ns := self.clock.next_ns()) is not None and due_ns <= end_ns:
+            self.clock.move_to(max(due_ns, self.clock.now_ns()))
+            self.clock.end_next_wait()
+            self.quiescence.wait()
+        self.clock.move_to(end_ns)
+
+    def carry(self, indices: range) -> None:
+        for index in indices:
+            for packet in self.packets(index):
+                self.feed(packet)
+            self.let_pass(FRAME_NS)
+
+    def close(self) -> None:
+        self.encoder.close()
+        self.decoder.close()
+        self.quiescence.close()
+
+
+@pytest.fixture
+def ends() -> Iterator[Ends]:
+    with closing(Ends()) as made:
+        yield made
+
+
+def test_one_frame_in_gives_its_packets_out(ends: Ends) -> None:
+    for index in range(5):
+        headers = [header for packet in ends.packets(index) if (header := read_rtp(packet))]
+        assert [header.marker for header in headers] == [False] * (len(headers) - 1) + [True]
+        assert {index_of_rtp_timestamp(header.timestamp, 30) for header in headers} == {index}
+        assert len(ends.encoded) == index + 1
+
+
+def test_a_requested_keyframe_is_the_next_frame(ends: Ends) -> None:
+    ends.packets(0)
+    ends.packets(1)
+    ends.encoder.request_keyframe()
+    ends.packets(2)
+    ends.packets(3)
+    assert [sent.keyframe for sent in ends.encoded] == [True, False, True, False]
+
+
+def test_a_missing_packet_is_asked_for_at_once_and_once(ends: Ends) -> None:
+    ends.carry(range(16))
+    first, _, *others = ends.packets(16)
+    ends.feed(first)
+    assert ends.decoder.take_nacks() == []
+    for packet in others:
+        ends.feed(packet)
+    ((sequence, patience_ms),) = ends.decoder.take_nacks()
+    header = read_rtp(first)
+    assert header is not None
+    assert sequence == header.sequence + 1
+    assert 200 <= patience_ms <= PATIENT.latency_ms
+    assert ends.decoder.take_nacks() == []
+
+
+@pytest.mark.parametrize(
+    ("deadline", "delay", "round_trip", "left"),
+    [(400, 10, 80, 310), (400, 0, 0, 400), (100, 0, 200, 0), (100, 120, 40, 60)],
+)
+def test_the_time_left_to_ask_is_reckoned_as_rtpsession_does(
+    deadline: int, delay: int, round_trip: int, left: int
+) -> None:
+    text = (
+        f"GstRTPRetransmissionRequest,deadline=(uint){deadline},delay=(uint){delay},"
+        f"avg-rtt=(uint){round_trip};"
+    )
+    structure, _ = gst.load().Gst.Structure.from_string(text)
+    assert time_left_ms(structure) == left
+
+
+def test_a_resent_packet_makes_the_frame_whole(ends: Ends) -> None:
+    ends.carry(range(16))
+    first, missing, *others = ends.packets(16)
+    for packet in (first, *others):
+        ends.feed(packet)
+    assert ends.shown[-1].index == 15
+    ends.let_pass(100 * NS_PER_MS)
+    ends.feed(missing, resent=True)
+    assert ends.shown[-1].index == 16
+    assert not ends.decoder.take_pli()
+
+
+def test_a_packet_that_stays_away_is_given_up_after_the_latency_and_a_keyframe_asked_for() -> None:
+    with closing(Ends(UNREPAIRED)) as ends:
+        ends.carry(range(16))
+        first, _, *others = ends.packets(16)
+        for packet in (first, *others):
+            ends.feed(packet)
+        ends.let_pass((UNREPAIRED.latency_ms - 1) * NS_PER_MS)
+        assert not ends.decoder.take_pli()
+        ends.let_pass(NS_PER_S // 30)
+        ends.carry(range(17, 19))
+        assert ends.decoder.take_pli()
+        assert not ends.decoder.take_pli()
+        assert ends.decoder.take_nacks() == []

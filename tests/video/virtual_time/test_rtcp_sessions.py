@@ -1,0 +1,133 @@
+"""What feedback carries, what a sender obeys, and what it still has."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from tams_app.runtime.clock import NS_PER_MS
+from tams_app.video.virtual_time.rtcp_sessions import (
+    Feedback,
+    ReceiverSession,
+    SenderSession,
+    SentPackets,
+)
+
+pytestmark = pytest.mark.untimed
+
+
+def receiver(rtx: bool = True) -> ReceiverSession:
+    session = ReceiverSession(Random(1), rtx)
+    session.received(0, repair=False)
+    next_feedback(session)
+    return session
+
+
+def next_feedback(session: ReceiverSession) -> Feedback:
+    while True:
+        assert session.next_ns is not None
+        feedback = session.step(session.next_ns)
+        if feedback is not None:
+            return feedback
+
+
+def asking(at_ns: int, pli: bool = True, transit_ns: int | None = None) -> Feedback:
+    return Feedback(at_ns - 80 * NS_PER_MS, (), pli, 100, transit_ns)
+
+
+def test_what_was_asked_leaves_once_and_in_order() -> None:
+    session = receiver()
+    now_ns = (session.next_ns or 0) - 1
+    session.ask_again(now_ns, 7, 50)
+    session.ask_again(now_ns, 9, 60)
+    session.ask_keyframe(now_ns)
+    feedback = next_feedback(session)
+    assert (feedback.sent_ns, feedback.nacks, feedback.pli) == (now_ns, (7, 9), True)
+    assert feedback.report_transit_ns is None  # an early report says nothing of reception
+    later = next_feedback(session)
+    assert (later.nacks, later.pli) == ((), False)
+
+
+def test_sizes_are_those_that_rtpsession_sends() -> None:
+    session = receiver()
+    assert next_feedback(session).size_bytes == 112
+    session.ask_again((session.next_ns or 0) - 1, 7, 50)
+    assert next_feedback(session).size_bytes == 92
+    session.ask_keyframe((session.next_ns or 0) - 1)
+    feedback = next_feedback(session)
+    assert feedback.size_bytes in (88, 124)  # early, or with the next regular report
+    session.received(0, repair=True)
+    while (feedback := next_feedback(session)).size_bytes < 112:
+        pass
+    assert feedback.size_bytes == 136
+
+
+def test_one_entry_asks_for_seventeen_packets_also_where_numbers_wrap() -> None:
+    session = receiver()
+    now_ns = (session.next_ns or 0) - 1
+    for sequence in (65530, 65535, 4, 11):
+        session.ask_again(now_ns, sequence, 50)
+    # the span from 65530 is 6 + 11 = 17 > 16: a second entry for 11
+    assert next_feedback(session).size_bytes == 28 + 8 + 40 + 12 + 2 * 4
+
+
+def test_a_regular_report_leaves_out_what_would_come_too_late() -> None:
+    session = receiver()
+    now_ns = (session.next_ns or 0) - 1
+    session.ask_again(now_ns, 5, 100)
+    next_feedback(session)  # the early one is spent
+    session.ask_again(now_ns + 1, 6, 0)
+    session.ask_again(now_ns + 2, 8, 10_000)
+    asked: list[int] = []
+    while 8 not in asked:
+        asked += next_feedback(session).nacks
+    assert asked == [8]
+
+
+def test_the_report_of_the_sender_is_answered_in_regular_reports() -> None:
+    session = receiver()
+    session.received_report(90 * NS_PER_MS, 108)
+    assert next_feedback(session).report_transit_ns == 90 * NS_PER_MS
+
+
+def test_a_keyframe_request_within_two_round_trips_is_ignored() -> None:
+    session = SenderSession(Random(1), rtx=False)
+    transit_ns = 100 * NS_PER_MS  # there 100, back 80: 180 ms
+    assert session.received(1_000 * NS_PER_MS, asking(1_000 * NS_PER_MS, transit_ns=transit_ns))
+    assert not session.received(1_355 * NS_PER_MS, asking(1_355 * NS_PER_MS))
+    assert session.received(1_361 * NS_PER_MS, asking(1_361 * NS_PER_MS))
+
+
+def test_without_a_round_trip_every_keyframe_request_is_obeyed() -> None:
+    session = SenderSession(Random(1), rtx=False)
+    assert session.received(1000, asking(1000))
+    assert session.received(1001, asking(1001))
+
+
+def test_feedback_without_a_pli_makes_no_keyframe() -> None:
+    session = SenderSession(Random(1), rtx=False)
+    assert not session.received(1000, asking(1000, pli=False))
+
+
+def test_a_sender_reports_for_both_streams_with_rtx() -> None:
+    def sizes(rtx: bool, repair: bool) -> list[int]:
+        session = SenderSession(Random(1), rtx)
+        session.sent(0, repair)
+        while True:
+            assert session.next_ns is not None
+            if reports := session.step(session.next_ns):
+                return reports
+
+    assert sizes(rtx=False, repair=False) == [108]
+    assert sizes(rtx=True, repair=False) == [108, 88]
+    assert sizes(rtx=True, repair=True) == [108, 108]
+
+
+def test_packets_are_kept_for_their_time_and_no_longer() -> None:
+    history = SentPackets(1000)
+    history.keep(1, 0, b"one")
+    history.keep(2, 90_000, b"two")
+    assert history.find(1) == b"one"
+    history.keep(3, 90_001, b"three")
+    assert (history.find(1), history.find(2), history.find(4)) == (None, b"two", None)

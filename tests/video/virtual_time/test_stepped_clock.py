@@ -1,0 +1,51 @@
+"""GStreamer's test clock in our hands."""
+
+from __future__ import annotations
+
+import pytest
+
+from tams_app import gst
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.virtual_time.wait_idle import Quiescence
+
+pytestmark = pytest.mark.untimed
+
+
+def test_time_moves_only_when_told_and_never_back() -> None:
+    clock = SteppedClock(1000)
+    assert clock.now_ns() == 1000
+    clock.move_to(5000)
+    clock.sleep_until_ns(3000)
+    assert clock.now_ns() == 5000
+    with pytest.raises(ValueError, match="does not go back"):
+        clock.move_to(4999)
+
+
+def test_a_start_at_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match="after 0"):
+        SteppedClock(0)
+
+
+def test_a_wait_ends_when_it_is_told_to_and_not_when_time_passes() -> None:
+    Gst = gst.load().Gst
+    clock, quiescence = SteppedClock(1000), Quiescence()
+    pipeline = gst.parse_pipeline(
+        "appsrc name=in format=time ! appsink name=out sync=true async=false"
+    )
+    clock.drive(pipeline)
+    gst.set_playing(pipeline, "the test")
+    pipeline.get_by_name("in").emit("push-buffer", gst.raw_buffer(b"x", 500, 1))
+    sink = pipeline.get_by_name("out")
+    quiescence.wait()
+    assert clock.next_ns() == 1500
+    clock.move_to(2000)
+    quiescence.wait()
+    assert sink.get_property("eos") is False
+    assert sink.emit("try-pull-sample", 0) is None
+    clock.end_next_wait()
+    quiescence.wait()
+    assert sink.emit("try-pull-sample", 0).get_buffer().pts == 500
+    assert clock.next_ns() is None
+    gst.shut_down(pipeline)
+    quiescence.close()
+    assert pipeline.get_state(0)[1] == Gst.State.NULL

@@ -1,0 +1,238 @@
+"""The views in lock-step: exact, repeatable, and with the repair that live runs have."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from contextlib import closing
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from tams_app.config import Network
+from tams_app.errors import TamsError
+from tams_app.records import PacketFate, PacketKind
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.runtime.process import PROJECT_DIRECTORY
+from tams_app.video.repair import RepairRule
+from tams_app.video.virtual_time.shared import ProcessingTimes
+from tests.video.scenes import frame
+from tests.video.streams import PATIENT, UNREPAIRED, checksum, decoded_checksums
+from tests.video.virtual_time.runs import CLEAN, NETWORKS, START_NS, Run, drive, make, run_whole
+
+pytestmark = pytest.mark.untimed
+
+
+def digest_of_a_fresh_process(network: str) -> str:
+    command = [sys.executable, "-m", "tests.video.virtual_time.runs", network, "1", "3"]
+    done = subprocess.run(
+        command, cwd=PROJECT_DIRECTORY, capture_output=True, text=True, check=True, timeout=100
+    )
+    return done.stdout
+
+
+def test_two_fresh_processes_agree_to_the_last_bit_also_beside_a_busy_one() -> None:
+    alone = digest_of_a_fresh_process("s3")
+    busy = [
+        subprocess.Popen(["nice", "-n", "15", sys.executable, "-c", "while True: pass"])
+        for _ in range(2)
+    ]
+    try:
+        beside = digest_of_a_fresh_process("s3")
+    finally:
+        for each in busy:
+            each.kill()
+            each.wait()
+    assert alone == beside
+    assert int(alone.split()[1]) > 200  # three views for three seconds
+
+
+def test_another_seed_is_another_run() -> None:
+    one, other = (run_whole(NETWORKS["lossy"], 20, seed=seed) for seed in (1, 2))
+    assert one.digest() != other.digest()
+
+
+def test_every_frame_of_a_clean_link_is_shown_bit_exact_under_its_own_index() -> None:
+    run = run_whole(CLEAN, 40)
+    assert {seen.index: checksum(seen) for seen in run.shown} == decoded_checksums(run.encoded)
+    assert [seen.index for seen in run.shown] == list(range(40))
+
+
+def test_a_frame_is_shown_after_encoding_link_and_decoding() -> None:
+    run, times = Run(), ProcessingTimes(encoding_ns=3_000_000, decoding_ns=2_000_000)
+    with closing(make(run, CLEAN, times=times)) as video:
+        drive(video, ("eih",), range(20))
+    assert {sent.encoded_ns - sent.capture_ns for sent in run.encoded} == {3_000_000}
+    assert {sent.pushed_ns - sent.capture_ns for sent in run.encoded} == {0}
+    captured = {sent.index: sent.capture_ns for sent in run.encoded}
+    ages = {seen.index: seen.shown_ns - captured[seen.index] for seen in run.shown}
+    # the jitter buffer holds the very first packet for its whole latency
+    assert {age for index, age in ages.items() if index >= 5} == {25 * NS_PER_MS}
+
+
+def test_the_screen_changes_at_its_time_and_not_before() -> None:
+    run, last = Run(), 9
+    with closing(make(run, CLEAN, times=ProcessingTimes(0, 0))) as video:
+        for index in range(last + 1):
+            video.advance_to(START_NS + index * NS_PER_S // 30)
+            video.push(frame(index, capture_ns=video.now_ns))
+        due_ns = video.now_ns + 20 * NS_PER_MS
+        video.advance_to(due_ns - 1)
+        before = video.shown("eih")
+        video.advance_to(due_ns)
+        after = video.shown("eih")
+    assert before is not None
+    assert after is not None
+    assert (before.index, after.index, after.shown_ns) == (last - 1, last, due_ns)
+    assert run.shown[-1] is after
+
+
+def test_how_finely_time_is_advanced_changes_nothing() -> None:
+    digests = set()
+    for steps in (1, 4, 7):
+        run = Run()
+        with closing(make(run, NETWORKS["lossy"], rule=UNREPAIRED)) as video:
+            for index in range(30):
+                due_ns = START_NS + index * NS_PER_S // 30
+                video.push(frame(index, capture_ns=video.now_ns))
+                begin_ns = video.now_ns
+                due_ns = START_NS + (index + 1) * NS_PER_S // 30
+                for step in range(1, steps + 1):
+                    video.advance_to(begin_ns + (due_ns - begin_ns) * step // steps)
+        digests.add(run.digest())
+    assert len(digests) == 1
+
+
+def test_lost_packets_are_sent_again_and_the_frames_stay_whole() -> None:
+    run = run_whole(NETWORKS["lossy"], 90, rule=PATIENT)
+    lost = [
+        packet
+        for packet in run.packets
+        if packet.kind is PacketKind.MEDIA and packet.fate is PacketFate.LOST
+    ]
+    repairs = [packet for packet in run.packets if packet.kind is PacketKind.REPAIR]
+    counts = run.counts["eih"]
+    assert len(lost) >= 3
+    assert {packet.sequence for packet in lost} <= {packet.sequence for packet in repairs}
+    assert counts.nacks_sent >= len(lost)
+    assert counts.nacks_arrived == counts.nacks_sent
+    assert (counts.repairs_sent, counts.repair_bytes) == (
+        len(repairs), sum(packet.size_bytes for packet in repairs)
+    )  # fmt: skip
+    assert run.stats["eih"].packets_lost == 0
+    assert run.stats["eih"].rtx_received >= len(lost)
+    assert {seen.index: checksum(seen) for seen in run.shown} == decoded_checksums(run.encoded)
+
+
+def test_a_repair_comes_a_round_trip_after_the_gap_is_seen() -> None:
+    run = run_whole(NETWORKS["lossy"], 90, rule=PATIENT)
+    media = {packet.sequence: packet for packet in run.packets if packet.kind is PacketKind.MEDIA}
+    repairs = [packet for packet in run.packets if packet.kind is PacketKind.REPAIR]
+    for repair in repairs:
+        original = media[repair.sequence]
+        assert repair.size_bytes == original.size_bytes + 2
+        assert repair.rtp_timestamp == original.rtp_timestamp
+        # the packet behind it must arrive, and the request must come back
+        assert repair.entered_ns - original.entered_ns > 2 * 16 * NS_PER_MS
+
+
+def test_repair_counts_against_the_target() -> None:
+    run = run_whole(Network(latency_ms=10, loss=0.15), 120, rule=PATIENT)
+    sent = sum(packet.size_bytes for packet in run.packets if packet.kind is not PacketKind.RTCP)
+    assert run.counts["eih"].repair_bytes > 0.12 * sent
+    assert run.wire_bytes == sent
+    assert sent * 8 / 4 / 1000 == pytest.approx(900, rel=0.08)
+
+
+def test_an_unrepaired_loss_brings_a_keyframe_and_a_whole_frame() -> None:
+    run = run_whole(NETWORKS["lossy"], 90, rule=UNREPAIRED)
+    references = decoded_checksums(run.encoded)
+    keyframes = [sent.index for sent in run.encoded if sent.keyframe]
+    counts = run.counts["eih"]
+    assert run.stats["eih"].packets_lost > 0
+    assert counts.nacks_sent == 0
+    assert 1 <= counts.plis_sent == counts.plis_arrived
+    assert len(keyframes) == 1 + counts.keyframes_forced
+    assert all(later - earlier >= 9 for earlier, later in pairwise(keyframes[1:]))  # 300 ms
+    whole = {seen.index for seen in run.shown if checksum(seen) == references[seen.index]}
+    assert any(index in whole for index in keyframes[1:])
+
+
+def test_no_report_enters_the_link_before_the_first_frame() -> None:
+    run = run_whole(NETWORKS["s2"], 3, ("eih", "gt"))
+    kinds = [packet.kind for packet in run.packets]
+    media = [packet for packet in run.packets if packet.kind is PacketKind.MEDIA]
+    of_first_frame = [packet for packet in media if packet.rtp_timestamp == 0]
+    assert {packet.view for packet in of_first_frame} == {"eih", "gt"}
+    assert kinds.index(PacketKind.RTCP) >= len(of_first_frame) > 2
+
+
+def test_sender_reports_cross_the_link_and_are_few() -> None:
+    run = run_whole(CLEAN, 60)
+    reports = [packet for packet in run.packets if packet.kind is PacketKind.RTCP]
+    assert 3 <= len(reports) <= 20
+    assert {packet.size_bytes for packet in reports} <= {108, 88}
+
+
+def test_a_new_target_is_met() -> None:
+    run = Run()
+    with closing(make(run, CLEAN, kbps=600.0)) as video:
+        drive(video, ("eih",), range(30))
+        video.set_targets({"eih": 1800.0})
+        at_ns, before = video.now_ns, video.wire_bytes()
+        for index in range(60, 120):
+            video.advance_to(START_NS + index * NS_PER_S // 30)
+            video.push(frame(index, capture_ns=video.now_ns))
+        video.advance_to(at_ns + 2 * NS_PER_S)
+        sent_kbps = (video.wire_bytes() - before) * 8 / 2 / 1000
+    assert sent_kbps == pytest.approx(1800, rel=0.1)
+
+
+def test_a_starving_target_drops_whole_frames_and_tells_which() -> None:
+    run = run_whole(CLEAN, 20, kbps=40.0)
+    assert [left_out.index for left_out in run.dropped] == list(range(1, 20, 2))
+    assert [seen.index for seen in run.shown] == list(range(0, 20, 2))
+
+
+def test_three_views_share_one_bottleneck() -> None:
+    views = ("eih", "gt", "gs")
+    run = run_whole(NETWORKS["s3"], 30, views, kbps=2000.0, rule=UNREPAIRED)
+    assert any(packet.fate is PacketFate.OVERFLOW for packet in run.packets)
+    departures = [packet.departed_ns for packet in run.packets if packet.departed_ns]
+    assert departures == sorted(departures)
+    assert {seen.view for seen in run.shown} == set(views)
+
+
+def test_time_does_not_go_back() -> None:
+    with closing(make(Run(), CLEAN)) as video:
+        video.advance_to(START_NS + 10)
+        with pytest.raises(ValueError, match="does not go back"):
+            video.advance_to(START_NS + 9)
+
+
+@pytest.mark.parametrize("event", ["encoded", "shown"])
+def test_a_record_keeper_that_fails_is_told(event: str) -> None:
+    def refuse(_: object) -> None:
+        raise RuntimeError("the disk is full")
+
+    run = Run()
+    records = replace(run.records, **{event: refuse})
+    with (
+        closing(make(run, CLEAN, records=records)) as video,
+        pytest.raises((TamsError, RuntimeError), match="the disk is full"),
+    ):
+        drive(video, ("eih",), range(10))
+
+
+def test_a_run_can_be_closed_twice() -> None:
+    video = make(Run(), CLEAN)
+    video.push(frame(0, capture_ns=START_NS))
+    video.close()
+    video.close()
+
+
+def test_the_rule_of_a_network_decides_about_resending() -> None:
+    never = RepairRule(rtx=False, latency_ms=50, pli_interval_ms=300.0)
+    run = run_whole(NETWORKS["lossy"], 40, rule=never)
+    assert all(packet.kind is not PacketKind.REPAIR for packet in run.packets)

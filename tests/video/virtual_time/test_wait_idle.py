@@ -1,0 +1,84 @@
+"""Waiting for every other thread, and not for ever."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from tams_app.errors import TamsError
+from tams_app.video.virtual_time.wait_idle import Quiescence
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def quiescence() -> Iterator[Quiescence]:
+    made = Quiescence()
+    yield made
+    made.close()
+
+
+def test_it_waits_until_a_busy_thread_has_done_its_work(quiescence: Quiescence) -> None:
+    done = threading.Event()
+    go, end = threading.Event(), threading.Event()
+
+    def work() -> None:
+        go.wait()
+        sum(range(3_000_000))
+        done.set()
+        end.wait()
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    quiescence.wait()  # it sleeps, so this returns
+    assert not done.is_set()
+    go.set()
+    quiescence.wait()
+    assert done.is_set()
+    end.set()
+    thread.join()
+
+
+def test_a_thread_that_never_rests_is_an_error_and_not_a_hang() -> None:
+    stop = threading.Event()
+
+    def spin() -> None:
+        while not stop.is_set():
+            pass
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    impatient = Quiescence(patience_s=0.2)
+    try:
+        with pytest.raises(TamsError, match=r"did not come to rest within 0\.2 s"):
+            impatient.wait()
+    finally:
+        stop.set()
+        thread.join()
+        impatient.close()
+
+
+def test_threads_that_come_and_go_are_followed(quiescence: Quiescence) -> None:
+    for _ in range(5):
+        thread = threading.Thread(target=lambda: sum(range(10_000)))
+        thread.start()
+        quiescence.wait()
+        thread.join()
+        quiescence.wait()
+
+
+def test_closing_gives_every_file_back() -> None:
+    before = len(os.listdir("/proc/self/fd"))
+    with_files = Quiescence()
+    end = threading.Event()
+    thread = threading.Thread(target=end.wait)
+    thread.start()
+    with_files.wait()
+    with_files.close()
+    with_files.close()
+    end.set()
+    thread.join()
+    assert len(os.listdir("/proc/self/fd")) == before
