@@ -184,7 +184,7 @@ class Reason(Enum):
     STALE_VIDEO = (
         "stale video",
         Severity.HOLD,
-        "The frame is too old to steer by: wait until the video is back, then release the trigger.",
+        "The video is too old to steer by: wait until it is back, then release the trigger.",
     )
     WORKSPACE = (
         "workspace limit",
