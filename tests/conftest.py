@@ -6,6 +6,8 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+from tests.real_time import require_real_time
+
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
 
@@ -24,6 +26,12 @@ def pytest_collection_modifyitems(items):
             raise pytest.UsageError(
                 f"{item.nodeid}: pytestmark must name one of {', '.join(GROUPS)}, not {groups}"
             )
+
+
+@pytest.fixture
+def real_time():
+    """The machine keeps real time at this moment; a test that needs that is skipped elsewhere."""
+    require_real_time()
 
 
 @pytest.fixture(autouse=True)

@@ -13,6 +13,7 @@ from tams_app.recording import read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
+from tests.real_time import require_real_time
 
 pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
 
@@ -25,6 +26,7 @@ def command(out, *options):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """The folder and the words of one session on s2 that ran to its end."""
+    require_real_time()
     out = tmp_path_factory.mktemp("run")
     result = subprocess.run(
         command(out, "--seed", "1", "--seconds", "90"),
@@ -49,13 +51,6 @@ def summary(finished):
     return json.loads((finished[0] / "summary.json").read_text())
 
 
-def require_real_time(summary):
-    """Whether the task succeeds can be asked only of a machine that kept up: skip elsewhere."""
-    late = summary["control"]["late_fraction"]
-    if late > 0.2:
-        pytest.skip(f"this machine was too busy for a session in real time: {late:.0%} late ticks")
-
-
 def test_a_session_leaves_log_configuration_summary_and_frame(finished):
     folder, words = finished
     names = {path.name for path in folder.iterdir()}
@@ -66,7 +61,6 @@ def test_a_session_leaves_log_configuration_summary_and_frame(finished):
 
 
 def test_the_block_is_placed_and_the_verdict_is_in_the_summary(summary, log):
-    require_real_time(summary)
     outcome = summary["outcome"]
     assert outcome["completed"] is True
     assert outcome["reason"] == "placed"
@@ -85,7 +79,6 @@ def test_the_summary_is_that_of_the_log(summary, log):
 
 
 def test_the_task_passes_through_all_six_phases(summary, log):
-    require_real_time(summary)
     seen = [change.phase for change in log.phases]
     assert seen[0] is Phase.REACH
     assert set(seen) == set(Phase)
@@ -101,11 +94,18 @@ def test_targets_follow_the_phase_and_never_exceed_the_budget(log):
         assert max(allocation.target_kbps, key=allocation.target_kbps.__getitem__) == primary
 
 
-def test_a_phase_change_reaches_the_targets_before_the_next_period_of_the_policy(log):
+def test_a_phase_change_wakes_the_policy_before_its_next_period(log):
+    times_ns = [allocation.t_ns for allocation in log.allocations]
+    period_ns = 50_000_000
+    early = 0
     for change in log.phases[1:]:
-        followers = [a.t_ns for a in log.allocations if a.t_ns >= change.t_ns]
-        if followers:
-            assert min(followers) - change.t_ns < 1_000_000_000
+        before_ns = max(t for t in times_ns if t < change.t_ns)
+        after = next((a for a in log.allocations if a.t_ns >= change.t_ns), None)
+        assert after is not None
+        assert after.phase is change.phase
+        early += after.t_ns < before_ns + period_ns
+    # a change that falls on a period's end cannot be told from an ordinary step
+    assert early >= 0.8 * len(log.phases[1:])
 
 
 def test_sent_rates_in_the_summary_are_those_of_the_packets(summary, log):

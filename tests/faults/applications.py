@@ -235,8 +235,7 @@ class Application:
         for name, module in _MODULES.items():
             if found := [child for child in words if module in words[child]]:
                 (self._helpers[name],) = found
-        if any(line.startswith("fault") for line in self.lines):
-            pytest.skip("this machine was too busy for a session in real time")
+        assert not any(line.startswith("fault") for line in self.lines), self.lines
         self.witness = Witness(self._control_port())
         until(self.witness.moves, "the arm to move")
         return self.witness

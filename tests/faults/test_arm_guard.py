@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,20 +19,16 @@ from tests.faults.bench import PERIOD_NS
 from tests.faults.promises import (
     is_logged,
     is_stopped,
-    moving_connections,
     recovers_from_fault,
     stands,
 )
-from tests.faults.wire import Request
 from tests.faults.wired_bench import SIDEWAYS, MakeBench, WiredBench
 
 pytestmark = pytest.mark.waiting
 
 PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
-TIMEOUT_MS = 100.0
 KILLED_TICKS = 2  # the first beat is refused, the next tick hears of it
 STOPPED_TICKS = SILENCE_NS // PERIOD_NS + 2
-ATTEMPTS = 10
 
 
 def guard_pid(bench: WiredBench) -> int:
@@ -142,68 +137,3 @@ def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
     tells(bench, "release the trigger")
     recovers_from_fault(bench)
     is_logged(bench, Reason.GUARD_BLIND)
-
-
-# --- the control loop is held up ----------------------------------------------------------------
-
-Undisturbed = Callable[[], WiredBench]
-
-
-@pytest.fixture(params=["velocity", "pose"])
-def undisturbed(
-    request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
-) -> Undisturbed:
-    """Makes a guarded arm that moves; anew if the machine held the loop up for too long."""
-
-    def make() -> WiredBench:
-        for attempt in range(ATTEMPTS):
-            folder = tmp_path / str(attempt)
-            folder.mkdir()
-            bench = make_bench(request.param, folder=folder)
-            bench.add_guard(TIMEOUT_MS)
-            try:
-                bench.engage_and_move()
-            except AssertionError:
-                if bench.longest_gap_s < 0.9 * TIMEOUT_MS / 1000:
-                    raise
-            else:
-                return bench
-        pytest.skip("this machine holds the control loop up all the time")
-
-    return make
-
-
-def stops_between(bench: WiredBench, first: int, after: int) -> list[Request]:
-    return [each for each in bench.requests(first) if each.is_stop and each.tick < after]
-
-
-def test_a_short_stall_of_the_control_loop_changes_nothing(undisturbed: Undisturbed) -> None:
-    for _ in range(ATTEMPTS):
-        bench = undisturbed()
-        since = bench.next
-        bench.longest_gap_s = 0.0
-        bench.stall(0.050)
-        bench.run_ticks(20)
-        if bench.longest_gap_s < 0.9 * TIMEOUT_MS / 1000:
-            break
-    assert {output.arming for output in bench.outputs[since:]} == {ArmingState.ENGAGED}
-    assert stops_between(bench, since - 1, bench.next) == []
-
-
-@pytest.mark.parametrize("stall_ms", [200, 1000])
-def test_the_guard_stops_the_arm_of_a_stalled_loop_which_then_knows_why(
-    undisturbed: Undisturbed, stall_ms: int
-) -> None:
-    bench = undisturbed()
-    connections = {each.connection for each in bench.requests(0)}
-    seen = bench.next
-    bench.stall(stall_ms / 1000)
-    stop = stops_between(bench, seen - 1, seen)[0]
-    assert stop.connection not in connections, "the guard has one of its own"
-    assert stop.connection not in moving_connections(bench)
-    position = bench.position
-    bench.run_ticks(1)
-    assert abs(bench.positions[-1] - position).max() < 1e-9, "at rest before the loop went on"
-    is_stopped(bench, seen, Reason.GUARD_STOPPED)
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.GUARD_STOPPED)

@@ -23,7 +23,11 @@ from tests.faults.braking import TICKS_TO_REST
 ATTEMPTS = 10
 STOPPED_S = 2.0  # a frame is too old after one
 
-pytestmark = [pytest.mark.timed, pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.usefixtures("real_time"),
+    pytest.mark.timeout(300),
+]
 
 
 @pytest.fixture
