@@ -4,6 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
+
+import tams_app
 
 pytestmark = pytest.mark.untimed
 
@@ -56,7 +59,7 @@ def test_every_link_leads_somewhere(name):
 
 def test_a_newcomer_reads_at_most_eight_files_from_controller_to_pixel():
     section = text("docs/ARCHITECTURE.md").split("## From controller to pixel")[1].split("\n## ")[0]
-    steps = re.findall(r"^\| \d+ \| `([\w/]+\.py)`", section, re.MULTILINE)
+    steps = re.findall(r"^\| \d+ +\| `([\w/]+\.py)`", section, re.MULTILINE)
     assert 1 < len(steps) <= 8
 
 
@@ -66,3 +69,12 @@ def test_every_citation_of_a_finding_has_its_section():
         for path in (ROOT / folder).rglob("*.py"):
             cited = re.findall(r"FINDINGS\s+(\d+)", path.read_text(encoding="utf-8"))
             assert set(cited) <= sections, path
+
+
+def test_the_citation_names_the_version_and_the_paper():
+    citation = yaml.safe_load(text("CITATION.cff"))
+    paper = citation["preferred-citation"]
+    assert citation["version"] == tams_app.__version__
+    readme = " ".join(text("README.md").replace(">", " ").split())
+    assert paper["title"] in readme
+    assert all(f"{one['given-names']} {one['family-names']}" in readme for one in paper["authors"])
