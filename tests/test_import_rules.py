@@ -1,6 +1,7 @@
 """What the import contracts of pyproject.toml cannot say; `make check` runs those themselves."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -32,3 +33,17 @@ def test_a_session_with_real_devices_loads_no_simulator():
         "import tams_app.console.home, tams_app.session.dry_run\n"
     )
     subprocess.run([sys.executable, "-c", load], cwd=ROOT, check=True, timeout=100)
+
+
+@pytest.mark.parametrize("root", ["tams_app", "hw", "calibration"])
+def test_what_a_package_names_as_public_can_be_imported(root):
+    packages = [path.parent for path in sorted((ROOT / root).rglob("__init__.py"))]
+    named = 0
+    for package in packages:
+        name = ".".join(package.relative_to(ROOT).parts)
+        module = importlib.import_module(name)
+        for public in getattr(module, "__all__", ()):
+            named += 1
+            if not hasattr(module, public):
+                importlib.import_module(f"{name}.{public}")
+    assert named
