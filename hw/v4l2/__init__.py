@@ -1,3 +1,3 @@
 """USB cameras through V4L2 and GStreamer."""
 
-__all__ = ["camera", "devices"]
+__all__ = ["devices"]
