@@ -43,10 +43,10 @@ verify: $(READY) installed
 
 # `pip install .` into an empty environment, and a simulated session from a folder of its own.
 installed: $(READY)
-	folder=$$(mktemp -d) && trap 'rm -rf "$$folder"' EXIT && \
+	folder=$$(mktemp -d) && trap 'rm -rf "$$folder" build tams.egg-info' EXIT && rm -rf build && \
 		$(PY) -m venv $$folder/venv && \
 		$$folder/venv/bin/python -m pip install --quiet --disable-pip-version-check . && \
-		cd $$folder && venv/bin/tams run --sim --headless --seconds 20
+		(cd $$folder && venv/bin/tams run --sim --headless --seconds 20)
 
 # An hour or two; writes tests/mutation/RESULT.txt and fails if a survivor is not explained.
 mutate: $(READY)
