@@ -21,23 +21,30 @@ install_debian_packages() {
         apt-get install --yes --quiet=2 --no-install-recommends "${missing[@]}"
 }
 
+# PyGObject is built here, so Python's headers are needed as well.
+USABLE='
+import ensurepip, sys, sysconfig, venv
+from pathlib import Path
+headers = Path(sysconfig.get_path("include"), "Python.h")
+sys.exit(sys.version_info < (3, 11) or not headers.exists())
+'
+
 find_python() {
     for candidate in python3.11 python3.12 python3.13 python3; do
-        if command -v "$candidate" >/dev/null &&
-            "$candidate" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
-                2>/dev/null; then
+        if command -v "$candidate" >/dev/null && "$candidate" -c "$USABLE" 2>/dev/null; then
             echo "$candidate"
             return
         fi
     done
-    echo "TAMS needs Python 3.11 or later with venv: apt install python3.11 python3.11-venv" >&2
+    echo "TAMS needs Python 3.11 or later with venv and headers. Debian 12 and Ubuntu 24.04 have it;" \
+        "elsewhere install python3.11, python3.11-venv and python3.11-dev (or a later version)." >&2
     exit 1
 }
 
 if command -v apt-get >/dev/null; then
     install_debian_packages
 else
-    echo "This is no Debian or Ubuntu: see README.md for what to install by hand." >&2
+    echo "Not Debian or Ubuntu: install what apt-packages.txt lists by hand, then run this again." >&2
 fi
 python=$(find_python)
 [ -x .venv/bin/python ] || "$python" -m venv .venv

@@ -253,7 +253,7 @@ def allocate(
 
 def _simulated_trials(settings: Config) -> TrialRunner:
     if find_spec("mujoco") is None:
-        raise SetupError("simulated trials need MuJoCo: pip install 'tams[sim]'")
+        raise SetupError("simulated trials need MuJoCo: pip install mujoco")
     from tams_app.session.virtual import SimulatedTrialRunner
 
     return SimulatedTrialRunner(settings)

@@ -289,7 +289,7 @@ class SceneTruth:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The verdict on a trial (DESIGN, Trial); None where nobody has judged it."""
+    """The verdict on a trial (docs/GLOSSARY.md, Trial); None where it was not judged."""
 
     completed: bool | None
     success: bool | None

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import settings
 
 from tests.real_time import require_real_time
+from tests.rerun_budget import RerunBudget
 
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
@@ -14,8 +15,11 @@ settings.load_profile("unhurried")
 # `--hypothesis-profile=steady`: a mutant must die by a test, not by this run's luck.
 settings.register_profile("steady", derandomize=True, database=None, deadline=None)
 
-
 GROUPS = ("untimed", "waiting", "timed")
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(RerunBudget())
 
 
 def pytest_collection_modifyitems(items):

@@ -66,7 +66,7 @@ def virtual_trials(
 ) -> list[Trial]:
     """One trial for each seed of scene and participant, made now; SetupError without MuJoCo."""
     if find_spec("mujoco") is None:
-        raise SetupError("simulated trials need MuJoCo: pip install 'tams[sim]'")
+        raise SetupError("simulated trials need MuJoCo: pip install mujoco")
     from calibration.phases.virtual_trial import VideolessTrial  # logs are read without MuJoCo
 
     smoothing_ms = config.policy.phases.smoothing_ms

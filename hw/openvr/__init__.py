@@ -1,0 +1,3 @@
+"""Tracked controllers through OpenVR (SteamVR)."""
+
+__all__ = ["controller", "devices"]

@@ -1,0 +1,3 @@
+"""USB cameras through V4L2 and GStreamer."""
+
+__all__ = ["devices"]

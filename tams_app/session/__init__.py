@@ -1,1 +1,3 @@
-"""Builds the parts from a configuration, starts and stops them: the only place where all meet."""
+"""Sessions: the parts built from a configuration, started, watched and stopped, live or virtual."""
+
+__all__ = ["session", "virtual"]

@@ -9,7 +9,7 @@ from tams_app.teleop.safety import ArmingState
 
 
 def completion_time_s(log: SessionLog) -> float | None:
-    """From the first engagement to the last opening of the gripper (DESIGN, Trial).
+    """From the first engagement to the last opening of the gripper (docs/GLOSSARY.md).
 
     None where the arm was never engaged or the gripper not opened after that. Whether the block
     was placed by that opening only a person can say.

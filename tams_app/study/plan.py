@@ -43,7 +43,7 @@ class ParticipantState(StrEnum):
 
 
 class Verdict(Section):
-    """What an experimenter says became of a trial (DESIGN, Trial)."""
+    """What an experimenter says became of a trial (docs/GLOSSARY.md)."""
 
     completed: bool
     success: bool

@@ -1,4 +1,4 @@
-"""The rules of a pick-and-place trial, judged on the simulated rig (paper, IV; DESIGN, Trial)."""
+"""The rules of a pick-and-place trial, judged on the simulated rig (paper, IV)."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ SCHEMA = 1
 def summarise(log: SessionLog) -> dict[str, Any]:
     """The content of summary.json; keys are fixed, what was not measured is null.
 
-    Definitions: DESIGN, What a session leaves behind. Means of rates are over the time in which
+    Definitions: docs/GLOSSARY.md, Measures. Means of rates are over the time in which
     targets were given and frames captured; `t_s` counts from the start of the session.
     """
     header = log.header

@@ -1,4 +1,4 @@
-"""How well the rate on the wire follows the target (DESIGN, What a session leaves behind).
+"""How well the rate on the wire follows the target (docs/GLOSSARY.md, Measures).
 
 Windows are 8 consecutive frames by capture index, sliding by one frame; the rate of a window is the
 IP bytes of its frames' media and repair packets over 8 frame times. A frame that was dropped at the

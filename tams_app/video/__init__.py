@@ -1,0 +1,6 @@
+"""Three H.264 streams over one uplink: senders, receivers, the emulated link, quality.
+
+Modules load GStreamer only when a pipeline is made.
+"""
+
+__all__ = ["link", "networks", "receiver", "repair", "sender", "ssim"]

@@ -14,7 +14,7 @@ _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
 
 @dataclass(frozen=True, slots=True)
 class RepairRule:
-    """The same for all views and strategies on one network (DESIGN 7)."""
+    """The same for all views and strategies on one network (docs/ARCHITECTURE.md)."""
 
     rtx: bool
     latency_ms: int  # of the jitter buffer; spent only while waiting for a gap

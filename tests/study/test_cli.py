@@ -200,7 +200,7 @@ def test_without_the_simulation_s_extra_a_sentence_says_what_to_install(
     words = ("run", tmp_path / "s", "--sim", "--participants", 1, "--config", config)
     code, _, err = study(*words)
     assert code == 1
-    assert err == "tams: simulated trials need MuJoCo: pip install 'tams[sim]'\n"
+    assert err == "tams: simulated trials need MuJoCo: pip install mujoco\n"
 
 
 def test_ctrl_c_leaves_a_study_that_goes_on(study: Run, config: Path, tmp_path: Path) -> None:

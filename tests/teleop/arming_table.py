@@ -1,4 +1,4 @@
-"""The arming table as the tests understand it: DESIGN 5 written a second time, by itself.
+"""The arming table as the tests understand it: docs/SAFETY.md written a second time, by itself.
 
 `ARROWS` says in words which arrows exist; `oracle` says for one tick which of them is taken.
 """

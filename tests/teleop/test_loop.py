@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import tams_app.teleop
 from tams_app.lite6_errors import describe_arm_error
 from tams_app.records import CommandLink, ControllerStatus, Haptic, LinkFault
 from tams_app.teleop.safety import ArmingState, Reason, Request
@@ -428,22 +425,3 @@ def test_the_video_floor_moves_the_limits() -> None:
     bench.engage()
     assert bench.tick(video_age_ns=1199 * MS).speed_scale == 1.0
     assert bench.tick(video_age_ns=1200 * MS).reason is Reason.STALE_VIDEO
-
-
-# --- purity ---------------------------------------------------------------------------------------
-
-
-def test_teleop_imports_no_hardware_no_threads_no_files_and_no_clock() -> None:
-    allowed_time = {"NS_PER_MS", "NS_PER_S"}
-    for path in Path(tams_app.teleop.__path__[0]).glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module == "tams_app.runtime.clock":
-                assert {alias.name for alias in node.names} <= allowed_time, path.name
-            elif isinstance(node, ast.ImportFrom):
-                assert node.module is not None
-                assert node.module.split(".")[0] in {
-                    "__future__", "collections", "dataclasses", "enum", "numpy", "ruckig",
-                    "scipy", "tams_app", "typing",
-                }, (path.name, node.module)  # fmt: skip
-            elif isinstance(node, ast.Import):
-                assert {alias.name for alias in node.names} <= {"math", "numpy"}, path.name

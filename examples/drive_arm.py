@@ -1,0 +1,38 @@
+"""Drive the simulated arm through `hw.arm.Arm`, the interface that real arms implement too."""
+
+import numpy as np
+
+from hw.arm import ServoMode
+from hw.sim.controller.inprocess_arm import InProcessArm
+from tams_app.config import load_config
+from tams_app.records import Twist
+from tams_app.runtime.clock import NS_PER_MS, VirtualClock
+
+config = load_config()  # config/tams.yaml
+clock = VirtualClock()  # time passes only when we say so
+arm = InProcessArm(config.arm, clock)  # the controller's model in this process, without a network
+
+
+def show(what: str) -> None:
+    state = arm.state()  # the newest report, None before the first
+    assert state is not None
+    print(f"{what:<22} TCP at {np.round(1000 * state.tcp.position, 1)} mm")
+
+
+arm.connect()
+arm.advance(100 * NS_PER_MS)
+show("factory home")
+
+arm.begin_move_to_joints(list(np.radians(config.arm.ready_joints_deg)), speed=0.5)  # [rad/s]
+arm.advance(5_000 * NS_PER_MS)
+show("ready pose")
+
+arm.enable(ServoMode.VELOCITY)
+upwards = Twist(linear=np.array([0.0, 0.0, 0.05]), angular=np.zeros(3))  # [m/s], [rad/s]
+for _ in range(120):  # one second at 120 Hz: a velocity counts for `arm.duration_s` only
+    arm.send_twist(upwards)
+    arm.advance(1000 * NS_PER_MS // 120)
+show("about 5 cm higher")
+
+arm.stop()
+arm.close()

@@ -1,0 +1,35 @@
+"""A strategy of your own: most of the bits for the view that matters, the rest shared equally.
+
+A strategy is one class with one method. Once it is in `STRATEGIES`, `strategy: primary` in a
+configuration selects it, for live sessions, studies and virtual trials alike.
+"""
+
+from collections.abc import Mapping
+
+from tams_app.config import PolicyConfig, load_config
+from tams_app.policy.allocation import STRATEGIES, allocate, make_strategy
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import Phase
+
+
+class PrimaryFirst:
+    """80 % for the primary view of the phase, the largest entry of its row of W."""
+
+    def __init__(self, policy: PolicyConfig) -> None:
+        self._matrix = WeightMatrix(policy.weights.matrix)
+
+    def weights(self, phase: Phase) -> Mapping[str, float]:
+        primary = self._matrix.primary_view(phase)
+        others = [view for view in self._matrix.row(phase) if view != primary]
+        return {primary: 0.8} | {view: 0.2 / len(others) for view in others}
+
+
+STRATEGIES["primary"] = PrimaryFirst
+
+policy = load_config().policy
+budget_kbps = 6000 * 0.92  # network s2, less the safety margin
+for name in ("tams", "primary"):
+    strategy = make_strategy(name, policy)
+    for phase in Phase:
+        targets = allocate(strategy.weights(phase), budget_kbps, policy.allocation.floor_kbps)
+        print(f"{name:<8} {phase.name:<12}", *(f"{v} {kbps:>5}" for v, kbps in targets.items()))

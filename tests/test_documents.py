@@ -1,0 +1,80 @@
+"""What the documents point at exists."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+import tams_app
+
+pytestmark = pytest.mark.untimed
+
+ROOT = Path(__file__).parent.parent
+NAMES = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "examples/README.md",
+    *(f"docs/{name}.md" for name in ("ARCHITECTURE", "FINDINGS", "GLOSSARY", "OPERATOR", "SAFETY")),
+]
+OURS = ("tams_app", "hw", "calibration", "config", "docs", "tests", "benchmarks", "examples")
+CODE = re.compile(r"`((?:" + "|".join(OURS) + r")/[\w./*-]*)")
+MODULE = re.compile(r"`((?:tams_app|hw|calibration)(?:\.[a-z]\w*)+)`")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+
+
+def text(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def anchors(name):
+    """The anchors of a document's headings, as GitHub makes them."""
+    return {
+        re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+        for heading in HEADING.findall(text(name))
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_file_and_module_that_is_named_exists(name):
+    for path in CODE.findall(text(name)):
+        assert list(ROOT.glob(path.rstrip("/."))), path
+    for module in MODULE.findall(text(name)):
+        path = ROOT / module.replace(".", "/")
+        assert path.with_suffix(".py").exists() or path.is_dir(), module
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_link_leads_somewhere(name):
+    for link in LINK.findall(text(name)):
+        if link.startswith("http"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = ((ROOT / name).parent / path).resolve() if path else ROOT / name
+        assert target.exists(), link
+        if anchor:
+            assert anchor in anchors(target.relative_to(ROOT)), link
+
+
+def test_a_newcomer_reads_at_most_eight_files_from_controller_to_pixel():
+    section = text("docs/ARCHITECTURE.md").split("## From controller to pixel")[1].split("\n## ")[0]
+    steps = re.findall(r"^\| \d+ +\| `([\w/]+\.py)`", section, re.MULTILINE)
+    assert 1 < len(steps) <= 8
+
+
+def test_every_citation_of_a_finding_has_its_section():
+    sections = set(re.findall(r"^## (\d+)\.", text("docs/FINDINGS.md"), re.MULTILINE))
+    for folder in ("tams_app", "hw", "calibration", "tests"):
+        for path in (ROOT / folder).rglob("*.py"):
+            cited = re.findall(r"FINDINGS\s+(\d+)", path.read_text(encoding="utf-8"))
+            assert set(cited) <= sections, path
+
+
+def test_the_citation_names_the_version_and_the_paper():
+    citation = yaml.safe_load(text("CITATION.cff"))
+    paper = citation["preferred-citation"]
+    assert citation["version"] == tams_app.__version__
+    readme = " ".join(text("README.md").replace(">", " ").split())
+    assert paper["title"] in readme
+    assert all(f"{one['given-names']} {one['family-names']}" in readme for one in paper["authors"])

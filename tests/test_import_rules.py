@@ -1,0 +1,49 @@
+"""What the import contracts of pyproject.toml cannot say; `make check` runs those themselves."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.untimed
+
+ROOT = Path(__file__).parent.parent
+UNITS_OF_TIME = {"NS_PER_MS", "NS_PER_S"}
+
+
+@pytest.mark.parametrize("package", ["tams_app/teleop", "tams_app/policy"])
+def test_pure_packages_take_from_the_clock_its_units_only(package):
+    modules = sorted((ROOT / package).rglob("*.py"))
+    assert modules
+    for path in modules:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module == "tams_app.runtime.clock":
+                assert {alias.name for alias in node.names} <= UNITS_OF_TIME, path
+            elif isinstance(node, ast.ImportFrom) and node.module == "tams_app.runtime":
+                assert "clock" not in {alias.name for alias in node.names}, path
+
+
+def test_a_session_with_real_devices_loads_no_simulator():
+    load = (
+        "import sys; sys.modules['mujoco'] = None\n"  # importing it raises ImportError
+        "import tams_app.console.app, tams_app.session.build, tams_app.session.hardware\n"
+        "import tams_app.console.home, tams_app.session.dry_run\n"
+    )
+    subprocess.run([sys.executable, "-c", load], cwd=ROOT, check=True, timeout=100)
+
+
+@pytest.mark.parametrize("root", ["tams_app", "hw", "calibration"])
+def test_what_a_package_names_as_public_can_be_imported(root):
+    packages = [path.parent for path in sorted((ROOT / root).rglob("__init__.py"))]
+    named = 0
+    for package in packages:
+        name = ".".join(package.relative_to(ROOT).parts)
+        module = importlib.import_module(name)
+        for public in getattr(module, "__all__", ()):
+            named += 1
+            if not hasattr(module, public):
+                importlib.import_module(f"{name}.{public}")
+    assert named
