@@ -218,7 +218,8 @@ class FrameQuality:
     """What became of one captured frame. Scores are SSIM, None where they were not computed.
 
     `age_ns`: of what was on screen when it was captured (None: nothing, or nobody knows);
-    `frozen`: that frame stayed for more than 200 ms; `damaged`: None where nobody tells live.
+    `frozen`: that frame stayed for more than 200 ms; `incomplete`: decoded with data
+    missing, None where this is not known live.
     """
 
     view: str
@@ -227,7 +228,7 @@ class FrameQuality:
     shown_ns: int | None  # None: never shown
     age_ns: int | None
     frozen: bool
-    damaged: bool | None
+    incomplete: bool | None
     received: float | None  # the frame as shown against itself as captured
     delivered: float | None  # what stands for it: itself, or the frame shown before it
     live: float | None  # what was on screen when it was captured, against it
