@@ -1,5 +1,7 @@
 """The configuration: what is accepted, and the one sentence for what is not."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,6 +11,8 @@ from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
 pytestmark = pytest.mark.untimed
+
+NAN = math.nan
 
 
 def test_the_default_is_the_paper_s_set_up():
@@ -31,7 +35,17 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
     [
         ({"speed": 1}, "speed: no such key"),
         ({"rig.enabled": False, "rig.hand_trajectory": "a.mcap"}, "rig: hand_trajectory is for"),
-        ({"limits.max_sped_mm_s": 1}, "limits.max_sped_mm_s: no such key"),
+        (
+            {"limits.max_sped_mm_s": 1},
+            r"limits.max_sped_mm_s: no such key, did you mean limits.max_speed_mm_s\? .given: 1.$",
+        ),
+        ({"max_speed_mm_s": 1}, r"max_speed_mm_s: no such key, did you mean limits.max_speed_mm_s"),
+        ({"networks.s2.latncy_ms": 1}, r"no such key, did you mean networks.s2.latency_ms\?"),
+        ({"video.repair.plo": True}, r"did you mean video.repair.pli\? .given: true.$"),
+        ({"limits.box_max_mm": [1, 2, NAN]}, r"box_max_mm.2: must be a finite .* .given: NaN.$"),
+        ({"clutch.engage_above": NAN}, r"engage_above: must be .* .given: NaN.$"),
+        ({"video.quality.enabled": "maybe"}, r"enabled: must be a valid boolean.* .given: 'maybe'"),
+        ({"limits": 3}, r"limits: must hold keys and values .given: 3.$"),
         ({"policy.weights.matrix.REACH.gt": 0.6}, "matrix.REACH sums to 1.1, not 1"),
         ({"limits.max_speed_mm_s": 501}, "limits.max_speed_mm_s: .*less than or equal to 500"),
         ({"limits.max_speed_mm_s": 300}, "max_speed_mm_s needs 110 ms to stop"),
@@ -39,8 +53,12 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"limits.motion.jerk_m_s3": 0}, "limits.motion.jerk_m_s3: .*greater than 0"),
         ({"arm.velocity_deadman_s": 0}, "arm.velocity_deadman_s: .*greater than 0"),
         ({"arm.velocity_deadman_s": -1}, "arm.velocity_deadman_s: .*greater than 0"),
-        ({"arm.velocity_deadman_s": float("nan")}, "arm.velocity_deadman_s"),
-        ({"arm.velocity_deadman_s": 1.01}, "velocity_deadman_s: .*less than or equal to 1$"),
+        ({"arm.velocity_deadman_s": NAN}, r"arm.velocity_deadman_s: must be .* .given: NaN.$"),
+        ({"arm.velocity_deadman_s": math.inf}, r"velocity_deadman_s: .* .given: infinity.$"),
+        (
+            {"arm.velocity_deadman_s": 1.01},
+            "velocity_deadman_s: .*less than or equal to 1 .given: 1.",
+        ),
         ({"freshness.pose_frozen_ms": 2001}, "pose_frozen_ms: .*less than or equal to 2000"),
         ({"freshness.buttons_ms": 2001}, "buttons_ms: .*less than or equal to 2000"),
         ({"freshness.arm_state_ms": 2001}, "arm_state_ms: .*less than or equal to 2000"),
@@ -64,9 +82,9 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"arm.host": "192.168.1. 150"}, "arm.host: must be the control box's address"),
         ({"hand.max_rejects": 21}, "max_rejects: .*less than or equal to 20"),
         ({"hand.smoothing_s": 0.6}, "smoothing_s: .*less than or equal to 0.5"),
-        ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: Input should be 'vive"),
-        ({"name": 7}, "name must be text: write it in quotes"),
-        ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih: serial must be text: write it in"),
+        ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: must be 'vive"),
+        ({"name": 7}, "name: must be text: write it in quotes .given: 7.$"),
+        ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih.serial: must be text: write it"),
         (
             {"cameras": {"eih": {"source": "pattern", "exposure_us": 8000}}},
             "cameras.eih: exposure_us means nothing to a pattern camera: take it out",
@@ -135,6 +153,28 @@ def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
     assert "\n" not in str(caught.value)
 
 
+def test_everything_that_is_wrong_is_told_and_a_mistyped_key_first(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("version: 1\nseed: -1\nlimts: {floor_mm: 5}\nname: .nan\n")
+    with pytest.raises(ConfigError) as caught:
+        load_config(path, {"seconds": -2})
+    source, *problems = str(caught.value).split("; ")
+    assert source == f"{path}: limts: no such key, did you mean limits?"
+    assert "seed: must be greater than or equal to 0 (given: -1)" in problems
+    assert "policy: is missing" in problems
+    assert "`include: [weights.yaml]` brings ours" in problems
+    assert "`include: [networks.yaml]` brings ours" in problems
+    assert "command line: seconds: must be greater than 0 (given: -2)" in problems
+    assert "more)" not in str(caught.value)
+
+
+def test_a_mistyped_include_is_named(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("version: 1\ninclud: [networks.yaml, weights.yaml]\n")
+    with pytest.raises(ConfigError, match=r"includ: no such key, did you mean include\? .given"):
+        load_config(path)
+
+
 def test_what_a_file_takes_over_from_an_anchor_it_may_replace(tmp_path):
     path = tmp_path / "anchor.yaml"
     path.write_text(
@@ -155,7 +195,7 @@ def test_a_key_that_an_included_file_has_may_be_given_again(tmp_path):
 
 
 def test_yes_is_no_number():
-    with pytest.raises(ConfigError, match="seed must be a number, not true"):
+    with pytest.raises(ConfigError, match="seed: must be a number .given: true.$"):
         load_config(None, {"seed": True})
 
 

@@ -34,7 +34,7 @@ def quality(
         shown_ns=None if received is None else capture_ns(index) + 60 * NS_PER_MS,
         age_ns=80 * NS_PER_MS,
         frozen=False,
-        damaged=None,
+        incomplete=None,
         received=received,
         delivered=delivered,
         live=live,

@@ -18,7 +18,7 @@ from tams_app.config import Config
 from tams_app.console.dialogue import Dialogue
 from tams_app.console.signals import handled_signals
 from tams_app.console.terminal import TerminalKeys
-from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
+from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.build import check_ready_pose
@@ -39,9 +39,9 @@ class _EndRequest:
         self._reason = self._reason or reason
 
     def check(self) -> None:
-        """TamsError if somebody asked."""
+        """SignalledError if a signal asked."""
         if self._reason:
-            raise TamsError(f"{self._reason} before the arm was in its ready pose")
+            raise SignalledError(f"{self._reason} before the arm was in its ready pose")
 
 
 def run_home(config: Config, terminal_fd: int = 0, console: Console | None = None) -> int:
