@@ -195,7 +195,7 @@ def test_a_key_that_an_included_file_has_may_be_given_again(tmp_path):
 
 
 def test_yes_is_no_number():
-    with pytest.raises(ConfigError, match="seed: must be a number .given: true.$"):
+    with pytest.raises(ConfigError, match=r"seed: must be a number .given: true.$"):
         load_config(None, {"seed": True})
 
 
