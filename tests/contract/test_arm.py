@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.arm import Arm, ServoMode
+from hw.lite6.codes import Register
 from hw.lite6.kinematics import offset_from_mm_deg, tcp_pose
-from hw.sim.controller.codes import Register
 from hw.sim.controller.plant import GripperDrive
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
