@@ -40,7 +40,9 @@ from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.mcap_stream import Gap
 from tams_app.recording.topics import HEADER
 from tams_app.records import (
+    Activity,
     Allocation,
+    ArmFault,
     DroppedFrame,
     EncodedFrame,
     Frame,
@@ -54,6 +56,7 @@ from tams_app.records import (
     PhaseChange,
     Pose,
     SceneTruth,
+    ServoMode,
     ShownFrame,
     StopRecord,
     SystemSample,
@@ -315,6 +318,18 @@ def test_no_frame_gets_the_bytes_of_another_where_a_chunk_is_missing(tmp_path: P
         assert all(frame.data == bytes([frame.index]) for frame in frames)
 
 
+def test_an_arm_in_the_numbers_of_the_first_schema_reads_as_one_in_words() -> None:
+    logged = json.loads(Codec(Tick).encode(tick(1)))
+    for word in ("activity", "servo", "fault"):
+        del logged["arm"][word]
+    logged["arm"] |= {"mode": 1, "state": 4, "error_code": 31, "warning_code": 12}
+    arm = Codec(Tick).decode(json.dumps(logged).encode()).arm
+    assert arm is not None
+    assert (arm.activity, arm.servo) == (Activity.STOPPED, ServoMode.POSE)
+    assert arm.fault == ArmFault(31, "C31")
+    assert arm.warning_code == 12
+
+
 @pytest.mark.parametrize("name", ["live-0.1.mcap", "virtual-0.1.mcap"])
 def test_a_log_of_the_first_schema_stays_readable(name: str) -> None:
     """Made by version 0.1.0, without the bitstream; a log made now has another schema."""
@@ -324,6 +339,12 @@ def test_a_log_of_the_first_schema_stays_readable(name: str) -> None:
     assert log.header.views == ("eih", "gt", "gs")
     assert len(log.ticks) > 100
     assert all(record.arm is not None and record.arm.joints.shape == (6,) for record in log.ticks)
+    assert {record.arm.servo for record in log.ticks if record.arm} <= {ServoMode.VELOCITY, None}
+    assert {record.arm.fault for record in log.ticks if record.arm} == {None}
+    assert {record.arm.activity for record in log.ticks if record.arm} <= {
+        Activity.IDLE,
+        Activity.MOVING,
+    }
     assert len(log.quality) > 40
     assert {one.incomplete for one in log.quality} <= {True, False, None}
     assert any(one.received is not None for one in log.quality)

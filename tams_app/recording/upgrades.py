@@ -10,7 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from tams_app.records import FrameQuality
+from tams_app.records import Activity, ArmState, FrameQuality, ServoMode
+
+# Up to 0.1 an arm's state was told in the numbers of the only controller there was.
+_ACTIVITIES = {0: Activity.IDLE, 1: Activity.MOVING, 2: Activity.IDLE, 3: Activity.PAUSED}
+_SERVO_MODES = {1: ServoMode.POSE, 5: ServoMode.VELOCITY}
+
+
+def _arm_state(logged: dict[str, Any]) -> dict[str, Any]:
+    if "error_code" not in logged:
+        return logged
+    code = logged["error_code"]
+    return {
+        **logged,
+        "activity": _ACTIVITIES.get(logged["state"], Activity.STOPPED),
+        "servo": _SERVO_MODES.get(logged["mode"]),
+        "fault": {"code": code, "text": f"C{code}"} if code else None,
+    }
 
 
 def _frame_quality(logged: dict[str, Any]) -> dict[str, Any]:
@@ -21,5 +37,6 @@ def _frame_quality(logged: dict[str, Any]) -> dict[str, Any]:
 
 
 UPGRADES: dict[type, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    ArmState: _arm_state,
     FrameQuality: _frame_quality,
 }
