@@ -1,12 +1,22 @@
 """The configuration: what is accepted, and the one sentence for what is not."""
 
 import math
+from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from tams_app.config import DEFAULT_CONFIG, dump_config, load_config, stop_time_s
+from tams_app.config import (
+    CONFIG_DIRECTORY,
+    DEFAULT_CONFIG,
+    Config,
+    dump_config,
+    load_config,
+    stop_time_s,
+)
+from tams_app.config.reference import all_sections, meaning, reference
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
@@ -170,6 +180,33 @@ def test_a_mistyped_include_is_named(tmp_path):
     path.write_text("version: 1\ninclud: [networks.yaml, weights.yaml]\n")
     with pytest.raises(ConfigError, match=r"includ: no such key, did you mean include\? .given"):
         load_config(path)
+
+
+def test_every_key_says_what_it_means_and_the_reference_is_up_to_date():
+    unsaid = [
+        f"{model.__name__}.{name}"
+        for model in {model for _, model in all_sections(Config, "")}
+        for name in model.model_fields
+        if not meaning(model, name)
+    ]
+    assert unsaid == []
+    written = (CONFIG_DIRECTORY.parent / "docs" / "CONFIGURATION.md").read_text(encoding="utf-8")
+    assert written == reference(), (
+        "python -m tams_app.config.reference > docs/CONFIGURATION.md makes it anew"
+    )
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, NAN])
+def test_no_number_of_the_configuration_may_be_infinite_or_none(value):
+    accepted = []
+    for model in {model for _, model in all_sections(Config, "")}:
+        for name, field in model.model_fields.items():
+            if float in (field.annotation, *get_args(field.annotation)):
+                with pytest.raises(ValidationError) as caught:
+                    model.model_validate({name: value})
+                if not any(one["loc"] == (name,) for one in caught.value.errors()):
+                    accepted.append(name)
+    assert accepted == []
 
 
 def test_what_a_file_takes_over_from_an_anchor_it_may_replace(tmp_path):
