@@ -1,6 +1,7 @@
 """The configuration: what is accepted, and the one sentence for what is not."""
 
 import math
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -16,6 +17,7 @@ from tams_app.config import (
     load_config,
     stop_time_s,
 )
+from tams_app.config.places import find_config_directory, writable_directory
 from tams_app.config.reference import all_sections, meaning, reference
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
@@ -207,6 +209,20 @@ def test_no_number_of_the_configuration_may_be_infinite_or_none(value):
                 if not any(one["loc"] == (name,) for one in caught.value.errors()):
                     accepted.append(name)
     assert accepted == []
+
+
+def test_the_configuration_is_found_in_a_checkout_and_where_it_is_installed(tmp_path):
+    package = tmp_path / "tams_app"
+    (tmp_path / "config").mkdir()
+    assert find_config_directory(package) == package / "default_config"
+    (tmp_path / "run_tams.py").touch()
+    assert find_config_directory(package) == tmp_path / "config"
+
+
+def test_calibrations_are_kept_beside_the_file_but_never_in_an_installed_package(tmp_path):
+    mine, installed = tmp_path / "mine" / "tams.yaml", tmp_path / "default_config"
+    assert writable_directory(mine, installed) == tmp_path / "mine"
+    assert writable_directory(installed / "tams.yaml", installed) == Path("config")
 
 
 def test_what_a_file_takes_over_from_an_anchor_it_may_replace(tmp_path):

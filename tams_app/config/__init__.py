@@ -9,7 +9,8 @@ from tams_app.config.motion import (
     ProfileConfig,
     stop_time_s,
 )
-from tams_app.config.reader import CONFIG_DIRECTORY, DEFAULT_CONFIG, dump_config, load_config
+from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
+from tams_app.config.reader import dump_config, load_config
 from tams_app.config.streaming import (
     BudgetConfig,
     Network,

@@ -15,12 +15,10 @@ from tams_app.config.calibrated import (
     set_folder,
     sets,
 )
+from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.config.problems import find_problems
 from tams_app.config.whole import Config
 from tams_app.errors import ConfigError
-
-CONFIG_DIRECTORY = Path(__file__).resolve().parents[2] / "config"
-DEFAULT_CONFIG = CONFIG_DIRECTORY / "tams.yaml"
 
 
 class _RepeatedKeyError(yaml.YAMLError):
