@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ from tams_app.recording import (
 from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.mcap_stream import Gap
-from tams_app.recording.topics import HEADER
+from tams_app.recording.topics import HEADER, TOPICS
 from tams_app.records import (
     Activity,
     Allocation,
@@ -316,6 +316,31 @@ def test_no_frame_gets_the_bytes_of_another_where_a_chunk_is_missing(tmp_path: P
         frames = list(read_video(path, "eih"))
         assert len(frames) == 5
         assert all(frame.data == bytes([frame.index]) for frame in frames)
+
+
+def test_the_document_of_the_log_names_every_topic_field_and_key_of_the_summary() -> None:
+    text = (PROJECT / "docs" / "LOG.md").read_text(encoding="utf-8")
+    rows = {line.split("`")[1]: line for line in text.splitlines() if line.startswith("| `")}
+    for record_type, topic in TOPICS.items():
+        unnamed = [
+            one.name for one in fields(record_type) if f"`{one.name}`" not in rows[topic.name]
+        ]
+        assert unnamed == [], topic.name
+    summary = summarise(read_log(DATA / "virtual-0.1.mcap"))
+    unnamed = [key for key in _keys(summary) if f"`{key}`" not in text and key not in _BY_NAME]
+    assert unnamed == []
+
+
+_BY_NAME = {*Phase, "eih", "gt", "gs", "p50", "p95", "p99", "p99_9", "max", "reach"}
+
+
+def _keys(tree: Any) -> Iterator[str]:
+    if isinstance(tree, list):
+        for item in tree:
+            yield from _keys(item)
+    for key in tree if isinstance(tree, dict) else ():
+        yield key
+        yield from _keys(tree[key])
 
 
 def test_an_arm_in_the_numbers_of_the_first_schema_reads_as_one_in_words() -> None:
