@@ -262,8 +262,8 @@ class FrameQuality:
     """What became of one captured frame. Scores are SSIM, None where they were not computed.
 
     `age_ns`: of what was on screen when it was captured (None: nothing, or nobody knows);
-    `frozen`: that frame stayed for more than 200 ms; `incomplete`: decoded with data
-    missing, None where this is not known live.
+    `frozen`: that frame stayed for more than 200 ms; `concealed`: the decoder filled
+    in for lost data, None where this is not known live.
     """
 
     view: str
@@ -272,7 +272,7 @@ class FrameQuality:
     shown_ns: int | None  # None: never shown
     age_ns: int | None
     frozen: bool
-    incomplete: bool | None
+    concealed: bool | None
     received: float | None  # the frame as shown against itself as captured
     delivered: float | None  # what stands for it: itself, or the frame shown before it
     live: float | None  # what was on screen when it was captured, against it

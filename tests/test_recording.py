@@ -372,7 +372,7 @@ def test_a_log_of_the_first_schema_stays_readable(name: str, driven: set[Any]) -
     arms = {(one.arm.activity, one.arm.servo, one.arm.fault) for one in log.ticks if one.arm}
     assert arms == {(Activity.STOPPED, None, None), *driven}
     assert len(log.quality) > 40
-    assert {one.incomplete for one in log.quality} <= {True, False, None}
+    assert {one.concealed for one in log.quality} <= {True, False, None}
     assert any(one.received is not None for one in log.quality)
     assert log.packets
     assert log.outcome is not None

@@ -218,7 +218,7 @@ class LimitsConfig(Section):
     radius_max_mm: Positive = 425.0
     """Distance of the TCP from the base axis at most."""
     floor_mm: Finite = 5.0
-    """Height of the TCP at least, also on the way to the ready pose."""
+    """Height of the TCP at least, also during the motion to the ready pose."""
     slow_down_mm: Positive = 30.0
     """Before a limit of space, the outward speed shrinks to zero over this distance."""
     cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0

@@ -93,7 +93,7 @@ def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrate
 
 
 def _refuse_simulated(config: Config, calibrated: list[Calibrated]) -> None:
-    """A real arm does not move by what a simulated hand did, whoever put it in force."""
+    """A real arm does not move by what a simulated hand did."""
     if not config.rig.enabled and (simulated := [one.file for one in calibrated if one.simulated]):
         raise ConfigError(
             f"{simulated[0]}: was measured on the simulated rig and is never used with real "

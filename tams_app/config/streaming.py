@@ -151,7 +151,7 @@ class VideoConfig(Section):
             raise ValueError(f"views must be different names, at least one: {list(self.views)}")
         last = self.first_port + 3 * len(self.views) - 1
         if self.first_port and last > 65535:
-            raise ValueError(f"first_port leaves no room for {3 * len(self.views)} ports")
+            raise ValueError(f"first_port leaves no space for {3 * len(self.views)} ports")
         return self
 
 

@@ -9,11 +9,10 @@ from contextlib import ExitStack
 from rich.console import Console
 
 from tams_app.config import Config
-from tams_app.console.confirmations import Confirmations
 from tams_app.console.report import report_session
 from tams_app.console.signals import handled_signals
 from tams_app.console.status import LinesOf, StatusLine, status_lines
-from tams_app.console.terminal import Key, TerminalKeys
+from tams_app.console.terminal import Confirmations, Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock

@@ -151,11 +151,14 @@ def ports(config: Config) -> Iterator[Finding]:
 
 
 def disk(config: Config) -> Iterator[Finding]:
-    """The log folder: writable, with enough room."""
+    """The log folder: writable, with enough space."""
     fix = "choose another with --out or recording.directory"
     try:
         folder = _existing(Path(config.recording.directory).expanduser())
-    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of nobody, or links in a circle
+    except (
+        OSError,
+        RuntimeError,
+    ) as error:  # RuntimeError: ~ of an unknown user, a loop of links
         yield Finding("Log folder", False, f"{config.recording.directory}: {error}", fix)
         return
     writable = os.access(folder, os.W_OK)

@@ -76,11 +76,14 @@ def _optional(hint: Any) -> Any:
     return inner
 
 
+def _unless_none(convert: Convert | None) -> Convert | None:
+    return None if convert is None else lambda tree: None if tree is None else convert(tree)
+
+
 def _decoder(hint: Any) -> Convert | None:
     """How a value of this type is read; None if it is taken as it is."""
     if inner := _optional(hint):
-        convert = _decoder(inner)
-        return None if convert is None else lambda tree: None if tree is None else convert(tree)
+        return _unless_none(_decoder(inner))
     origin = typing.get_origin(hint)
     if origin is dict:
         return _dict_decoder(*typing.get_args(hint))

@@ -32,7 +32,7 @@ from tams_app.records import (
     Tick,
 )
 
-SCHEMA = 2  # 1: until FrameQuality.incomplete; `upgrades` reads those
+SCHEMA = 2  # logs of schema 1 are read by `upgrades`
 PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows our logs
 REFERENCE_PROFILE = "tams-reference"
 

@@ -30,10 +30,10 @@ def _arm_state(logged: dict[str, Any]) -> dict[str, Any]:
 
 
 def _frame_quality(logged: dict[str, Any]) -> dict[str, Any]:
-    """Up to 0.1, `damaged` was what `incomplete` is now."""
+    """Up to 0.1, `damaged` was what `concealed` is now."""
     if "damaged" not in logged:
         return logged
-    return {**logged, "incomplete": logged["damaged"]}
+    return {**logged, "concealed": logged["damaged"]}
 
 
 UPGRADES: dict[type, Callable[[dict[str, Any]], dict[str, Any]]] = {

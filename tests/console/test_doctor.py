@@ -179,7 +179,7 @@ def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(
     assert "Python libraries" in finding.fix
 
 
-def test_the_home_of_nobody_is_a_finding_not_a_crash() -> None:
+def test_the_home_of_an_unknown_user_is_a_finding_not_a_crash() -> None:
     (finding,) = checks.disk(config(recording__directory="~nouser/x"))
     assert not finding.ok
     assert "~nouser/x" in finding.detail
