@@ -46,7 +46,7 @@ def _kbps(text: str) -> float:
         raise typer.BadParameter(f"{text!r} is not a number") from None
     if not 0 <= rate <= MAX_KBPS:
         name = "NaN" if math.isnan(rate) else "infinity" if math.isinf(rate) else text
-        raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0e} kbit/s")
+        raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0f} kbit/s")
     return rate
 
 
