@@ -295,11 +295,14 @@ def test_ctrl_c_in_any_command_is_one_sentence_and_exit_code_130(capsys, monkeyp
         ("allocate", ["--phase", "LUNCH", "--budget-kbps", "1"]),
         ("study", ["show", "missing"]),
         ("study", ["report", "missing"]),
-        ("study", ["void", "missing", "P01-01", "--reason", "why"]),
+        ("study", ["void", "P01-01", "missing", "--reason", "why"]),
+        ("study", ["plan", "--participants", "0"]),
         ("study", ["run", "--sim", "--config", "missing.yaml"]),
         ("calibrate", ["frame", "--config", "missing.yaml"]),
-        ("calibrate", ["phases", "missing"]),
-        ("calibrate", ["weights", "--from-log", "missing"]),
+        ("calibrate", ["frame", "--from", "missing"]),
+        ("calibrate", ["phases", "--from", "missing"]),
+        ("calibrate", ["weights", "--from", "missing"]),
+        ("calibrate", ["cameras", "--from", "missing"]),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_two_in_each_command(
