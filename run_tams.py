@@ -6,7 +6,7 @@ import sys
 if __name__ == "__main__":
     try:
         from tams_app.cli import main  # takes a second, in which Ctrl-C counts too
-
-        main()
     except KeyboardInterrupt:
-        sys.exit("tams: interrupted")
+        print("tams: interrupted", file=sys.stderr)  # noqa: T201
+        sys.exit(130)
+    main()

@@ -24,10 +24,10 @@ from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.guarding import Guarding
 from tams_app.session.signals import Signals
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.video.repair import repair_rule
@@ -85,7 +85,7 @@ class Application:
         self.video_age_ns = _FRESH_NS
         self.arming = ArmingState.DISARMED
         self.arm = Lite6(config.arm, self.clock, config.control.rate_hz)
-        self.supervisor = ArmSupervisor(
+        self.gate = ArmGate(
             self.arm,
             build.servo(config),
             session_boundary(config.arm, config.limits),
@@ -108,7 +108,7 @@ class Application:
             use_fifo(priority)
             loop.run(stop)  # type: ignore[arg-type]
 
-        workers = [Worker("control", control), Worker("arm-supervisor", self.supervisor.run)]
+        workers = [Worker("control", control), Worker("arm-supervisor", self.gate.run)]
         for worker in reversed(workers):
             worker.start()
         return workers
@@ -150,8 +150,9 @@ class Application:
             ControlHooks(
                 beat=self.guarding.beat,
                 video_age_ns=lambda *_: self.video_age_ns,
-                request=self.supervisor.request,
-                arm_ready=lambda: self.supervisor.ready,
+                stop=self.gate.stop,
+                request=self.gate.request,
+                arm_ready=lambda: self.gate.ready,
                 phase_began=_say_nothing,
                 record=_say_nothing,
                 output=self._observe,
@@ -160,8 +161,6 @@ class Application:
 
     def _observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self.guarding.follow(output.arming, output.stop)
-        if output.stop:
-            self.supervisor.stopped()
         self.arming = output.arming
 
 

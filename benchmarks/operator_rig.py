@@ -110,8 +110,9 @@ class OperatorRig:
         hooks = ControlHooks(
             beat=_ignore,
             video_age_ns=lambda *_: delay_ns,
-            request=robot.supervisor.request,
-            arm_ready=lambda: robot.supervisor.ready,
+            stop=robot.gate.stop,
+            request=robot.gate.request,
+            arm_ready=lambda: robot.gate.ready,
             phase_began=_ignore,
             record=_ignore,
             output=_ignore,
@@ -140,7 +141,7 @@ class OperatorRig:
         self._screen.take(self.now_ns, self._robot.qpos, self._robot.truth())
         self.eyes.watch(self.now_ns)
         output = self.loop.tick(self.now_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
         if output.deadman and output.arming.value == "engaged":
             self._judge.engaged(self.now_ns)
         truth, closed = self._robot.truth(), self._robot.gripper_closed()

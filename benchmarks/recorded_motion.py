@@ -94,8 +94,9 @@ class _Recording:
         hooks = ControlHooks(
             beat=_ignore,
             video_age_ns=lambda *_: 0,
-            request=robot.supervisor.request,
-            arm_ready=lambda: robot.supervisor.ready,
+            stop=robot.gate.stop,
+            request=robot.gate.request,
+            arm_ready=lambda: robot.gate.ready,
             phase_began=log.record,
             record=log.record,
             output=self._on_output,
@@ -111,7 +112,7 @@ class _Recording:
         while self._clock.now_ns() < end_ns:
             self._clock.advance_ns(self._period_ns)
             self._loop.tick(self._clock.now_ns())
-            self._robot.supervisor.serve()
+            self._robot.gate.serve()
             now_ns, closed = self._clock.now_ns(), self._robot.gripper_closed()
             if placed_ns is None and self._judge.step(now_ns, self._robot.truth(), closed):
                 placed_ns, end_ns = now_ns, now_ns + _AFTERWARDS_NS

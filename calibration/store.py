@@ -15,7 +15,8 @@ from calibration.desk import Desk
 from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_key, set_folder
-from tams_app.config.reader import DEFAULT_CONFIG, read_yaml
+from tams_app.config.places import DEFAULT_CONFIG
+from tams_app.config.reader import read_yaml
 from tams_app.errors import ConfigError, TamsError
 
 _HEADER = (

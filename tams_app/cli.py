@@ -1,9 +1,13 @@
-"""The command line: commands and options only. Heavy rooms are imported by the command that needs
-them, so that `--help` and the small tools answer at once."""
+"""The command line: commands and options only.
+
+Packages that take long to import are imported by the command that needs them, so that `--help` and
+the small tools answer at once.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,11 +25,30 @@ from tams_app.study.cli import study_app
 if TYPE_CHECKING:
     from tams_app.study.runner import TrialRunner
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    epilog="Exit codes: 0 done; 1 the job failed; 2 wrong use, configuration or input; "
+    "130 ended by Ctrl-C or a signal.",
+)
 
 app.add_typer(calibrate, name="calibrate")
 
-MAX_KBPS = 1e9  # keeps infinity out
+MAX_KBPS = 1e9
+
+
+def _kbps(text: str) -> float:
+    """The argument of an option that takes a rate."""
+    try:
+        rate = float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number") from None
+    if not 0 <= rate <= MAX_KBPS:
+        name = "NaN" if math.isnan(rate) else "infinity" if math.isinf(rate) else text
+        raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0f} kbit/s")
+    return rate
+
 
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
@@ -33,11 +56,17 @@ ConfigOption = Annotated[
 
 
 def main() -> None:
-    """Run the command line; without a command it is `run`. Errors are one sentence.
+    """Run the command line; without a command it is `run`. Errors are one sentence on stderr.
 
-    KeyboardInterrupt is the caller's to tell, who has to expect it before this is imported.
+    Ends the process with 0 (done), 1 (the job failed), 2 (wrong use, configuration or input) or
+    130 (ended by Ctrl-C or a signal).
     """
-    sys.exit(_main(sys.argv[1:]))
+    try:
+        code = _main(sys.argv[1:])
+    except KeyboardInterrupt:
+        typer.echo("tams: interrupted", err=True)
+        code = _CTRL_C
+    sys.exit(code)
 
 
 def _main(arguments: list[str]) -> int:
@@ -64,7 +93,7 @@ def _main(arguments: list[str]) -> int:
 
 
 _GLOBAL_OPTIONS = ("--help", "--version")
-_CTRL_C = 130  # what typer makes of a KeyboardInterrupt
+_CTRL_C = 130  # 128 + SIGINT, as shells have it; also what typer makes of a KeyboardInterrupt
 
 
 def _show_version(wanted: bool) -> None:
@@ -160,7 +189,11 @@ def doctor(
 
 @app.command()
 def report(log: Annotated[Path, typer.Argument(help="A session folder.")]) -> None:
-    """Make summary.json and bitrates.png anew from a session's log."""
+    """Make summary.json and bitrates.png anew from a session's log.
+
+    From a log that is damaged or cut off, summary.json says "complete": false and what is missing;
+    a complete one from before is kept as summary.json.before.
+    """
     from tams_app.console.report import report_session
 
     report_session(log)
@@ -212,6 +245,8 @@ def phases(
             }
         ),
     ).policy.phases
+    if out is not None and out.exists() and file.exists() and out.samefile(file):
+        raise ConfigError(f"--out: {out} is the table that is read: give another file")
     smoothing_s = None if no_smoothing else settings.smoothing_ms / 1000
     labelled = label_phases(_read(file), str(file), PhaseParameters.of(settings), smoothing_s)
     if out is None:
@@ -223,12 +258,16 @@ def phases(
 @app.command()
 def allocate(
     phase: Annotated[
-        str, typer.Option(help="REACH, ALIGN, GRASP, TRANSPORT, PRE_RELEASE, RELEASE")
+        str, typer.Option(help="Reach, Align, Grasp, Transport, Pre-release or Release.")
     ],
     budget_kbps: Annotated[
-        float, typer.Option(min=0, max=MAX_KBPS, help="B, after the safety factor.")
+        float,
+        typer.Option(parser=_kbps, metavar="KBPS", help="B, after the safety factor."),
     ],
-    floor_kbps: Annotated[float | None, typer.Option(min=0, max=MAX_KBPS)] = None,
+    floor_kbps: Annotated[
+        float | None,
+        typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
+    ] = None,
     strategy: Annotated[str | None, typer.Option(help="equal, static or tams.")] = None,
     as_json: Annotated[bool, typer.Option("--json")] = False,
     config: ConfigOption = None,
@@ -239,11 +278,18 @@ def allocate(
     from tams_app.records import Phase
 
     settings = load_config(config, _given({"policy.allocation.floor_kbps": floor_kbps}))
-    if phase not in Phase.__members__:
+    name = phase.strip().upper().replace("-", "_").replace(" ", "_")
+    if name not in Phase.__members__:
         raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")
     chosen = make_strategy(strategy or settings.strategy, settings.policy)
     floor = settings.policy.allocation.floor_kbps
-    targets = allocation_rule(chosen.weights(Phase[phase]), budget_kbps, floor)
+    targets = allocation_rule(chosen.weights(Phase[name]), budget_kbps, floor)
+    if budget_kbps < len(targets) * floor:
+        typer.echo(
+            f"tams: note: {budget_kbps:g} kbit/s are less than the floor of {floor:g} kbit/s for "
+            f"each of {len(targets)} views: the floor is not kept, each view gets the same",
+            err=True,
+        )
     if as_json:
         typer.echo(json.dumps(targets))
     else:

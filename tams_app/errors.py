@@ -1,11 +1,13 @@
 """The errors a person may meet, each one sentence that says what to do.
 
 TamsError
-├── ConfigError      wrong use or configuration          (exit code 2)
+├── ConfigError      wrong use, configuration or input   (exit code 2)
 ├── SetupError       the machine lacks something         (exit code 1)
 ├── DeviceError      a device or its link failed         (exit code 1)
 ├── HelperError      a helper process died or is silent  (exit code 1)
-└── LogError         a log cannot be written or read     (exit code 1)
+├── LogError         a log cannot be written             (exit code 1)
+│   └── UnreadableLogError  what was given is no log     (exit code 2)
+└── SignalledError   Ctrl-C or a signal ended it         (exit code 130)
 """
 
 from __future__ import annotations
@@ -36,4 +38,16 @@ class HelperError(TamsError):
 
 
 class LogError(TamsError):
-    """A session log cannot be written or read."""
+    """A session log, or another result, cannot be written."""
+
+
+class UnreadableLogError(LogError):
+    """A file or folder that was given holds no session log that can be read."""
+
+    exit_code = 2
+
+
+class SignalledError(TamsError):
+    """A signal, such as Ctrl-C, ended a command that stops its arm in order before it ends."""
+
+    exit_code = 130

@@ -6,6 +6,7 @@ import json
 import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -37,6 +38,73 @@ def test_allocate_takes_strategy_and_floor(capsys):
     assert json.loads(out) == {"eih": 500, "gt": 250, "gs": 250}
 
 
+@pytest.mark.parametrize("name", ["PRE_RELEASE", "pre_release", "Pre-release", "pre release"])
+def test_a_phase_may_be_named_as_in_the_paper(capsys, name):
+    code, out, _ = run(capsys, "allocate", "--phase", name, "--budget-kbps", 5520, "--json")
+    assert code == 0
+    assert json.loads(out) == {"eih": 2938, "gt": 1417, "gs": 1164}
+
+
+def test_a_floor_that_cannot_be_kept_is_said_beside_the_targets(capsys):
+    code, out, err = run(capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 449, "--json")
+    assert code == 0
+    assert json.loads(out) == {"eih": 149, "gt": 149, "gs": 149}
+    assert "449 kbit/s are less than the floor of 150 kbit/s for each of 3 views" in err
+    assert run(capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 450)[2] == ""
+
+
+def labels(capsys, tmp_path, rows, *options):
+    """The phases that the command gives the rows: speeds [mm/s] along x, y and z, gripper open."""
+    table = tmp_path / "speeds.csv"
+    lines = [f"{number / 10},{x},{y},{z},0\n" for number, (x, y, z) in enumerate(rows)]
+    table.write_text("t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n" + "".join(lines))
+    code, out, _ = run(capsys, "phases", table, "--no-smoothing", *options)
+    assert code == 0
+    return [(row["phase"], row["reason"]) for row in csv.DictReader(io.StringIO(out))]
+
+
+HELD = "pause: phase held"
+
+
+@pytest.mark.parametrize("v_eps", [5, 0.1, 7.3, 12.345])
+def test_without_smoothing_a_speed_at_the_threshold_is_held_whatever_came_before(
+    capsys, tmp_path, v_eps
+):
+    speeds = [3 * v_eps, v_eps, 1.1 * v_eps, v_eps, 77.7, v_eps, 0, v_eps, v_eps * 1.0000001]
+    rows = [(speed, 0, 0) for speed in speeds] + [(0, 0, -v_eps), (-v_eps, 0, 0)]
+    found = [reason for _, reason in labels(capsys, tmp_path, rows, "--v-eps-mm-s", v_eps)]
+    assert [reason == HELD for reason in found] == [max(map(abs, row)) <= v_eps for row in rows]
+
+
+def test_without_smoothing_the_norm_of_whole_speeds_is_exact(capsys, tmp_path):
+    rows = [(30, 40, 0), (3, 4, 0), (0, -3, 4), (3, 4, 0.001)]
+    found = [reason for _, reason in labels(capsys, tmp_path, rows)]
+    assert [reason == HELD for reason in found] == [False, True, True, False]
+
+
+@pytest.mark.parametrize("vz_min", [15, 0.3, 14.7])
+def test_without_smoothing_a_descent_at_the_threshold_is_none(capsys, tmp_path, vz_min):
+    options = ("--vz-min-mm-s", vz_min, "--v-eps-mm-s", 0.1, "--align-dwell-s", 0.05)
+    at, below = [(50, 0, -vz_min)] * 4, [(50, 0, -vz_min * 1.0000001)] * 4
+    assert {phase for phase, _ in labels(capsys, tmp_path, at, *options)} == {"REACH"}
+    phases = [phase for phase, _ in labels(capsys, tmp_path, below, *options)]
+    assert phases == ["REACH", "ALIGN", "ALIGN", "ALIGN"]
+
+
+@pytest.mark.parametrize("make_link", [None, Path.symlink_to, Path.hardlink_to])
+def test_phases_does_not_write_over_its_input(capsys, tmp_path, make_link):
+    table, out = tmp_path / "speeds.csv", tmp_path / "speeds.csv"
+    text = "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n0,0,0,0,0\n"
+    table.write_text(text)
+    if make_link is not None:
+        out = tmp_path / "other.csv"
+        make_link(out, table)
+    code, _, err = run(capsys, "phases", table, "--out", out)
+    assert code == 2
+    assert "is the table that is read" in err
+    assert table.read_text() == text
+
+
 def test_phases_labels_a_file_and_writes_where_told(capsys, tmp_path):
     table = tmp_path / "speeds.csv"
     table.write_text(
@@ -60,9 +128,15 @@ def test_the_version_is_told(capsys):
         (["bogus"], "No such command 'bogus'"),
         (["allocate", "--phase", "ALIGN"], "Missing option '--budget-kbps'"),
         (["allocate", "--phase", "LUNCH", "--budget-kbps", 1], "'LUNCH' is none of REACH"),
-        (["allocate", "--phase", "ALIGN", "--budget-kbps", "inf"], "--budget-kbps"),
-        (["allocate", "--phase", "ALIGN", "--budget-kbps", "nan"], "--budget-kbps"),
-        (["allocate", "--phase", "ALIGN", "--budget-kbps", -1], "--budget-kbps"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", "inf"], "infinity is not a rate"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", "nan"], "NaN is not a rate"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", -1], "-1 is not a rate"),
+        (["allocate", "--phase", "ALIGN", "--budget-kbps", "much"], "'much' is not a number"),
+        (
+            ["allocate", "--phase", "ALIGN", "--budget-kbps", 9, "--floor-kbps", "nan"],
+            "NaN is not a rate",
+        ),
+        (["phases", "any.csv", "--v-eps-mm-s", "nan"], "v_eps_mm_s: must be a finite number"),
         (
             ["allocate", "--phase", "ALIGN", "--budget-kbps", 9, "--strategy", "best"],
             "'best' is none of equal, static, tams",
@@ -71,7 +145,8 @@ def test_the_version_is_told(capsys):
         (["run", "--network", "s9"], "'s9' is neither one of s1, s2, s3, none nor a trace"),
         (["run", "--strategy", "best"], "'best' is none of equal, static, tams"),
         (["run", "--budget", "guess"], "policy.budget.mode"),
-        (["run", "--seconds", 0], "seconds"),
+        (["run", "--seconds", 0], "seconds: must be greater than 0 (given: 0)"),
+        (["run", "--seconds", "nan"], "seconds: must be a finite number (given: NaN)"),
         (["run", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
         (["--seed", -1], "seed"),
         (["network", "s2", "--interface", "lo"], "lo"),
@@ -173,20 +248,75 @@ def interrupt(*_):
     raise KeyboardInterrupt
 
 
-def test_ctrl_c_among_the_imports_is_one_sentence_and_exit_code_one(monkeypatch):
+def run_as_main(capsys):
+    """The exit code and stderr of run_tams.py in this process."""
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(PROJECT_DIRECTORY / "run_tams.py"), run_name="__main__")
+    return ended.value.code, capsys.readouterr().err
+
+
+def test_ctrl_c_among_the_imports_is_one_sentence_and_exit_code_130(capsys, monkeypatch):
     monkeypatch.delitem(sys.modules, "tams_app.cli")
     monkeypatch.setattr(sys, "meta_path", [InterruptingImport, *sys.meta_path])
-    with pytest.raises(SystemExit, match=r"^tams: interrupted$"):
-        runpy.run_path(str(PROJECT_DIRECTORY / "run_tams.py"), run_name="__main__")
+    assert run_as_main(capsys) == (130, "tams: interrupted\n")
 
 
-@pytest.mark.parametrize("command", ["home", "doctor", "run", "allocate"])
-def test_ctrl_c_in_any_command_is_one_sentence_and_exit_code_one(monkeypatch, command):
-    monkeypatch.setattr("tams_app.cli.load_config", interrupt)
-    options = ["--phase", "ALIGN", "--budget-kbps", "1"] if command == "allocate" else []
+# Each command, with what it needs on its command line and what it calls first.
+COMMANDS = {
+    "run": ([], "tams_app.cli.load_config"),
+    "home": ([], "tams_app.cli.load_config"),
+    "doctor": ([], "tams_app.cli.load_config"),
+    "report": (["somewhere"], "tams_app.console.report.report_session"),
+    "network": (["s2", "--interface", "eth0"], "tams_app.cli.load_config"),
+    "phases": (["some.csv"], "tams_app.cli.load_config"),
+    "allocate": (["--phase", "ALIGN", "--budget-kbps", "1"], "tams_app.cli.load_config"),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ctrl_c_in_any_command_is_one_sentence_and_exit_code_130(capsys, monkeypatch, command):
+    options, first = COMMANDS[command]
+    monkeypatch.setattr(first, interrupt)
     monkeypatch.setattr(sys, "argv", ["run_tams.py", command, *options])
-    with pytest.raises(SystemExit, match=r"^tams: interrupted$"):
-        runpy.run_path(str(PROJECT_DIRECTORY / "run_tams.py"), run_name="__main__")
+    assert run_as_main(capsys) == (130, "tams: interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("command", "wrong"),
+    [
+        ("run", ["--config", "missing.yaml"]),
+        ("home", ["--config", "missing.yaml"]),
+        ("doctor", ["--config", "missing.yaml"]),
+        ("report", ["missing"]),
+        ("report", [PROJECT_DIRECTORY / "README.md"]),
+        ("network", ["s9", "--interface", "eth0"]),
+        ("phases", ["missing.csv"]),
+        ("phases", [PROJECT_DIRECTORY / "README.md"]),
+        ("allocate", ["--phase", "LUNCH", "--budget-kbps", "1"]),
+        ("study", ["show", "missing"]),
+        ("study", ["report", "missing"]),
+        ("study", ["void", "P01-01", "missing", "--reason", "why"]),
+        ("study", ["plan", "--participants", "0"]),
+        ("study", ["run", "--sim", "--config", "missing.yaml"]),
+        ("calibrate", ["frame", "--config", "missing.yaml"]),
+        ("calibrate", ["frame", "--from", "missing"]),
+        ("calibrate", ["phases", "--from", "missing"]),
+        ("calibrate", ["weights", "--from", "missing"]),
+        ("calibrate", ["cameras", "--from", "missing"]),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_two_in_each_command(
+    capsys, monkeypatch, tmp_path, command, wrong
+):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, command, *wrong)
+    assert len(err.splitlines()) == 1
+    assert code == 2
+
+
+def test_the_exit_codes_are_in_the_help(capsys):
+    _, out, _ = run(capsys, "--help")
+    assert "Exit codes: 0 done; 1 the job failed; 2 wrong use" in " ".join(out.split())
 
 
 def test_debug_shows_where_it_came_from():

@@ -1,14 +1,30 @@
 """The configuration: what is accepted, and the one sentence for what is not."""
 
+import math
+from pathlib import Path
+from typing import get_args
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
-from tams_app.config import DEFAULT_CONFIG, dump_config, load_config, stop_time_s
+from tams_app.config import (
+    CONFIG_DIRECTORY,
+    DEFAULT_CONFIG,
+    Config,
+    dump_config,
+    load_config,
+    stop_time_s,
+)
+from tams_app.config.places import find_config_directory, writable_directory
+from tams_app.config.reference import all_sections, meaning, reference
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
 pytestmark = pytest.mark.untimed
+
+NAN = math.nan
 
 
 def test_the_default_is_the_paper_s_set_up():
@@ -31,16 +47,29 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
     [
         ({"speed": 1}, "speed: no such key"),
         ({"rig.enabled": False, "rig.hand_trajectory": "a.mcap"}, "rig: hand_trajectory is for"),
-        ({"limits.max_sped_mm_s": 1}, "limits.max_sped_mm_s: no such key"),
+        (
+            {"limits.max_sped_mm_s": 1},
+            r"limits.max_sped_mm_s: no such key, did you mean limits.max_speed_mm_s\? .given: 1.$",
+        ),
+        ({"max_speed_mm_s": 1}, r"max_speed_mm_s: no such key, did you mean limits.max_speed_mm_s"),
+        ({"networks.s2.latncy_ms": 1}, r"no such key, did you mean networks.s2.latency_ms\?"),
+        ({"video.repair.plo": True}, r"did you mean video.repair.pli\? .given: true.$"),
+        ({"limits.box_max_mm": [1, 2, NAN]}, r"box_max_mm.2: must be a finite .* .given: NaN.$"),
+        ({"clutch.engage_above": NAN}, r"engage_above: must be .* .given: NaN.$"),
+        ({"video.quality.enabled": "maybe"}, r"enabled: must be a valid boolean.* .given: 'maybe'"),
+        ({"limits": 3}, r"limits: must hold keys and values .given: 3.$"),
         ({"policy.weights.matrix.REACH.gt": 0.6}, "matrix.REACH sums to 1.1, not 1"),
-        ({"limits.max_speed_mm_s": 501}, "limits.max_speed_mm_s: .*less than or equal to 500"),
         ({"limits.max_speed_mm_s": 300}, "max_speed_mm_s needs 110 ms to stop"),
         ({"limits.max_rotation_rad_s": 3}, "max_rotation_rad_s needs .* ms to stop"),
         ({"limits.motion.jerk_m_s3": 0}, "limits.motion.jerk_m_s3: .*greater than 0"),
         ({"arm.velocity_deadman_s": 0}, "arm.velocity_deadman_s: .*greater than 0"),
         ({"arm.velocity_deadman_s": -1}, "arm.velocity_deadman_s: .*greater than 0"),
-        ({"arm.velocity_deadman_s": float("nan")}, "arm.velocity_deadman_s"),
-        ({"arm.velocity_deadman_s": 1.01}, "velocity_deadman_s: .*less than or equal to 1$"),
+        ({"arm.velocity_deadman_s": NAN}, r"arm.velocity_deadman_s: must be .* .given: NaN.$"),
+        ({"arm.velocity_deadman_s": math.inf}, r"velocity_deadman_s: .* .given: infinity.$"),
+        (
+            {"arm.velocity_deadman_s": 1.01},
+            "velocity_deadman_s: .*less than or equal to 1 .given: 1.",
+        ),
         ({"freshness.pose_frozen_ms": 2001}, "pose_frozen_ms: .*less than or equal to 2000"),
         ({"freshness.buttons_ms": 2001}, "buttons_ms: .*less than or equal to 2000"),
         ({"freshness.arm_state_ms": 2001}, "arm_state_ms: .*less than or equal to 2000"),
@@ -57,16 +86,14 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"arm.tcp_load_centre_mm": [0, 0, 400]}, "tcp_load_centre_mm must be within 300 mm"),
         ({"arm.tcp_offset_mm_deg": [0, 0, 820, 0, 0, 0]}, "fingertips 820 mm from the flange"),
         ({"arm.tcp_offset_mm_deg": [0, 0, 82, 0, 0, 181]}, "within -180 and 180 degrees"),
-        ({"arm.ready_joints_deg": [0, 0, -4, 0, 0, 0]}, "joint 3 turns from -3.5 to 300 .* -4"),
-        ({"arm.ready_joints_deg": [0, 0, 0, 0, 125, 0]}, "joint 5 turns from -124 to 124 .* 125"),
         ({"arm.pose_gain_per_s": 21}, "pose_gain_per_s: .*less than or equal to 20"),
         ({"arm.host": ""}, "arm.host: must be the control box's address"),
         ({"arm.host": "192.168.1. 150"}, "arm.host: must be the control box's address"),
         ({"hand.max_rejects": 21}, "max_rejects: .*less than or equal to 20"),
         ({"hand.smoothing_s": 0.6}, "smoothing_s: .*less than or equal to 0.5"),
-        ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: Input should be 'vive"),
-        ({"name": 7}, "name must be text: write it in quotes"),
-        ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih: serial must be text: write it in"),
+        ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: must be 'vive"),
+        ({"name": 7}, "name: must be text: write it in quotes .given: 7.$"),
+        ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih.serial: must be text: write it"),
         (
             {"cameras": {"eih": {"source": "pattern", "exposure_us": 8000}}},
             "cameras.eih: exposure_us means nothing to a pattern camera: take it out",
@@ -98,7 +125,7 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"version": 2}, "version"),
         ({"video.views": ["eih", "gt", "gs", "eih"]}, "views must be different"),
         ({"video.quality": True}, "video.quality"),
-        ({"video.first_port": 65530}, "first_port leaves no room"),
+        ({"video.first_port": 65530}, "first_port leaves no space"),
         ({"networks.s2.rate_kbps": 1e-300}, "networks.s2.rate_kbps"),
     ],
 )
@@ -135,6 +162,69 @@ def test_an_unreadable_file_is_one_sentence(tmp_path, text, sentence):
     assert "\n" not in str(caught.value)
 
 
+def test_everything_that_is_wrong_is_told_and_a_mistyped_key_first(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("version: 1\nseed: -1\nlimts: {floor_mm: 5}\nname: .nan\n")
+    with pytest.raises(ConfigError) as caught:
+        load_config(path, {"seconds": -2})
+    source, *problems = str(caught.value).split("; ")
+    assert source == f"{path}: limts: no such key, did you mean limits?"
+    assert "seed: must be greater than or equal to 0 (given: -1)" in problems
+    assert "policy: is missing" in problems
+    assert "`include: [weights.yaml]` brings ours" in problems
+    assert "`include: [networks.yaml]` brings ours" in problems
+    assert "command line: seconds: must be greater than 0 (given: -2)" in problems
+    assert "more)" not in str(caught.value)
+
+
+def test_a_mistyped_include_is_named(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("version: 1\ninclud: [networks.yaml, weights.yaml]\n")
+    with pytest.raises(ConfigError, match=r"includ: no such key, did you mean include\? .given"):
+        load_config(path)
+
+
+def test_every_key_says_what_it_means_and_the_reference_is_up_to_date():
+    unsaid = [
+        f"{model.__name__}.{name}"
+        for model in {model for _, model in all_sections(Config, "")}
+        for name in model.model_fields
+        if not meaning(model, name)
+    ]
+    assert unsaid == []
+    written = (CONFIG_DIRECTORY.parent / "docs" / "CONFIGURATION.md").read_text(encoding="utf-8")
+    assert written == reference(), (
+        "python -m tams_app.config.reference > docs/CONFIGURATION.md makes it anew"
+    )
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, NAN])
+def test_no_number_of_the_configuration_may_be_infinite_or_none(value):
+    accepted = []
+    for model in {model for _, model in all_sections(Config, "")}:
+        for name, field in model.model_fields.items():
+            if float in (field.annotation, *get_args(field.annotation)):
+                with pytest.raises(ValidationError) as caught:
+                    model.model_validate({name: value})
+                if not any(one["loc"] == (name,) for one in caught.value.errors()):
+                    accepted.append(name)
+    assert accepted == []
+
+
+def test_the_configuration_is_found_in_a_checkout_and_where_it_is_installed(tmp_path):
+    package = tmp_path / "tams_app"
+    (tmp_path / "config").mkdir()
+    assert find_config_directory(package) == package / "default_config"
+    (tmp_path / "run_tams.py").touch()
+    assert find_config_directory(package) == tmp_path / "config"
+
+
+def test_calibrations_are_kept_beside_the_file_but_never_in_an_installed_package(tmp_path):
+    mine, installed = tmp_path / "mine" / "tams.yaml", tmp_path / "default_config"
+    assert writable_directory(mine, installed) == tmp_path / "mine"
+    assert writable_directory(installed / "tams.yaml", installed) == Path("config")
+
+
 def test_what_a_file_takes_over_from_an_anchor_it_may_replace(tmp_path):
     path = tmp_path / "anchor.yaml"
     path.write_text(
@@ -155,7 +245,7 @@ def test_a_key_that_an_included_file_has_may_be_given_again(tmp_path):
 
 
 def test_yes_is_no_number():
-    with pytest.raises(ConfigError, match="seed must be a number, not true"):
+    with pytest.raises(ConfigError, match=r"seed: must be a number .given: true.$"):
         load_config(None, {"seed": True})
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tams_app.recording import FrameShown, Recorder, SessionLog, read_log
+from tams_app.recording import FrameShown, Gap, Recorder, SessionLog, read_log
 from tams_app.records import (
     Allocation,
     LinkCapacity,
@@ -61,6 +61,8 @@ KEYS: dict[str, Any] = {
     "network": "",
     "budget_mode": "",
     "duration_s": 0.0,
+    "complete": True,
+    "missing": [],
     "outcome": {
         "completed": True,
         "success": True,
@@ -133,6 +135,18 @@ def test_the_keys_are_those_of_the_design() -> None:
     summary = summarise(Synthetic(2.0).log())
     assert tree(summary) == tree(KEYS)
     json.dumps(summary, allow_nan=False)  # plain numbers, and none of them NaN
+
+
+def test_a_log_that_was_cut_or_damaged_says_what_is_missing() -> None:
+    log = Synthetic(2.0).log()
+    log.gaps = [Gap(START_NS + NS_PER_S // 2, START_NS + NS_PER_S)]
+    log.truncated = True
+    summary = summarise(log)
+    assert summary["complete"] is False
+    assert summary["missing"] == [
+        {"start_s": 0.5, "end_s": 1.0},
+        {"start_s": 2.0, "end_s": None},
+    ]
 
 
 def test_an_empty_log_has_the_same_keys_and_null_for_what_was_not_measured() -> None:

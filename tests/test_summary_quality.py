@@ -34,7 +34,7 @@ def quality(
         shown_ns=None if received is None else capture_ns(index) + 60 * NS_PER_MS,
         age_ns=80 * NS_PER_MS,
         frozen=False,
-        damaged=None,
+        concealed=None,
         received=received,
         delivered=delivered,
         live=live,
@@ -103,7 +103,7 @@ def test_the_sampled_fraction_is_of_all_frames_captured() -> None:
     log = log_of(*told, phases={0: Phase.REACH, 3: Phase.ALIGN})
     log.captured = [
         FrameCaptured(view, index, capture_ns(index)) for view in VIEWS for index in range(5)
-    ]  # nobody told of the last ones: the helper had gone
+    ]  # the last ones were not told of: the helper had gone
     summary = summarise(log)
     assert summary["views"]["gt"]["ssim_sampled_fraction"] == pytest.approx(2 / 5)
     assert summary["views"]["gs"]["ssim_sampled_fraction"] == 0
@@ -164,7 +164,7 @@ def test_what_loss_took_is_told_apart_from_what_coding_took() -> None:
     assert reach["packets_per_frame"] == pytest.approx(len(in_all) / 30, abs=1e-4)
 
 
-def test_without_packets_nobody_knows_of_damage() -> None:
+def test_without_packets_concealment_is_unknown() -> None:
     log = Synthetic(1.0).log()
     log.packets = []
     log.phases = [PhaseChange(capture_ns(0), Phase.REACH, "")]

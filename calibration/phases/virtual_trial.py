@@ -102,10 +102,9 @@ class VideolessTrial:
         self._robot.stop()
 
     def _build_control(self, config: Config) -> ControlLoop:
-        supervisor, signals = self._robot.supervisor, Signals()
+        gate, signals = self._robot.gate, Signals()
         observer = TickObserver(
             NoGuard(),
-            supervisor,
             self._judge,
             StopWatch(_forget),
             StatusBoard(config.video.views),
@@ -116,8 +115,9 @@ class VideolessTrial:
         hooks = ControlHooks(
             beat=_forget,
             video_age_ns=lambda _now_ns, _phase: 0,
-            request=supervisor.request,
-            arm_ready=lambda: supervisor.ready,
+            stop=gate.stop,
+            request=gate.request,
+            arm_ready=lambda: gate.ready,
             phase_began=_forget,
             record=self.ticks.append,
             output=observer.observe,
@@ -145,7 +145,7 @@ class VideolessTrial:
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
         self._control.tick(due_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
 
     def _give_up(self) -> None:
         if not self._judge.started:

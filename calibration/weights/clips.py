@@ -9,7 +9,8 @@ from pathlib import Path
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from tams_app.config.reader import describe_validation_error, read_yaml
+from tams_app.config.problems import describe_validation_error
+from tams_app.config.reader import read_yaml
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 

@@ -20,7 +20,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
-from tams_app.config.reader import describe_validation_error, read_yaml
+from tams_app.config.problems import describe_validation_error
+from tams_app.config.reader import read_yaml
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from calibration.weights.decoding import Picture, decode
 from calibration.weights.segments import Segment, phase_segments
 from tams_app import gst
-from tams_app.config.reader import describe_validation_error
+from tams_app.config.problems import describe_validation_error
 from tams_app.config.streaming import VideoConfig
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tams_app.config.places import writable_directory
 from tams_app.errors import ConfigError
 
 FOLDER = "calibration"
@@ -39,7 +40,7 @@ class Calibrated:
 
 def set_folder(config_path: Path, name: str) -> Path:
     """Where the set `name` of the configuration at `config_path` is kept."""
-    return config_path.parent / FOLDER / name
+    return writable_directory(config_path) / FOLDER / name
 
 
 def files_in_force(folder: Path, read: ReadYaml) -> dict[str, Path]:

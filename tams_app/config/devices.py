@@ -14,13 +14,18 @@ ControllerType = Literal["vive_focus3_controller", "vive_controller", "knuckles"
 
 
 class MappingConfig(Section):
-    """Which component plays each part; None leaves it to the default of the controller's type."""
+    """Which component plays each part; null leaves it to the default of the controller's type."""
 
-    trigger: ComponentPath | None = None  # deadman and clutch, analog
-    grip: ComponentPath | None = None  # toggles translation/orientation
-    a: ComponentPath | None = None  # closes the gripper
-    b: ComponentPath | None = None  # opens it
-    menu: ComponentPath | None = None  # held: confirm; clicked: emergency stop
+    trigger: ComponentPath | None = None
+    """Deadman and clutch, analog."""
+    grip: ComponentPath | None = None
+    """Toggles translation and orientation."""
+    a: ComponentPath | None = None
+    """Closes the gripper."""
+    b: ComponentPath | None = None
+    """Opens the gripper."""
+    menu: ComponentPath | None = None
+    """Held: confirm. Clicked: emergency stop."""
 
     @model_validator(mode="after")
     def _leaves_the_system_button(self) -> Self:
@@ -34,10 +39,11 @@ class ControllerConfig(Section):
     """The tracked VR controller, over OpenVR."""
 
     hand: Literal["right", "left"] = "right"
-    # actions: SteamVR Input, which the operator can rebind; legacy: the raw controller state
+    """Which hand's controller moves the arm."""
     input: Literal["auto", "actions", "legacy"] = "auto"
-    # Departures from the defaults, by the type that `doctor --devices` shows.
+    """SteamVR Input, which the operator can rebind (actions), or the raw state (legacy)."""
     mapping: dict[ControllerType, MappingConfig] = Field(default_factory=dict)
+    """Departures from the default mapping, by the type that `doctor --devices` shows."""
 
 
 # What only a real camera has
@@ -56,17 +62,23 @@ class CameraConfig(Section):
     """Where one view's frames come from."""
 
     source: Literal["v4l2", "file", "pattern"] = "v4l2"
-    # A V4L2 device; every one of these that is given must match, so that swapped numbers show.
+    """What kind of camera it is."""
     name: str = ""
+    """Name of a V4L2 device. Each one given of name, serial and path must match."""
     serial: str = ""
-    path: str = ""  # /dev/videoN or, better, a link of /dev/v4l/by-path
-    file: str = ""  # a video, played again and again
+    """Serial number of a V4L2 device."""
+    path: str = ""
+    """/dev/videoN or, better, a link of /dev/v4l/by-path."""
+    file: str = ""
+    """A video that is played again and again, for source `file`."""
     pixel_format: Literal["mjpeg", "raw"] = "mjpeg"
-    exposure_us: Positive | None = None  # None leaves the automatic exposure on
+    """What the camera sends: `mjpeg` fits three cameras on one USB 2 bus."""
+    exposure_us: Positive | None = None
+    """Exposure time; null leaves the automatic exposure on."""
     white_balance_k: Annotated[int, Field(ge=1000, le=20000)] | None = None
-    controls: dict[str, int] = Field(
-        default_factory=dict
-    )  # further V4L2 controls by their names, such as gain
+    """Colour temperature; null leaves the automatic white balance on."""
+    controls: dict[str, int] = Field(default_factory=dict)
+    """Further V4L2 controls by their names, such as gain."""
 
     @model_validator(mode="after")
     def _says_which(self) -> Self:

@@ -1,6 +1,6 @@
 """The arm, the hand that moves it, and the limits of both.
 
-Hard limits of the Lite 6 are those of UFACTORY's user manual.
+What the arm itself allows at most is checked against its model (`hw.arms.check_limits`).
 """
 
 from __future__ import annotations
@@ -22,15 +22,8 @@ from tams_app.config.section import (
     Triple,
 )
 
-LITE6_MAX_TCP_SPEED_MM_S = 500.0
-LITE6_MAX_ACCELERATION_MM_S2 = 50_000.0
-LITE6_MAX_JOINT_SPEED_RAD_S = math.pi
-LITE6_REACH_MM = 440.0
-# The SDK's table for axis 6, type 9 (xarm/core/config/x_config.py).
-LITE6_JOINT_LOWER_DEG = (-360.0, -150.0, -3.5, -360.0, -124.0, -360.0)
-LITE6_JOINT_UPPER_DEG = (360.0, 150.0, 300.0, 360.0, 124.0, 360.0)
 MAX_STOP_TIME_S = 0.1
-MAX_TOOL_LENGTH_MM = 300.0  # the arm itself reaches 440
+MAX_TOOL_LENGTH_MM = 300.0
 
 
 def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
@@ -67,30 +60,42 @@ class GuardConfig(Section):
     """The helper process that stops the arm when the control loop falls silent."""
 
     heartbeat_timeout_ms: Annotated[float, Field(ge=20, le=1000)] = 100.0
+    """Silence of the control loop after which the guard stops the arm."""
 
 
 class ArmConfig(Section):
-    """The Lite 6 and how it is reached."""
+    """The arm and how it is reached."""
 
-    host: str = "127.0.0.1"  # name or address of the control box
+    model: str = "lite6"
+    """The kind of arm: a name of `hw.arms.ARM_KINDS`."""
+    host: str = "127.0.0.1"
+    """Name or address of the control box."""
     control_port: Port = 502
-    report_port: Port = 30001  # the normal report; the real-time one is two above
+    """TCP port of the commands."""
+    report_port: Port = 30001
+    """TCP port of the normal report; the real-time one is two above."""
     servo: Literal["velocity", "pose"] = "velocity"
-    # The controller's own deadman, `duration`. The times of docs/SAFETY.md are those of 0.1.
+    """Twists with a deadman time in the control box, or small absolute steps."""
     velocity_deadman_s: Annotated[float, Field(gt=0, le=1)] = 0.1
-    # Two in a row are a fault: within 100 ms of the first that is not answered, tick and all.
+    """The control box stops the arm this long after the last twist; docs/SAFETY.md has 0.1."""
     reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.04
+    """How long a reply may take; two missing in a row are a fault, within 100 ms, tick and all."""
     tcp_offset_mm_deg: Six = (0, 0, 82, 0, 0, 0)
-    tcp_load_kg: Annotated[float, Field(ge=0, le=1)] = 0.35  # the Lite 6 carries 0.6
+    """From the flange to the fingertips: x, y, z, roll, pitch, yaw; at most 300 mm."""
+    tcp_load_kg: Annotated[float, Field(ge=0, le=1)] = 0.35
+    """Mass of all that the flange carries but for the block."""
     tcp_load_centre_mm: Triple = (0, 0, 40)
+    """Centre of that mass from the flange: x, y, z; at most 300 mm."""
     collision_sensitivity: Annotated[int, Field(ge=1, le=5)] = 3
-    # the controller's own fence stands this far outside limits.box
+    """Of the control box's collision detection: 1 is the least sensitive."""
     boundary_margin_mm: Annotated[float, Field(ge=5, le=200)] = 20.0
-    ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)  # TCP (350, 0, 180) mm, gripper down
-    ready_speed_deg_s: Annotated[float, Field(gt=0, le=30)] = 10.0  # of `home`, the way there
-    pose_gain_per_s: Annotated[float, Field(gt=0, le=20)] = (
-        4.0  # outer P-loop of the velocity servo
-    )
+    """How far outside limits.box the control box itself stops the arm."""
+    ready_joints_deg: Six = (0, 36.81, 86.74, 0, 49.93, 0)
+    """The ready pose. Default: TCP at (350, 0, 180) mm, gripper down."""
+    ready_speed_deg_s: Annotated[float, Field(gt=0, le=30)] = 10.0
+    """Joint speed of `home`, the motion to the ready pose."""
+    pose_gain_per_s: Annotated[float, Field(gt=0, le=20)] = 4.0
+    """Gain of the position loop around the velocity servo."""
     guard: GuardConfig = GuardConfig()
 
     @field_validator("host")
@@ -114,14 +119,6 @@ class ArmConfig(Section):
             raise ValueError(
                 f"tcp_load_centre_mm must be within {MAX_TOOL_LENGTH_MM:g} mm of the flange"
             )
-        ranges = zip(LITE6_JOINT_LOWER_DEG, LITE6_JOINT_UPPER_DEG, strict=True)
-        joints = zip(self.ready_joints_deg, ranges, strict=True)
-        for number, (joint, (lower, upper)) in enumerate(joints, start=1):
-            if not lower <= joint <= upper:
-                raise ValueError(
-                    f"ready_joints_deg: joint {number} turns from {lower:g} to {upper:g} degrees, "
-                    f"not to {joint:g}"
-                )
         return self
 
 
@@ -129,7 +126,9 @@ class ClutchConfig(Section):
     """Trigger hysteresis and the mode button."""
 
     engage_above: Fraction = 0.6
+    """Trigger travel above which the arm follows the hand."""
     release_below: Fraction = 0.4
+    """Trigger travel below which it stops; smaller than engage_above."""
 
     @model_validator(mode="after")
     def _hysteresis(self) -> Self:
@@ -142,14 +141,23 @@ class HandConfig(Section):
     """From the controller's poses to velocities."""
 
     rotation: tuple[Triple, Triple, Triple] = ((0, 0, -1), (-1, 0, 0), (0, 1, 0))
+    """From the tracking frame (x right, y up, z backwards) to the arm's base frame: three rows."""
     translation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
+    """Travel of the TCP for each metre of the hand."""
     rotation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
+    """Turn of the TCP for each radian of the hand."""
     smoothing_s: Annotated[float, Field(gt=0, le=0.5)] = 0.04
+    """Time constant of the low-pass on the hand's velocity."""
     clamp_above_m_s: Positive = 1.5
+    """A faster hand counts as this fast."""
     reject_above_m_s: Positive = 4.0
+    """A pose that implies a faster hand is rejected; above clamp_above_m_s."""
     clamp_above_rad_s: Positive = 6.0
+    """A hand that turns faster counts as turning this fast."""
     reject_above_rad_s: Positive = 15.0
-    max_rejects: Annotated[int, Field(ge=1, le=20)] = 6  # in a row, then it is a fault
+    """A pose that implies a faster turn is rejected; above clamp_above_rad_s."""
+    max_rejects: Annotated[int, Field(ge=1, le=20)] = 6
+    """This many rejected poses in a row are a fault."""
 
     @model_validator(mode="after")
     def _proper_rotation(self) -> Self:
@@ -165,17 +173,13 @@ class ProfileConfig(Section):
     """Acceleration and jerk of one motion profile, linear and angular."""
 
     acceleration_m_s2: Positive
+    """Linear acceleration at most."""
     jerk_m_s3: Positive
+    """Linear jerk at most."""
     acceleration_rad_s2: Positive
+    """Angular acceleration at most."""
     jerk_rad_s3: Positive
-
-    @model_validator(mode="after")
-    def _hard_limit(self) -> Self:
-        if self.acceleration_m_s2 * 1000 > LITE6_MAX_ACCELERATION_MM_S2:
-            raise ValueError(
-                f"acceleration_m_s2 exceeds the Lite 6's {LITE6_MAX_ACCELERATION_MM_S2 / 1000:g}"
-            )
-        return self
+    """Angular jerk at most."""
 
 
 class MotionProfileConfig(ProfileConfig):
@@ -199,23 +203,34 @@ class StopProfileConfig(ProfileConfig):
 class LimitsConfig(Section):
     """Speed, acceleration, jerk and space the arm never leaves."""
 
-    max_speed_mm_s: Annotated[float, Field(gt=0, le=LITE6_MAX_TCP_SPEED_MM_S)] = 250.0
-    max_rotation_rad_s: Annotated[float, Field(gt=0, le=LITE6_MAX_JOINT_SPEED_RAD_S)] = 0.5
+    max_speed_mm_s: Positive = 250.0
+    """Speed of the TCP at most, by norm. The stop profile must end it within 100 ms."""
+    max_rotation_rad_s: Positive = 0.5
+    """Angular speed of the TCP at most; must end within 100 ms, too."""
     motion: MotionProfileConfig = MotionProfileConfig()
     stop: StopProfileConfig = StopProfileConfig()
     box_min_mm: Triple = (150, -330, 5)
+    """Lower corner of the space that the TCP never leaves, in the arm's base frame: x, y, z."""
     box_max_mm: Triple = (420, 330, 400)
-    radius_min_mm: NonNegative = 180.0  # from the base axis
-    radius_max_mm: Annotated[float, Field(gt=0, le=LITE6_REACH_MM)] = 425.0
-    floor_mm: Finite = 5.0  # the lowest of the TCP, on the way to the ready pose too
-    slow_down_mm: Positive = 30.0  # the outward speed shrinks to zero over this distance
-    cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0  # about the ready orientation
+    """Upper corner of that space."""
+    radius_min_mm: NonNegative = 180.0
+    """Distance of the TCP from the base axis at least."""
+    radius_max_mm: Positive = 425.0
+    """Distance of the TCP from the base axis at most."""
+    floor_mm: Finite = 5.0
+    """Height of the TCP at least, also during the motion to the ready pose."""
+    slow_down_mm: Positive = 30.0
+    """Before a limit of space, the outward speed shrinks to zero over this distance."""
+    cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0
+    """Tilt of the tool from the ready orientation at most."""
     singularity_scale_from: Annotated[float, Field(gt=0, lt=1)] = 0.7
-    leash_mm: Annotated[float, Field(gt=0, le=50)] = (
-        15.0  # following error at which the target waits for the arm
-    )
-    leash_fault_mm: Annotated[float, Field(gt=0, le=100)] = 60.0  # ... and at which it is a fault
+    """Share of the joints' speed limit above which the TCP slows down, as near a singularity."""
+    leash_mm: Annotated[float, Field(gt=0, le=50)] = 15.0
+    """Following error at which the target waits for the arm."""
+    leash_fault_mm: Annotated[float, Field(gt=0, le=100)] = 60.0
+    """Following error at which it is a fault; above leash_mm."""
     leash_rad: Annotated[float, Field(gt=0, le=0.5)] = 0.15
+    """Following error in rotation at which the target waits."""
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
@@ -268,15 +283,20 @@ class FreshnessConfig(Section):
     steered by what is long past.
     """
 
-    hold_pose_ms: Annotated[float, Field(gt=0, le=200)] = (
-        25.0  # an unchanged pose keeps its velocity
-    )
+    hold_pose_ms: Annotated[float, Field(gt=0, le=200)] = 25.0
+    """An unchanged pose keeps its velocity for this long; below pose_frozen_ms."""
     pose_frozen_ms: ControlAgeMs = 100.0
+    """An unchanged pose is a fault from this age on."""
     buttons_ms: ControlAgeMs = 100.0
+    """The last successful read of the buttons is too old from this age on."""
     arm_state_ms: ControlAgeMs = 100.0
+    """The arm's report is too old from this age on."""
     arm_reply_ms: ControlAgeMs = 100.0
+    """The arm's last reply to a command is too old from this age on."""
     video_slow_ms: VideoAgeMs = 500.0
+    """The arm slows down from this age of the primary view's frame on."""
     video_hold_ms: VideoAgeMs = 1000.0
+    """The arm holds from this age on; above video_slow_ms."""
 
     @model_validator(mode="after")
     def _order(self) -> Self:
@@ -291,4 +311,6 @@ class ControlConfig(Section):
     """The control loop."""
 
     rate_hz: Annotated[float, Field(ge=30, le=250)] = 120.0
-    realtime_priority: Annotated[int, Field(ge=0, le=98)] = 50  # SCHED_FIFO; 0 asks for none
+    """Ticks of the control loop."""
+    realtime_priority: Annotated[int, Field(ge=0, le=98)] = 50
+    """SCHED_FIFO priority of the control loop; 0 asks for none."""

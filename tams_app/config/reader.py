@@ -15,11 +15,10 @@ from tams_app.config.calibrated import (
     set_folder,
     sets,
 )
+from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
+from tams_app.config.problems import find_problems
 from tams_app.config.whole import Config
 from tams_app.errors import ConfigError
-
-CONFIG_DIRECTORY = Path(__file__).resolve().parents[2] / "config"
-DEFAULT_CONFIG = CONFIG_DIRECTORY / "tams.yaml"
 
 
 class _RepeatedKeyError(yaml.YAMLError):
@@ -62,31 +61,22 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     try:
         config = Config.model_validate(content)
     except ValidationError as error:
-        key = _key(error)
-        source = "command line" if key in overrides else str(path)
-        over = [one.file.name for one in calibrated if key and sets(one.changes, key)]
-        if over and key not in overrides:
-            source += f" with {over[0]} laid over it"
-        raise ConfigError(f"{source}: {describe_validation_error(error)}") from error
+        raise ConfigError(_sentence(error, path, calibrated, overrides)) from error
     _refuse_simulated(config, calibrated)
     return config
 
 
-def describe_validation_error(error: ValidationError) -> str:
-    """One sentence for the first thing that is wrong: key and reason."""
-    first = error.errors()[0]
-    key = _key(error)
-    reason = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        reason = "no such key"
-    others = error.error_count() - 1
-    more = f" (and {others} more)" if others else ""
-    return f"{key}: {reason}{more}" if key else f"{reason}{more}"
-
-
-def _key(error: ValidationError) -> str:
-    where = error.errors()[0]["loc"]
-    return ".".join(str(part) for part in where if part != "[key]")  # pydantic's, for a wrong key
+def _sentence(
+    error: ValidationError, path: Path, calibrated: list[Calibrated], overrides: dict[str, Any]
+) -> str:
+    """Each source of something wrong, and what is wrong there."""
+    found: dict[str, list[str]] = {}
+    for problem in find_problems(error, Config):
+        key = problem.key
+        over = [one.file.name for one in calibrated if key and sets(one.changes, key)]
+        source = f"{path} with {over[0]} laid over it" if over else str(path)
+        found.setdefault("command line" if key in overrides else source, []).append(str(problem))
+    return "; ".join(f"{source}: {'; '.join(problems)}" for source, problems in found.items())
 
 
 def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrated]:
@@ -103,7 +93,7 @@ def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrate
 
 
 def _refuse_simulated(config: Config, calibrated: list[Calibrated]) -> None:
-    """A real arm does not move by what a simulated hand did, whoever put it in force."""
+    """A real arm does not move by what a simulated hand did."""
     if not config.rig.enabled and (simulated := [one.file for one in calibrated if one.simulated]):
         raise ConfigError(
             f"{simulated[0]}: was measured on the simulated rig and is never used with real "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import date
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -21,15 +21,14 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    @model_validator(mode="before")
+    @field_validator("*", mode="before")
     @classmethod
-    def _what_yaml_takes_for_something_else(cls, data: Any) -> Any:
+    def _what_yaml_takes_for_something_else(cls, value: Any, info: ValidationInfo) -> Any:
         """`yes` is no number, and 0123 no text: YAML has read it as 83 by now."""
-        for name, value in data.items() if isinstance(data, dict) else ():
-            field = cls.model_fields.get(name)
-            kind = None if field is None else field.annotation
-            if isinstance(value, bool) and kind in (int, float):
-                raise ValueError(f"{name} must be a number, not {str(value).lower()}")
-            if kind is str and isinstance(value, int | float | date):
-                raise ValueError(f"{name} must be text: write it in quotes")
-        return data
+        assert info.field_name is not None
+        kind = cls.model_fields[info.field_name].annotation
+        if isinstance(value, bool) and kind in (int, float):
+            raise ValueError("must be a number")
+        if kind is str and isinstance(value, int | float | date):
+            raise ValueError("must be text: write it in quotes")
+        return value

@@ -15,16 +15,22 @@ class PhasesConfig(Section):
     """Thresholds and dwell times of Algorithm 1 (paper, section III-B)."""
 
     v_eps_mm_s: NonNegative = 5.0
+    """v_ε: at this smoothed speed of the TCP or less, the phase is held."""
     vz_min_mm_s: NonNegative = 15.0
+    """v_z^min: a descent is faster than this."""
     align_dwell_s: NonNegative = 0.3
+    """T_align: a descent with the gripper open lasts this long before it is Align."""
     pre_release_dwell_s: NonNegative = 0.3
+    """T_pre: a descent with the gripper closed lasts this long before it is Pre-release."""
     smoothing_ms: Positive = 100.0
+    """Time constant of the speeds' exponential moving average."""
 
 
 class WeightsConfig(Section):
     """The view weight matrix W, one row per phase, each summing to 1 (paper, Table I)."""
 
     matrix: dict[Phase, dict[str, Fraction]]
+    """The share of each view in each phase; each row sums to 1."""
 
     @model_validator(mode="after")
     def _rows(self) -> Self:
@@ -44,10 +50,13 @@ class AllocationConfig(Section):
     """The allocation rule (paper, section III-D)."""
 
     floor_kbps: NonNegative = 150.0
+    """b_min: what each view gets at least, if the budget allows."""
     source_drop_below_kbps: NonNegative = 80.0
+    """A view with a lower target sends no frames."""
     static_weights: dict[str, Fraction] = Field(
         default_factory=lambda: {"eih": 0.50, "gt": 0.25, "gs": 0.25}
     )
+    """Shares of the views for strategy `static`; they sum to 1."""
 
     @model_validator(mode="after")
     def _sum(self) -> Self:
@@ -60,17 +69,24 @@ class BudgetConfig(Section):
     """Where the uplink capacity comes from."""
 
     mode: Literal["oracle", "sender"] = "oracle"
+    """Capacity from the emulated link itself, or from what the sender has sent."""
     safety_factor: Annotated[float, Field(gt=0, le=1)] = 0.92
-    max_kbps: Positive = 20_000.0  # the capacity of network `none`
-    start_kbps: Positive = 3_000.0  # sender: before the first statistics
-    window_ms: Positive = 1000.0  # sender: sliding window
-    trace_window_ms: Positive = 100.0  # oracle on a trace: mean of its last 100 ms
+    """Share of the capacity that is given to the views."""
+    max_kbps: Positive = 20_000.0
+    """Capacity at most; that of network `none`."""
+    start_kbps: Positive = 3_000.0
+    """`sender`: capacity before the first statistics."""
+    window_ms: Positive = 1000.0
+    """`sender`: length of the sliding window."""
+    trace_window_ms: Positive = 100.0
+    """`oracle` on a trace: the mean of this long until now."""
 
 
 class PolicyConfig(Section):
     """The policy loop, and all that decides the bits."""
 
     rate_hz: Annotated[float, Field(ge=1, le=120)] = 20.0
+    """Steps of the policy loop."""
     phases: PhasesConfig = PhasesConfig()
     weights: WeightsConfig
     allocation: AllocationConfig = AllocationConfig()
@@ -87,31 +103,46 @@ class QualityConfig(Section):
     """
 
     enabled: bool = True
+    """Whether frames are scored while the session runs."""
 
 
 class RepairConfig(Section):
     """How lost packets are repaired, the same for all views (`video/repair.py` has the rule)."""
 
-    rtx: Literal["auto", "on", "off"] = "auto"  # auto: where a resend is in time, within 200 ms
-    pli: bool = True  # ask for a keyframe where a packet stays lost
+    rtx: Literal["auto", "on", "off"] = "auto"
+    """Whether lost packets are sent again; `auto`: where that comes in time, within 200 ms."""
+    pli: bool = True
+    """Whether a keyframe is asked for where a packet stays lost."""
 
 
 class VideoConfig(Section):
     """The same settings for all views and strategies."""
 
     views: tuple[str, ...] = ("eih", "gt", "gs")
-    width: Annotated[int, Field(ge=160, le=1920, multiple_of=4)] = 640  # rows without padding
+    """Names of the views, each once."""
+    width: Annotated[int, Field(ge=160, le=1920, multiple_of=4)] = 640
+    """Width of a frame in pixels; rows have no padding."""
     height: Annotated[int, Field(ge=120, le=1080, multiple_of=2)] = 480
+    """Height of a frame in pixels."""
     fps: Annotated[int, Field(ge=5, le=60)] = 30
+    """Frames per second of each view."""
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
+    """x264's speed preset."""
     vbv_ms: Positive = 33.0
+    """Length of the encoder's rate buffer at the target rate."""
     keyframe_interval: Annotated[int, Field(ge=1)] = 600
+    """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200
-    decoder: str = "avdec_h264"  # or auto, or any GStreamer H.264 decoder element
+    """Payload of an RTP packet at most."""
+    decoder: str = "avdec_h264"
+    """Element that decodes: `auto`, or any H.264 decoder of GStreamer."""
     bind_host: str = "127.0.0.1"
-    first_port: Port = 0  # 0: any free ports; else three per view from here on
+    """Address that the video flows are bound to."""
+    first_port: Port = 0
+    """First of three UDP ports for each view; 0 takes any free ones."""
     repair: RepairConfig = RepairConfig()
     pli_min_interval_ms: Positive = 300.0
+    """Time between two requests for a keyframe at least."""
     quality: QualityConfig = QualityConfig()
 
     @model_validator(mode="after")
@@ -120,21 +151,29 @@ class VideoConfig(Section):
             raise ValueError(f"views must be different names, at least one: {list(self.views)}")
         last = self.first_port + 3 * len(self.views) - 1
         if self.first_port and last > 65535:
-            raise ValueError(f"first_port leaves no room for {3 * len(self.views)} ports")
+            raise ValueError(f"first_port leaves no space for {3 * len(self.views)} ports")
         return self
 
 
 class Network(Section):
-    """One uplink condition; rate_kbps None means no bottleneck, a trace replaces the rate."""
+    """One uplink condition; without a rate there is no bottleneck."""
 
     latency_ms: NonNegative = 0.0
+    """One-way delay behind the bottleneck."""
     jitter_ms: NonNegative = 0.0
+    """The delay is uniform in latency_ms ± this."""
     loss: Fraction = 0.0
-    loss_burst: Annotated[float, Field(ge=1)] = 1.0  # mean burst length; 1 is independent loss
+    """Share of packets that are lost."""
+    loss_burst: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.0
+    """Mean length of a burst of losses; 1 is independent loss."""
     rate_kbps: Annotated[float, Field(ge=1, le=1e9)] | None = None
-    trace: str | None = None  # file; its rates take the place of rate_kbps
+    """Rate of the bottleneck; null: none."""
+    trace: str | None = None
+    """File of a capacity trace; its rates take the place of rate_kbps."""
     queue_ms: Positive = 150.0
+    """Length of the bottleneck's queue."""
     queue_min_bytes: Annotated[int, Field(ge=1500)] = 30_000
+    """Size of that queue at least."""
 
     @model_validator(mode="after")
     def _possible_bursts(self) -> Self:

@@ -25,28 +25,37 @@ class OperatorConfig(Section):
     """The scripted operator of the simulated rig."""
 
     reach_speed_m_s: Positive = 0.20
+    """Speed of the hand on long ways."""
     fine_speed_m_s: Positive = 0.06
-    arm_reach_m: Positive = 0.18  # hand travel from its rest point before it must re-clutch
+    """Speed of the hand near block and container."""
+    arm_reach_m: Positive = 0.18
+    """Travel of the hand from its rest point before it has to re-clutch."""
     position_noise_mm: NonNegative = 0.15
+    """Standard deviation of the tracked position."""
     rotation_noise_deg: NonNegative = 0.05
+    """Standard deviation of the tracked rotation."""
     reaction_s: NonNegative = 0.25
+    """Reaction time."""
 
 
 class RigConfig(Section):
     """The simulated rig, started in processes of its own."""
 
     enabled: bool = True
-    render_nice: Annotated[int, Field(ge=0, le=19)] = 10  # where no better one is permitted
-    camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5  # grey levels of 255
+    """Whether the simulated rig takes the place of arm, controller and cameras."""
+    render_nice: Annotated[int, Field(ge=0, le=19)] = 10
+    """Nice level of the renderer where no better scheduling is permitted."""
+    camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5
+    """Standard deviation of the cameras' noise in grey levels of 255."""
     operator: OperatorConfig = OperatorConfig()
-    # How the tracking frame truly stands to the arm, None: as hand.rotation says. Where they differ
-    # the operator's hand and the arm go different ways, until `calibrate frame` has been run.
     hand_rotation: tuple[Triple, Triple, Triple] | None = None
+    """How the tracking frame truly stands to the arm; null: as hand.rotation says."""
     controller_type: ControllerType = "vive_focus3_controller"
-    # Which component each part of the controller truly moves; what is not given, the usual one.
+    """Type of the simulated controller."""
     wiring: MappingConfig = MappingConfig()
-    # A session's log: its recorded hand moves the controller, open loop, in the operator's place.
+    """Which component each part of the controller truly moves; what is not given, the usual one."""
     hand_trajectory: str | None = None
+    """A session's log whose recorded hand moves the controller instead of the operator."""
 
     @model_validator(mode="after")
     def _moves_no_real_arm(self) -> Self:
@@ -65,21 +74,32 @@ class TrialConfig(Section):
     """The rules of a trial (paper, section IV)."""
 
     limit_s: Positive = 120.0
+    """Time for a trial from the first engagement."""
     success_within_s: Positive = 90.0
+    """A trial that is completed within this time is a success."""
     max_drops: Annotated[int, Field(ge=0)] = 2
+    """Drops of the block that a successful trial may have."""
 
 
 class StudyConfig(Section):
     """What a study compares: every strategy on every network (paper, section IV)."""
 
-    title: str = "TAMS study"  # of the plan and the report
+    title: str = "TAMS study"
+    """Title of the plan and the report."""
     strategies: Annotated[tuple[str, ...], Field(min_length=1)] = ("equal", "static", "tams")
+    """Strategies that are compared, each once."""
     networks: Annotated[tuple[str, ...], Field(min_length=1)] = ("s1", "s2", "s3")
-    reference: str = "equal"  # what the others are compared with
-    proposed: str = "tams"  # what the study is about
+    """Networks on which they are compared, each once."""
+    reference: str = "equal"
+    """The strategy that the others are compared with."""
+    proposed: str = "tams"
+    """The strategy that the study is about."""
     repetitions: Annotated[int, Field(ge=1)] = 3
-    practice_trials: Annotated[int, Field(ge=0)] = 0  # per participant, never analysed
-    scene_marks: Annotated[int, Field(ge=1)] = 5  # start marks for the block on a real table
+    """Trials of each strategy on each network, for each participant."""
+    practice_trials: Annotated[int, Field(ge=0)] = 0
+    """Trials of each participant before the others, never analysed."""
+    scene_marks: Annotated[int, Field(ge=1)] = 5
+    """Start marks for the block on a real table."""
 
     @model_validator(mode="after")
     def _compares_what_it_runs(self) -> Self:
@@ -96,24 +116,36 @@ class RecordingConfig(Section):
     """What a session leaves behind."""
 
     directory: str = "logs"
+    """Where session folders are made; relative to the working directory."""
     record_reference: bool = False
-    bitstream: bool = True  # the encoded frames themselves: nearly all of a log's size
+    """Whether lossless captures are kept, too."""
+    bitstream: bool = True
+    """Whether the encoded frames themselves are kept: nearly all of a log's size."""
     min_free_mb: NonNegative = 500.0
+    """Free disk space that a session wants at its start; it ends below a tenth of that."""
 
 
 class Config(Section):
     """Everything a session is built from."""
 
     version: Literal[1]
+    """Version of this format."""
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]+$")] = "run"
+    """Name of the session, part of its folder's name."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of scene, noise and losses."""
     strategy: str = "tams"
+    """How the budget is divided: `equal`, `static` or `tams`."""
     network: str = "s2"
+    """A name from networks, `none`, or the path of a capacity trace."""
     seconds: Positive | None = None
+    """Length of a session; null: until it is ended."""
     headless: bool = False
-    # the set of measured files beside this one, calibration/<name>/, that is laid over it
+    """Whether no windows are opened."""
     calibration: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] | None = None
-    calibrated_by: tuple[str, ...] = ()  # filled in when the configuration is read
+    """The set of measured files, `calibration/NAME/` beside this file, that is laid over it."""
+    calibrated_by: tuple[str, ...] = ()
+    """Filled in when the configuration is read: the measured files that are in force."""
     arm: ArmConfig = ArmConfig()
     clutch: ClutchConfig = ClutchConfig()
     hand: HandConfig = HandConfig()
@@ -121,12 +153,12 @@ class Config(Section):
     freshness: FreshnessConfig = FreshnessConfig()
     control: ControlConfig = ControlConfig()
     controller: ControllerConfig = ControllerConfig()
-    cameras: dict[str, CameraConfig] = Field(
-        default_factory=dict
-    )  # by view; the rig brings its own
+    cameras: dict[str, CameraConfig] = Field(default_factory=dict)
+    """The cameras by view; the simulated rig brings its own."""
     policy: PolicyConfig
     video: VideoConfig = VideoConfig()
     networks: dict[str, Network]
+    """Uplink conditions by name."""
     rig: RigConfig = RigConfig()
     trial: TrialConfig = TrialConfig()
     study: StudyConfig = StudyConfig()

@@ -1,4 +1,4 @@
-"""`run` as a person meets it: a live line, windows, and a table at the end."""
+"""`run` on the terminal: a live line, windows, and a table at the end."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from contextlib import ExitStack
 from rich.console import Console
 
 from tams_app.config import Config
-from tams_app.console.confirmations import Confirmations
 from tams_app.console.report import report_session
 from tams_app.console.signals import handled_signals
 from tams_app.console.status import LinesOf, StatusLine, status_lines
-from tams_app.console.terminal import Key, TerminalKeys
+from tams_app.console.terminal import Confirmations, Key, TerminalKeys
 from tams_app.console.windows import ViewWindow
-from tams_app.errors import TamsError
+from tams_app.errors import SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views
@@ -26,14 +25,18 @@ POLL_S = 0.05
 
 
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
-    """Run one session to its end; the exit code. Everything it leaves is in its own folder."""
+    """Run one session to its end; the exit code. Everything it leaves is in its own folder.
+
+    SignalledError, after all is done, if a signal ended it.
+    """
     console = Console()
     check_names(config)
     check_ready_pose(config)
     check_views(config, dry_run)
     folder = create_session_folder(config)
     session = Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
-    show_session(session, console)
+    signals: list[str] = []
+    show_session(session, console, interrupted=signals.append)
     try:
         report_session(folder, console)
     except TamsError:
@@ -41,6 +44,8 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
             raise
     if session.failure:
         raise TamsError(f"{session.failure} (the log is in {folder})")
+    if signals:
+        raise SignalledError(f"{signals[0]}; all that was recorded is in {folder}")
     return 0
 
 
@@ -88,7 +93,7 @@ def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines)
 
 
 def _open_windows(session: Session, stack: ExitStack) -> list[ViewWindow]:
-    """A window per view where there is a display and nobody said --headless."""
+    """A window per view where there is a display, unless --headless is given."""
     if session.config.headless or not _has_display():
         return []
     windows = []

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import errno
-import importlib.util
+import importlib.metadata
 import os
 import platform
 import shutil
 import socket
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
+
+from packaging.requirements import Requirement
 
 from tams_app import gst
 from tams_app.config import Config
@@ -30,34 +33,16 @@ _RENDER = (
     "SceneRenderer(draw_layout(0)).close()"
 )
 _WINDOW_SINKS = ("ximagesink", "xvimagesink", "glimagesink", "waylandsink")
-_LIBRARIES = {  # module: what pip calls it
-    "gi": "PyGObject",
-    "numpy": "numpy",
-    "scipy": "scipy",
-    "cv2": "opencv-python-headless",
-    "ruckig": "ruckig",
-    "xarm": "xArm-Python-SDK",
-    "openvr": "openvr",
-    "yaml": "PyYAML",
-    "pydantic": "pydantic",
-    "typer": "typer",
-    "rich": "rich",
-    "psutil": "psutil",
-    "matplotlib": "matplotlib",
-    "foxglove": "foxglove-sdk",
-    "mcap": "mcap",
-}
+_PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 
 def libraries(config: Config) -> Iterator[Finding]:
-    """The Python libraries, and MuJoCo for the simulated rig."""
-    wanted = dict(_LIBRARIES)
-    if config.rig.enabled:
-        wanted["mujoco"] = "mujoco"
-    missing = [package for module, package in wanted.items() if not _importable(module)]
+    """The Python packages that TAMS declares, and those of the simulated rig where it is used."""
+    wanted = _requirements("sim" if config.rig.enabled else "")
+    missing = [package for requirement in wanted if (package := _missing(requirement))]
     detail = f"missing: {', '.join(missing)}" if missing else f"{len(wanted)} found"
-    fix = "make setup, or pip install " + " ".join(missing)
-    yield Finding("Python libraries", not missing, detail, fix)
+    names = " ".join(f"'{requirement}'" for requirement in missing)
+    yield Finding("Python libraries", not missing, detail, f"make setup, or pip install {names}")
 
 
 def gstreamer(_: Config) -> Iterator[Finding]:
@@ -166,11 +151,14 @@ def ports(config: Config) -> Iterator[Finding]:
 
 
 def disk(config: Config) -> Iterator[Finding]:
-    """The log folder: writable, with enough room."""
+    """The log folder: writable, with enough space."""
     fix = "choose another with --out or recording.directory"
     try:
         folder = _existing(Path(config.recording.directory).expanduser())
-    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of nobody, or links in a circle
+    except (
+        OSError,
+        RuntimeError,
+    ) as error:  # RuntimeError: ~ of an unknown user, a loop of links
         yield Finding("Log folder", False, f"{config.recording.directory}: {error}", fix)
         return
     writable = os.access(folder, os.W_OK)
@@ -264,8 +252,25 @@ def kernel_has_netem(root: Path) -> bool:
     return any(path.exists() and "sch_netem" in path.read_text() for path in lists)
 
 
-def _importable(module: str) -> bool:
-    return importlib.util.find_spec(module) is not None
+def _requirements(extra: str) -> list[Requirement]:
+    """What the project declares: in its own file, or where it is installed in its metadata."""
+    if _PROJECT.is_file():
+        project = tomllib.loads(_PROJECT.read_text(encoding="utf-8"))["project"]
+        lines = [*project["dependencies"], *project["optional-dependencies"].get(extra, [])]
+    else:
+        lines = importlib.metadata.requires("tams") or []
+    requirements = map(Requirement, lines)
+    return [one for one in requirements if not one.marker or one.marker.evaluate({"extra": extra})]
+
+
+def _missing(requirement: Requirement) -> str:
+    """The requirement as pip takes it if it is not met, else ""."""
+    try:
+        installed = importlib.metadata.version(requirement.name)
+    except importlib.metadata.PackageNotFoundError:
+        installed = None
+    met = installed is not None and requirement.specifier.contains(installed, prereleases=True)
+    return "" if met else f"{requirement.name}{requirement.specifier}"
 
 
 def _bind_refusal(host: str, port: int) -> OSError | None:

@@ -13,8 +13,10 @@ from collections.abc import Callable
 from enum import Enum
 
 from tams_app.errors import DeviceError
+from tams_app.runtime.clock import NS_PER_MS
 
 POLL_S = 0.2
+REPEAT_NS = 700 * NS_PER_MS  # a held key repeats after up to 0.66 s (X11's default), then faster
 _ESCAPE = 0x1B
 
 
@@ -134,6 +136,18 @@ class TerminalKeys:
                 self.close()
 
         return run
+
+
+class Confirmations:
+    """Tells presses of a key from its auto-repeats: two confirmations are two presses."""
+
+    def __init__(self) -> None:
+        self._seen_ns: int | None = None
+
+    def counts(self, now_ns: int) -> bool:
+        """Whether the key seen at `now_ns` was pressed anew; also one that does not is seen."""
+        before_ns, self._seen_ns = self._seen_ns, now_ns
+        return before_ns is None or now_ns - before_ns >= REPEAT_NS
 
 
 def _in_background(fd: int) -> bool:

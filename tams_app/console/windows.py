@@ -1,4 +1,4 @@
-"""A window per view: only a consumer of the receivers' mailboxes, never in the frames' way."""
+"""A window per view, which reads the receivers' mailboxes and never delays a frame."""
 
 from __future__ import annotations
 

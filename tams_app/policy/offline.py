@@ -18,7 +18,8 @@ ADDED_COLUMNS = ("phase", "reason")
 @dataclass(frozen=True, slots=True)
 class _Row:
     t_s: float
-    velocity: tuple[float, float, float]  # [m/s]
+    speed_mm_s: float
+    vertical_mm_s: float
     closed: bool
 
 
@@ -27,7 +28,7 @@ def label_phases(
 ) -> str:
     """The CSV `text` with the columns phase and reason added.
 
-    `smoothing_s` is the EMA's time constant, None takes the speeds as smoothed already.
+    `smoothing_s` is the EMA's time constant; None takes the speeds exactly as they are.
     Raises ConfigError naming `name`, line and reason.
     """
     header, records = _read(text, name)
@@ -68,18 +69,22 @@ def _label(
     rows: Iterable[_Row], parameters: PhaseParameters, smoothing_s: float | None
 ) -> Iterator[dict[str, str]]:
     tracker = PhaseTracker(parameters)
-    speed = vertical = 0.0
+    speed_mm_s = vertical_mm_s = 0.0
     last_s: float | None = None
     for row in rows:
         period_s = 0.0 if last_s is None else row.t_s - last_s
-        alpha = 1.0
-        if smoothing_s is not None and last_s is not None:
+        if smoothing_s is None or last_s is None:
+            speed_mm_s, vertical_mm_s = row.speed_mm_s, row.vertical_mm_s
+        else:
             alpha = 1.0 - math.exp(-period_s / smoothing_s)
-        speed += alpha * (math.hypot(*row.velocity) - speed)
-        vertical += alpha * (row.velocity[2] - vertical)
+            speed_mm_s += alpha * (row.speed_mm_s - speed_mm_s)
+            vertical_mm_s += alpha * (row.vertical_mm_s - vertical_mm_s)
         last_s = row.t_s
         decision = tracker.step(
-            speed=speed, vertical_speed=vertical, closed=row.closed, period_s=period_s
+            speed=speed_mm_s / 1000,  # divided as the thresholds are: equal stays equal
+            vertical_speed=vertical_mm_s / 1000,
+            closed=row.closed,
+            period_s=period_s,
         )
         yield {"phase": decision.phase.value, "reason": decision.reason}
 
@@ -99,8 +104,7 @@ def _rows(records: list[tuple[int, dict[str, str]]], name: str) -> Iterator[_Row
         gripper = record["gripper"].strip()
         if gripper not in ("0", "1"):
             raise ConfigError(f"{where}: gripper is {gripper!r}, not 0 (open) or 1 (closed)")
-        vx, vy, vz = (value / 1000 for value in velocity_mm_s)
-        yield _Row(t_s, (vx, vy, vz), gripper == "1")
+        yield _Row(t_s, math.hypot(*velocity_mm_s), velocity_mm_s[2], gripper == "1")
 
 
 def _number(text: str, column: str, where: str) -> float:

@@ -1,5 +1,6 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
+from tams_app.recording.mcap_stream import Gap
 from tams_app.recording.reader import SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.reference import ReferenceRecorder, read_reference
 from tams_app.recording.topics import (
@@ -17,6 +18,7 @@ __all__ = [
     "FrameCaptured",
     "FrameSent",
     "FrameShown",
+    "Gap",
     "Header",
     "Recordable",
     "Recorder",

@@ -24,7 +24,7 @@ class DirectRecorder:
     def __init__(
         self, path: Path, header: Header, clock: Clock, min_free_mb: float, bitstream: bool = True
     ) -> None:
-        """Create the file and write the header; LogError if there is no room or no folder."""
+        """Create the file and write the header; LogError if there is no space or no folder."""
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent

@@ -2,76 +2,136 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, cast
 
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, Footer, Header, Message
-from mcap.stream_reader import StreamReader
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Chunk, ChunkIndex, Footer, Header, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.summary import Summary
 from zstandard import ZstdError
 
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 
 _RECORD_LIMIT_BYTES = 1 << 30
+_FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
+_MAGIC_BYTES, _CHECKSUM_BYTES = 8, 4
 # What flipped bytes make of the reader; a checksum that does not fit is a ValueError.
 _DAMAGE = (McapError, ZstdError, struct.error, ValueError, OverflowError, MemoryError)
 
 
-class McapStream:
-    """Iterates over (topic, message); LogError if the file is not of the wanted profile.
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Part of a log that cannot be read: `start_ns` to `end_ns`, None where that is not known."""
 
-    Ends early where the file is cut off or damaged: `complete` tells afterwards whether it had its
-    proper end, `damaged` whether anything in it is not as it was written.
+    start_ns: int | None
+    end_ns: int | None
+
+
+class McapStream:
+    """Iterates over (topic, message); UnreadableLogError if it is not of the wanted profile.
+
+    A chunk whose bytes have changed is left out: the index at the end of the file leads to the
+    next one. Without that index the messages end where the file is cut off or damaged. Afterwards
+    `complete` tells whether the file had its proper end, `gaps` what could not be read, in
+    nanoseconds since 1970.
     """
 
     def __init__(self, path: Path, profile: str) -> None:
         self._path = path
         self._profile = profile
         self.complete = False
-        self.damaged = False
+        self.gaps: list[Gap] = []
 
     def __iter__(self) -> Iterator[tuple[str, Message]]:
         try:
-            stream = self._path.open("rb")
+            file = self._path.open("rb")
         except OSError as error:
-            raise LogError(f"{self._path}: cannot be read: {error.strerror}") from error
-        with stream:
-            reader = StreamReader(
-                cast(IO[bytes], _WholeReads(stream)),
-                validate_crcs=True,
-                record_size_limit=_RECORD_LIMIT_BYTES,
-            )
-            records = iter(reader.records)
-            first = self._next(records)
-            if not isinstance(first, Header) or first.profile != self._profile:
-                raise LogError(f"{self._path}: is not a TAMS {self._kind} log; give one of those")
+            raise UnreadableLogError(f"{self._path}: cannot be read: {error.strerror}") from error
+        with file:
+            self._check_profile(file)
+            summary = _read_summary(file)
             topics: dict[int, str] = {}
-            while (record := self._next(records)) is not None:
-                if isinstance(record, Message):
-                    if record.channel_id not in topics:
-                        self.damaged = True  # the chunk that says so is lost
-                        return
-                    yield topics[record.channel_id], record
-                elif isinstance(record, Channel):
+            if summary is None:
+                records = self._from_start(file)
+            else:
+                topics = {number: channel.topic for number, channel in summary.channels.items()}
+                records = self._by_index(file, summary)
+            for record in records:
+                if isinstance(record, Channel):
                     topics[record.id] = record.topic
-                elif isinstance(record, Footer):
-                    self.complete = True
+                elif isinstance(record, Message) and record.channel_id in topics:
+                    yield topics[record.channel_id], record
 
-    @property
-    def _kind(self) -> str:
-        return self._profile.removeprefix("tams-")
-
-    def _next(self, records: Iterator[Any]) -> Any:
-        """The next record, or None at the end, be it proper, cut off or damaged."""
+    def _check_profile(self, file: IO[bytes]) -> None:
         try:
-            return next(records, None)
-        except EndOfFile:
-            return None  # no footer was seen: the stream stays incomplete
+            first = next(StreamReader(file).records, None)
         except _DAMAGE:
-            self.damaged = True
+            first = None
+        if not isinstance(first, Header) or first.profile != self._profile:
+            kind = self._profile.removeprefix("tams-")
+            raise UnreadableLogError(f"{self._path}: is not a TAMS {kind} log; give one of those")
+
+    def _by_index(self, file: IO[bytes], summary: Summary) -> Iterator[McapRecord]:
+        """Every chunk that is whole; one that is not becomes a gap."""
+        self.complete = True
+        for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+            try:
+                yield from _whole_chunk(file, index)
+            except _DAMAGE:
+                self.gaps.append(Gap(index.message_start_time, index.message_end_time))
+
+    def _from_start(self, file: IO[bytes]) -> Iterator[McapRecord]:
+        """The records up to where the file is cut off or damaged."""
+        file.seek(0)
+        reader = StreamReader(
+            cast(IO[bytes], _WholeReads(file)),
+            validate_crcs=True,
+            record_size_limit=_RECORD_LIMIT_BYTES,
+        )
+        last_ns: int | None = None
+        try:
+            for record in reader.records:
+                yield record
+                if isinstance(record, Message):
+                    last_ns = max(last_ns or 0, record.log_time)
+                self.complete = isinstance(record, Footer)
+        except EndOfFile:
+            pass  # no footer was seen: the file stays incomplete
+        except _DAMAGE:
+            self.gaps.append(Gap(last_ns, None))
+
+
+def _read_summary(file: IO[bytes]) -> Summary | None:
+    """The index at the end of the file; None if it is not there or not as it was written."""
+    try:
+        file.seek(-_FOOTER.size - _MAGIC_BYTES, os.SEEK_END)
+        *_, start, _, checksum = _FOOTER.unpack(file.read(_FOOTER.size))
+        file.seek(start)
+        checked = file.read()[: -_CHECKSUM_BYTES - _MAGIC_BYTES]
+        if zlib.crc32(checked) != checksum:
             return None
+        file.seek(0)
+        return SeekingReader(file, record_size_limit=_RECORD_LIMIT_BYTES).get_summary()
+    except (*_DAMAGE, OSError):  # OSError: shorter than a footer, or a start that is none
+        return None
+
+
+def _whole_chunk(file: IO[bytes], index: ChunkIndex) -> list[McapRecord]:
+    """All records of a chunk; an error of `_DAMAGE` if any byte of it has changed."""
+    file.seek(index.chunk_start_offset)
+    data = BytesIO(file.read(index.chunk_length))
+    chunk = next(StreamReader(data, skip_magic=True, emit_chunks=True).records)
+    if not isinstance(chunk, Chunk):
+        raise McapError(f"a {type(chunk).__name__} where a chunk should be")
+    return breakup_chunk(chunk, validate_crc=True)
 
 
 class _WholeReads:

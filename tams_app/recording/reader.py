@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from tams_app import __version__
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.recording import wire
-from tams_app.recording.mcap_stream import McapStream
+from tams_app.recording.mcap_stream import Gap, McapStream
 from tams_app.recording.topics import (
     PROFILE,
     SCHEMA,
@@ -50,13 +50,13 @@ class SessionLog:
 
     `facts` belongs to the header but was learned later; `ended_ns` is the newest time of any
     record; `truncated`: the file has no proper end (the session was killed, or the disk was full);
-    `damaged`: bytes of the file have changed since, and what follows them is missing.
+    `gaps`: where bytes of the file have changed since, and the records of that time are missing.
     """
 
     header: Header
     ended_ns: int
     truncated: bool = False
-    damaged: bool = False
+    gaps: list[Gap] = field(default_factory=list)
     facts: dict[str, str] = field(default_factory=dict)
     ticks: list[Tick] = field(default_factory=list)
     phases: list[PhaseChange] = field(default_factory=list)
@@ -75,6 +75,11 @@ class SessionLog:
     glances: list[OperatorGlance] = field(default_factory=list)
     outcome: Outcome | None = None
 
+    @property
+    def complete(self) -> bool:
+        """Whether everything that was written is here."""
+        return not self.truncated and not self.gaps
+
     def add(self, record: Any) -> None:
         """Put one record where its type belongs."""
         if isinstance(record, PacketBatch):
@@ -84,30 +89,14 @@ class SessionLog:
         elif isinstance(record, Facts):
             self.facts.update(record.values)
         elif not isinstance(record, Header):
-            getattr(self, _LISTS[type(record)]).append(record)
+            getattr(self, TOPICS[type(record)].records).append(record)
 
 
-_LISTS: dict[type, str] = {
-    Tick: "ticks",
-    PhaseChange: "phases",
-    Allocation: "allocations",
-    LinkCapacity: "capacities",
-    FrameCaptured: "captured",
-    FrameSent: "sent",
-    DroppedFrame: "dropped",
-    FrameShown: "shown",
-    FrameQuality: "quality",
-    StopRecord: "stops",
-    Note: "notes",
-    SystemSample: "system",
-    SceneTruth: "scene",
-    OperatorGlance: "glances",
-}
 _TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
 
 
 def read_log(path: Path) -> SessionLog:
-    """Everything but the video of the log at `path`; LogError if it is none of ours."""
+    """Everything but the video of the log at `path`; UnreadableLogError if it is none of ours."""
     log: SessionLog | None = None
     stream = McapStream(path, PROFILE)
     for name, message in stream:
@@ -121,17 +110,27 @@ def read_log(path: Path) -> SessionLog:
             break
         log.add(record)
         log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
-    if log is None and stream.damaged:
-        raise LogError(f"{path}: is damaged at its beginning; give an undamaged copy")
+    if log is None and stream.gaps:
+        raise UnreadableLogError(f"{path}: is damaged at its beginning; give an undamaged copy")
     if log is None:
-        raise LogError(f"{path}: holds no session header; the session ended before it began")
-    log.truncated = not stream.complete
-    log.damaged = stream.damaged
+        raise UnreadableLogError(
+            f"{path}: holds no session header; the session ended before it began"
+        )
+    log.truncated = not stream.complete and not stream.gaps
+    log.gaps = [_session_time(gap, log.header.wall_offset_ns) for gap in stream.gaps]
     return log
 
 
+def _session_time(gap: Gap, wall_offset_ns: int) -> Gap:
+    start_ns, end_ns = (
+        None if wall_ns is None else wall_ns - wall_offset_ns
+        for wall_ns in (gap.start_ns, gap.end_ns)
+    )
+    return Gap(start_ns, end_ns)
+
+
 def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
-    """The bitstream of one view as it was sent, frame by frame; LogError as `read_log`."""
+    """The bitstream of one view as it was sent, frame by frame; errors as of `read_log`."""
     sent: FrameSent | None = None
     for name, message in McapStream(path, PROFILE):
         if name == TOPICS[FrameSent].name:
@@ -149,10 +148,11 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
                 payload,
                 sent.pushed_ns,
             )
+            sent = None  # where the next record is missing, its bytes are no other frame's
 
 
 def read_ticks(path: Path) -> Iterator[Tick]:
-    """The control loop's ticks alone, in order; LogError as `read_log`."""
+    """The control loop's ticks alone, in order; errors as of `read_log`."""
     for name, message in McapStream(path, PROFILE):
         if name == TOPICS[Tick].name:
             yield _decode(path, TOPICS[Tick], message.data)
@@ -164,10 +164,12 @@ def _decode(path: Path, topic: Any, data: bytes) -> Any:
         record = topic.codec.decode(data)
         newer = isinstance(record, Header) and record.schema > SCHEMA
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise LogError(
+        raise UnreadableLogError(
             f"{path}: {topic.name} is not as TAMS {__version__} writes it; "
             "read this log with the program and version that wrote it"
         ) from error
     if newer:
-        raise LogError(f"{path}: was written by the newer TAMS {record.version}; read it with that")
+        raise UnreadableLogError(
+            f"{path}: was written by the newer TAMS {record.version}; read it with that"
+        )
     return record

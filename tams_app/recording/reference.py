@@ -39,7 +39,7 @@ class ReferenceRecorder:
         min_free_mb: float,
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
-        """Create the file; LogError if there is no room or no folder."""
+        """Create the file; LogError if there is no space or no folder."""
         require_free_space(path.parent, min_free_mb)
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION

@@ -6,7 +6,7 @@ Adding a record means adding one line to `TOPICS` and one list to `SessionLog` (
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from tams_app.recording.codec import Codec
@@ -32,7 +32,7 @@ from tams_app.records import (
     Tick,
 )
 
-SCHEMA = 1
+SCHEMA = 2  # logs of schema 1 are read by `upgrades`
 PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows our logs
 REFERENCE_PROFILE = "tams-reference"
 
@@ -127,35 +127,30 @@ class PacketBatch:
 
     @staticmethod
     def of(packets: Sequence[PacketRecord]) -> PacketBatch:
-        return PacketBatch(
-            view=tuple(packet.view for packet in packets),
-            kind=tuple(packet.kind.value for packet in packets),
-            sequence=tuple(packet.sequence for packet in packets),
-            size_bytes=tuple(packet.size_bytes for packet in packets),
-            entered_ns=tuple(packet.entered_ns for packet in packets),
-            departed_ns=tuple(packet.departed_ns for packet in packets),
-            delivered_ns=tuple(packet.delivered_ns for packet in packets),
-            fate=tuple(packet.fate.value for packet in packets),
-            rtp_timestamp=tuple(packet.rtp_timestamp for packet in packets),
-        )
+        """The columns of at least one packet."""
+        rows = [
+            (
+                packet.view,
+                packet.kind.value,
+                packet.sequence,
+                packet.size_bytes,
+                packet.entered_ns,
+                packet.departed_ns,
+                packet.delivered_ns,
+                packet.fate.value,
+                packet.rtp_timestamp,
+            )
+            for packet in packets
+        ]
+        columns: list[Any] = list(zip(*rows, strict=True))
+        return PacketBatch(*columns)
 
     def packets(self) -> list[PacketRecord]:
-        kinds = [_KINDS[number] for number in self.kind]
-        fates = [_FATES[number] for number in self.fate]
-        return list(
-            map(
-                PacketRecord,
-                self.view,
-                kinds,
-                self.sequence,
-                self.size_bytes,
-                self.entered_ns,
-                self.departed_ns,
-                self.delivered_ns,
-                fates,
-                self.rtp_timestamp,
-            )
-        )
+        """The packets one by one."""
+        columns = [getattr(self, field.name) for field in fields(self)]
+        columns[1] = map(_KINDS.__getitem__, self.kind)
+        columns[7] = map(_FATES.__getitem__, self.fate)
+        return list(map(PacketRecord, *columns))
 
 
 _KINDS = {kind.value: kind for kind in PacketKind}
@@ -184,12 +179,18 @@ Recordable: TypeAlias = (
 
 
 class Topic(Generic[T]):
-    """Where records of one type go, and the instant each stands for."""
+    """Where records of one type go, and the instant each stands for.
 
-    def __init__(self, name: str, record_type: type[T], time_ns: Callable[[T], int]) -> None:
+    `records` names the list of a `SessionLog` that they are read back into, if there is one.
+    """
+
+    def __init__(
+        self, name: str, record_type: type[T], time_ns: Callable[[T], int], records: str = ""
+    ) -> None:
         self.name = name
         self.codec = Codec(record_type)
         self.time_ns = time_ns
+        self.records = records
 
 
 HEADER = Topic("/header", Header, lambda header: header.started_ns)
@@ -198,23 +199,23 @@ TOPICS: dict[type, Topic[Any]] = {
     topic.codec.record_type: topic
     for topic in (
         HEADER,
-        Topic("/facts", Facts, lambda record: record.t_ns),
-        Topic("/tick", Tick, lambda record: record.started_ns),
-        Topic("/phase", PhaseChange, lambda record: record.t_ns),
-        Topic("/allocation", Allocation, lambda record: record.t_ns),
-        Topic("/capacity", LinkCapacity, lambda record: record.t_ns),
-        Topic("/frames/captured", FrameCaptured, lambda record: record.capture_ns),
-        Topic("/frames/sent", FrameSent, lambda record: record.encoded_ns),
-        Topic("/frames/dropped", DroppedFrame, lambda record: record.capture_ns),
-        Topic("/frames/shown", FrameShown, lambda record: record.shown_ns),
-        Topic("/frames/quality", FrameQuality, lambda record: record.capture_ns),
-        Topic("/packets", PacketBatch, lambda record: max(record.entered_ns)),
-        Topic("/stop", StopRecord, lambda record: record.visible_ns),
-        Topic("/note", Note, lambda record: record.t_ns),
-        Topic("/system", SystemSample, lambda record: record.t_ns),
-        Topic("/scene", SceneTruth, lambda record: record.t_ns),
-        Topic("/operator/glance", OperatorGlance, lambda record: record.t_ns),
-        Topic("/outcome", OutcomeGiven, lambda record: record.t_ns),
+        Topic("/facts", Facts, lambda one: one.t_ns),
+        Topic("/tick", Tick, lambda one: one.started_ns, "ticks"),
+        Topic("/phase", PhaseChange, lambda one: one.t_ns, "phases"),
+        Topic("/allocation", Allocation, lambda one: one.t_ns, "allocations"),
+        Topic("/capacity", LinkCapacity, lambda one: one.t_ns, "capacities"),
+        Topic("/frames/captured", FrameCaptured, lambda one: one.capture_ns, "captured"),
+        Topic("/frames/sent", FrameSent, lambda one: one.encoded_ns, "sent"),
+        Topic("/frames/dropped", DroppedFrame, lambda one: one.capture_ns, "dropped"),
+        Topic("/frames/shown", FrameShown, lambda one: one.shown_ns, "shown"),
+        Topic("/frames/quality", FrameQuality, lambda one: one.capture_ns, "quality"),
+        Topic("/packets", PacketBatch, lambda one: max(one.entered_ns)),
+        Topic("/stop", StopRecord, lambda one: one.visible_ns, "stops"),
+        Topic("/note", Note, lambda one: one.t_ns, "notes"),
+        Topic("/system", SystemSample, lambda one: one.t_ns, "system"),
+        Topic("/scene", SceneTruth, lambda one: one.t_ns, "scene"),
+        Topic("/operator/glance", OperatorGlance, lambda one: one.t_ns, "glances"),
+        Topic("/outcome", OutcomeGiven, lambda one: one.t_ns),
     )
 }
 

@@ -50,7 +50,7 @@ class Recorder:
         on_failure: Callable[[str, BaseException], None],
         bitstream: bool = True,
     ) -> None:
-        """Create the file and write the header; LogError if there is no room or no folder.
+        """Create the file and write the header; LogError if there is no space or no folder.
 
         `bitstream`: keep the encoded frames themselves, not only when they were sent.
         """

@@ -32,6 +32,7 @@ class ControlHooks:
 
     beat: Callable[[int], None]  # the guard's heartbeat; what it brings is a signal of this tick
     video_age_ns: Callable[[int, Phase], int | None]  # of the shown primary view
+    stop: Callable[[], None]  # the arm, now
     request: Callable[[Request], None]  # enable the arm, clear its errors
     arm_ready: Callable[[], bool]
     phase_began: Callable[[PhaseChange], None]
@@ -123,8 +124,8 @@ class ControlLoop:
         )
 
     def _act(self, output: TeleopOutput) -> None:
-        if output.stop:  # state 4 ends every motion; a zero twist would only queue up behind it
-            self._arm.stop()
+        if output.stop:  # ends every motion; a zero twist would only queue up behind it
+            self._hooks.stop()
         elif output.twist is not None:
             self._arm.send_twist(output.twist)
         elif output.pose is not None:

@@ -52,7 +52,7 @@ class Guard(Protocol):
 
 
 class HomeRun:
-    """One way home: the loop around `Homing`, for the main thread.
+    """One motion to the ready pose: the loop around `Homing`, for the main thread.
 
     `read_keys(timeout_s)` returns what the terminal sent meanwhile. Starting the move may wait for
     the arm, which the key and the heartbeat cannot: it is done in `executor`. Nor can they wait for

@@ -11,7 +11,6 @@ from tams_app.session.control import describe
 from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard
 from tams_app.session.stops import StopWatch
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import Trial
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
@@ -27,7 +26,7 @@ class Guard(Protocol):
 
 
 class TickObserver:
-    """Guard, supervisor, trial, stops, notes and console follow the arm's arming. Never blocks.
+    """Guard, trial, stops, notes and console follow the arm's arming. Never blocks.
 
     `arm_at_once` confirms in the operator's place, once a second until the arm was armed once.
     """
@@ -35,7 +34,6 @@ class TickObserver:
     def __init__(
         self,
         guard: Guard,
-        supervisor: ArmSupervisor,
         trial: Trial,
         stops: StopWatch,
         board: StatusBoard,
@@ -44,7 +42,6 @@ class TickObserver:
         arm_at_once: bool,
     ) -> None:
         self._guard = guard
-        self._supervisor = supervisor
         self._trial = trial
         self._stops = stops
         self._board = board
@@ -57,8 +54,6 @@ class TickObserver:
     def observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         """Take in one tick; in the control thread."""
         self._guard.follow(output.arming, output.stop)
-        if output.stop:
-            self._supervisor.stopped()
         if output.arming is ArmingState.ENGAGED:
             self._trial.engaged(now_ns)
         if output.arming is not self._arming:

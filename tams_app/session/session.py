@@ -10,10 +10,10 @@ from pathlib import Path
 
 from hw.arm import Arm
 from hw.boundary import session_boundary
-from hw.lite6.codes import State
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.records import (
+    Activity,
     Note,
     Phase,
     PhaseChange,
@@ -26,6 +26,7 @@ from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.worker import Worker
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.guarding import Guarding
 from tams_app.session.load import LoadMonitor
@@ -35,7 +36,6 @@ from tams_app.session.signals import Signals
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.stops import StopWatch
 from tams_app.session.streaming import Streaming
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.trial_loop import TrialLoop
 from tams_app.study.trial import Trial, TrialJudge, UnjudgedTrial
 from tams_app.teleop.safety import Reason
@@ -74,7 +74,7 @@ class Session:
         self._trial: Trial = UnjudgedTrial()
         self._started_ns = clock.now_ns()
         self._arm: Arm | None = None
-        self._supervisor: ArmSupervisor | None = None
+        self._gate: ArmGate | None = None
         self._control: Worker | None = None
         self.board = StatusBoard(config.video.views)
 
@@ -112,13 +112,13 @@ class Session:
         self._devices.wait_ready()
         self._helpers.update(self._devices.helpers)
         self._go_on()
-        arm, supervisor = self._start_arm(helper_logs)
+        arm, gate = self._start_arm(helper_logs)
         self._go_on()
-        self._start_workers(arm, supervisor)
+        self._start_workers(arm, gate)
         gc.collect()
         gc.freeze()  # what lives as long as the session need not be looked at again
         self._stack.callback(gc.unfreeze)
-        control = self._build_control(arm, supervisor)
+        control = self._build_control(arm, gate)
         self._go_on()
         self._control = self._run("control", lambda stop: self._control_thread(control, stop))
 
@@ -127,7 +127,7 @@ class Session:
         if self.failure or self._requested_end:
             raise TamsError(self.failure or f"{self._requested_end} before it had started")
 
-    def _start_arm(self, helper_logs: Path) -> tuple[Arm, ArmSupervisor]:
+    def _start_arm(self, helper_logs: Path) -> tuple[Arm, ArmGate]:
         self._guarding = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
         self._stack.callback(self._guarding.close)
         self._guarding.start()
@@ -139,15 +139,15 @@ class Session:
         arm.connect()
         self._hurry(arm.realtime_thread_ids)
         boundary = session_boundary(self.config.arm, self.config.limits)
-        supervisor = ArmSupervisor(arm, build.servo(self.config), boundary, self.note)
-        self._arm, self._supervisor = arm, supervisor
+        gate = ArmGate(arm, build.servo(self.config), boundary, self.note)
+        self._arm, self._gate = arm, gate
         self._guarding.wait_ready()
         self._helpers["guard"] = self._guarding.process
         self._controller = self._devices.make_controller(self.note)
         self._stack.callback(self._controller.close)
         self._controller.start()
         self._hurry(self._controller.realtime_thread_ids)
-        return arm, supervisor
+        return arm, gate
 
     def _hurry(self, thread_ids: Mapping[str, int]) -> None:
         """Real-time priority, just below the control loop's, for what it waits for."""
@@ -155,10 +155,10 @@ class Session:
             for thread_id in thread_ids.values():
                 use_fifo(priority - 1, thread_id)
 
-    def _start_workers(self, arm: Arm, supervisor: ArmSupervisor) -> None:
+    def _start_workers(self, arm: Arm, gate: ArmGate) -> None:
         self._stops = StopWatch(self._record)
         self._stack.callback(self._stops.finish)
-        self._run("arm-supervisor", supervisor.run, SUPERVISOR_PATIENCE_S)
+        self._run("arm-supervisor", gate.run, SUPERVISOR_PATIENCE_S)
         self._streaming.run(self._devices.make_cameras(self.note), self._run)
         self._run("load", LoadMonitor(self._clock, self._helper_pids(), self._record).run)
         if self._devices.truth is not None:
@@ -169,11 +169,10 @@ class Session:
         pids.update(self._streaming.helper_pids)
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def _build_control(self, arm: Arm, supervisor: ArmSupervisor) -> ControlLoop:
+    def _build_control(self, arm: Arm, gate: ArmGate) -> ControlLoop:
         config = self.config
         observer = TickObserver(
             self._guarding,
-            supervisor,
             self._trial,
             self._stops,
             self.board,
@@ -184,8 +183,9 @@ class Session:
         hooks = ControlHooks(
             beat=self._guarding.beat,
             video_age_ns=self._streaming.primary_age_ns,
-            request=supervisor.request,
-            arm_ready=lambda: supervisor.ready,
+            stop=gate.stop,
+            request=gate.request,
+            arm_ready=lambda: gate.ready,
             phase_began=self._on_phase,
             record=self._keep_tick,
             output=observer.observe,
@@ -254,9 +254,8 @@ class Session:
     def fail(self, sentence: str) -> None:
         """The job has failed: stop the arm, let the session end with exit code 1."""
         self.signals.fault(Reason.SESSION_FAILED)
-        if self._arm is not None and self._supervisor is not None:
-            self._supervisor.stopped()
-            self._arm.stop()
+        if self._gate is not None:
+            self._gate.stop()
         if not self.failure:
             self.failure = sentence
             self.note("error", sentence)
@@ -281,16 +280,15 @@ class Session:
         The control loop ends before, or it would take our stop for a fault; if it hangs, the stop
         is sent all the same.
         """
-        arm, supervisor, control = self._arm, self._supervisor, self._control
-        if arm is None or supervisor is None:
+        arm, gate, control = self._arm, self._gate, self._control
+        if arm is None or gate is None:
             return
         if control is not None:
             if self.failure:
                 self._await_stop(arm, control)  # so that the log shows how the arm stopped
             control.request_stop()
             control.join(CONTROL_PATIENCE_S)
-        supervisor.stopped()
-        arm.stop()
+        gate.stop()
 
     def close(self) -> None:
         """Stop the arm, then everything else in the reverse order of its start.
@@ -314,7 +312,7 @@ class Session:
         deadline_ns = self._clock.now_ns() + STOP_PATIENCE_NS
         while control.alive and self._clock.now_ns() < deadline_ns:
             state = arm.state()
-            if state is not None and state.state == State.STOPPED:
+            if state is not None and state.activity is Activity.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
 

@@ -1,4 +1,4 @@
-"""Which view the simulated operator relied on, and how sure he was: results, not assumptions."""
+"""Which view the simulated operator relied on, and how uncertain they were."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tams_app.summary.numbers import percentiles, ratio
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
-    """Both are null where no glance was recorded: people do not say where they look.
+    """Both are null where no glance was recorded, as with people.
 
     `relied_on`: `by_phase` is the mean share of each view over the glances in that phase which
     told something, `n` of them; `agreement` the fraction of these glances in which the view that
-    told most was the phase's primary view (argmax W). `uncertainty_mm`: by stage of his task, one
-    standard deviation of the way to what he was about (block, then container), as he judged it.
+    told most was the phase's primary view (argmax W). `uncertainty_mm`: by stage of the task, one
+    standard deviation of the distance to the goal (block, then container), as they judged it.
     """
     if not log.glances:
         return {"relied_on": None, "uncertainty_mm": None}

@@ -22,7 +22,7 @@ from tams_app.video.damage import damaged_frames
 from tams_app.video.frame_identity import index_of_rtp_timestamp
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
-UNDAMAGED = "undamaged_received_ssim"
+INTACT = "undamaged_received_ssim"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +30,9 @@ class QualityTable:
     """Frames of several views as columns; scores by kind are NaN where there is none.
 
     `view` is the place in `header.views`, `phase` that in `Phase`, −1 before the first.
-    `damaged` is 1 where loss spoilt the frame, 0 where not, NaN where it was not shown or nobody
-    knows; `damaged_frames` are the indices by view, None where the log has no packets of the view.
+    `concealed` is 1 where the decoder filled in for lost data, 0 where not, NaN where the frame was
+    not shown or the log cannot tell; `concealed_frames` are the indices by view, None where the log
+    has no packets of the view.
     `packets` are those that carried the frame, resends apart; NaN without a log of them.
     `captured` are view and phase of all frames that were captured, shape (n, 2).
     """
@@ -39,8 +40,8 @@ class QualityTable:
     view: Integers
     phase: Integers
     scores: dict[str, Floats]
-    damaged: Floats
-    damaged_frames: dict[str, set[int] | None]
+    concealed: Floats
+    concealed_frames: dict[str, set[int] | None]
     packets: Floats
     captured: Integers
 
@@ -52,13 +53,13 @@ class QualityTable:
         captures = [(places.get(one.view, -1), one.capture_ns) for one in log.captured]
         captured = np.array(captures, dtype=np.int64).reshape(len(captures), 2)
         captured[:, 1] = _phase_at(log, captured[:, 1])
-        damage = {view: _damaged_and_shown(log, view) for view in places}
+        concealed = {view: _concealed_and_shown(log, view) for view in places}
         return QualityTable(
             np.array([places[one.view] for one in frames], dtype=np.int64),
             _phase_at(log, np.array([one.capture_ns for one in frames], dtype=np.int64)),
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
-            np.array([_is_damaged(one, damage[one.view]) for one in frames], dtype=np.float64),
-            damage,
+            np.array([_is_concealed(one, concealed[one.view]) for one in frames], dtype=np.float64),
+            concealed,
             _packets_of(frames, log),
             captured,
         )
@@ -67,15 +68,15 @@ class QualityTable:
         """The mean of each kind over the chosen frames that have it."""
         return {kind: mean(_known(score[chosen])) for kind, score in self.scores.items()}
 
-    def damage(self, chosen: Flags) -> dict[str, Number]:
-        """What loss did: the share of damaged frames among those shown, the mean over the others.
+    def losses(self, chosen: Flags) -> dict[str, Number]:
+        """What loss did: the share of concealed frames among those shown, the mean over the others.
 
         With it, how many packets a frame was: each of them can be lost.
         """
-        undamaged = chosen & (self.damaged == 0)
+        intact = chosen & (self.concealed == 0)
         return {
-            "damaged_fraction": mean(_known(self.damaged[chosen])),
-            UNDAMAGED: mean(_known(self.scores["received_ssim"][undamaged])),
+            "damaged_fraction": mean(_known(self.concealed[chosen])),
+            INTACT: mean(_known(self.scores["received_ssim"][intact])),
             "packets_per_frame": mean(_known(self.packets[chosen])),
         }
 
@@ -95,15 +96,15 @@ class QualityTable:
 
 
 def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, Any]:
-    """The three means of one view, how many frames are behind each, how many were damaged."""
+    """The three means of one view, how many frames are behind each, how many concealed."""
     place = log.header.views.index(view)
     mine = table.view == place
-    damaged = table.damaged_frames[view]
+    concealed = table.concealed_frames[view]
     return {
         **table.means(mine),
         "ssim_n": table.counts(mine),
         "ssim_sampled_fraction": ratio(table.scored(mine), table.captures(place)),
-        "frames_damaged": None if damaged is None else len(damaged),
+        "frames_damaged": None if concealed is None else len(concealed),
     }
 
 
@@ -126,7 +127,7 @@ def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
         if any(counts.values()):
             by_phase[phase.value] = {
                 **table.means(chosen),
-                **table.damage(chosen),
+                **table.losses(chosen),
                 "n": counts,
                 "sampled_fraction": ratio(*sampled),
             }
@@ -164,8 +165,8 @@ def _mean_of_phases(
     return round(float(np.average(list(means.values()), weights=weights)), 4)
 
 
-def _damaged_and_shown(log: SessionLog, view: str) -> set[int] | None:
-    """Indices of the damaged frames that were shown; None where the log has no packets of it."""
+def _concealed_and_shown(log: SessionLog, view: str) -> set[int] | None:
+    """Indices of the concealed frames that were shown; None where the log has no packets of it."""
     packets = [packet for packet in log.packets if packet.view == view]
     if not packets:
         return None
@@ -187,10 +188,10 @@ def _packets_of(frames: list[FrameQuality], log: SessionLog) -> Floats:
     return np.where(found > 0, found, np.nan)
 
 
-def _is_damaged(frame: FrameQuality, damaged: set[int] | None) -> float:
-    if damaged is None or frame.shown_ns is None:
+def _is_concealed(frame: FrameQuality, concealed: set[int] | None) -> float:
+    if concealed is None or frame.shown_ns is None:
         return np.nan
-    return float(frame.index in damaged)
+    return float(frame.index in concealed)
 
 
 def _known(scores: Floats) -> Floats:

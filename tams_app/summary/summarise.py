@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from tams_app.recording import SessionLog
+from tams_app.recording import Gap, SessionLog
+from tams_app.records import Outcome
 from tams_app.runtime.clock import NS_PER_S
-from tams_app.summary.control import arm, control, phases
+from tams_app.summary.control import arm, control, phases, seconds
 from tams_app.summary.numbers import mean
 from tams_app.summary.operator import operator
 from tams_app.summary.quality import QualityTable, primary_quality
@@ -37,6 +39,8 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "network": header.network,
         "budget_mode": header.budget_mode,
         "duration_s": round((log.ended_ns - header.started_ns) / NS_PER_S, 3),
+        "complete": log.complete,
+        "missing": _missing(log),
         "outcome": _outcome(log),
         "control": control(log),
         "arm": arm(log),
@@ -51,23 +55,20 @@ def summarise(log: SessionLog) -> dict[str, Any]:
     }
 
 
-def _outcome(log: SessionLog) -> dict[str, Any]:
-    outcome = log.outcome
-    if outcome is None:
-        return {
-            "completed": None,
-            "success": None,
-            "completion_time_s": None,
-            "drops": None,
-            "reason": "",
+def _missing(log: SessionLog) -> list[dict[str, Any]]:
+    """From when to when the log has no records; `end_s` null: to the end, wherever that was."""
+    gaps = [*log.gaps, *([Gap(log.ended_ns, None)] if log.truncated else [])]
+    return [
+        {
+            "start_s": None if gap.start_ns is None else seconds(log, gap.start_ns),
+            "end_s": None if gap.end_ns is None else seconds(log, gap.end_ns),
         }
-    return {
-        "completed": outcome.completed,
-        "success": outcome.success,
-        "completion_time_s": outcome.completion_time_s,
-        "drops": outcome.drops,
-        "reason": outcome.reason,
-    }
+        for gap in gaps
+    ]
+
+
+def _outcome(log: SessionLog) -> dict[str, Any]:
+    return asdict(log.outcome or Outcome(None, None, None, None, ""))
 
 
 def _system(log: SessionLog) -> dict[str, Any]:

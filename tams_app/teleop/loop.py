@@ -5,8 +5,7 @@ from __future__ import annotations
 from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config
-from tams_app.lite6_errors import describe_arm_error
-from tams_app.records import Haptic, Twist
+from tams_app.records import Activity, Haptic, Twist
 from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.clutch import Clutch, Fingers
 from tams_app.teleop.drive import Drive
@@ -19,7 +18,7 @@ from tams_app.teleop.safety import (
     Reason,
     Request,
 )
-from tams_app.teleop.watch import STOPPED_STATE, Watch
+from tams_app.teleop.watch import Watch
 
 _TOLD_BY_THE_LINK = (Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED)
 _PRECEDENCE = {reason: rank for rank, reason in enumerate(Reason)}
@@ -205,7 +204,7 @@ class Teleop:
         if before is not ArmingState.FAULT or Reason.EMERGENCY_STOP in faults:
             self._fault_ns = tick.now_ns
         elif self._fault_ns is not None and tick.arm is not None:
-            stopped = tick.arm.state >= STOPPED_STATE
+            stopped = tick.arm.activity is Activity.STOPPED
             if stopped and tick.arm.received_ns > self._fault_ns:
                 self._fault_ns = None
         return self._fault_ns is not None
@@ -215,8 +214,8 @@ class Teleop:
         told = []
         # the state that follows from an error may be reported before the error itself
         told_by_the_arm = reason in (Reason.ARM_ERROR, Reason.ARM_STOPPED)
-        if told_by_the_arm and tick.arm is not None and tick.arm.error_code:
-            told.append(describe_arm_error(tick.arm.error_code))
+        if told_by_the_arm and tick.arm is not None and tick.arm.fault is not None:
+            told.append(tick.arm.fault.text)
         elif reason in _TOLD_BY_THE_LINK and tick.link.failure:
             told.append(tick.link.failure)
         if blocked_by is not None and blocked_by is not reason:

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tams_app.config import Config, Network
-from tams_app.errors import ConfigError, SetupError
+from tams_app.errors import ConfigError, SetupError, TamsError
 from tams_app.video.loss import good_to_bad
 from tams_app.video.networks import resolve_network
 
@@ -177,13 +177,13 @@ def show(interface: str, runner: Runner = run_tc) -> str:
     return result.stdout.strip()
 
 
-def _failure(command: list[str], stderr: str) -> SetupError:
+def _failure(command: list[str], stderr: str) -> TamsError:
     interface = command[command.index("dev") + 1]
     reason = " ".join(stderr.split())
     if "Operation not permitted" in reason:
         return SetupError(f"changing {interface} needs root; run the command again with sudo")
     if "Cannot find device" in reason:
-        return SetupError(f"there is no interface {interface}; `ip link` lists those there are")
+        return ConfigError(f"there is no interface {interface}; `ip link` lists those there are")
     kind_missing = "qdisc kind is unknown" in reason or "No such file or directory" in reason
     if "netem" in command and kind_missing:
         return SetupError(

@@ -191,7 +191,7 @@ def record_of(
         shown_ns=fate.shown_ns,
         age_ns=fate.age_ns,
         frozen=fate.frozen,
-        damaged=fate.damaged,
+        concealed=fate.damaged,
         received=received,
         delivered=delivered,
         live=live,

@@ -102,7 +102,7 @@ def test_a_file_whose_rater_has_no_pseudonym_is_refused(folder, name):
     folder.path.mkdir()
     text = f'rater: "{name}"\nsimulated: false\nscale: [1, 5]\nanswers:\n'
     (folder.path / f"{name.rpartition('/')[2]}.yaml").write_text(text)
-    with pytest.raises(ConfigError, match="rater: String should match"):
+    with pytest.raises(ConfigError, match="rater: must match"):
         folder.sheets()
 
 

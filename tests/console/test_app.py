@@ -86,7 +86,7 @@ def test_without_a_terminal_no_keys_are_read(monkeypatch):
 
 
 class InterruptedSession(EndedSession):
-    """A session during whose start somebody presses Ctrl-C."""
+    """A session during whose start Ctrl-C is pressed."""
 
     def __init__(self):
         super().__init__("tams.yaml")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.console.confirmations import Confirmations
+from tams_app.console.terminal import Confirmations
 from tams_app.runtime.clock import NS_PER_MS
 
 pytestmark = pytest.mark.untimed

@@ -75,11 +75,25 @@ def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyP
     assert finding.fix == "apt-get install gstreamer1.0-plugins-ugly"
 
 
-def test_a_missing_library_is_named_as_pip_calls_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(checks._LIBRARIES, "no_such_module", "no-such-package")
+@pytest.mark.parametrize("lacking", ["no-such-package>=2", "numpy>=99"])
+def test_a_missing_or_old_library_is_named_as_pip_takes_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, lacking: str
+) -> None:
+    project = tmp_path / "pyproject.toml"
+    project.write_text(
+        f'[project]\ndependencies = ["pydantic", "{lacking}", "none; sys_platform == \'amiga\'"]\n'
+        "[project.optional-dependencies]\nsim = []\n"
+    )
+    monkeypatch.setattr(checks, "_PROJECT", project)
     (finding,) = checks.libraries(config())
     assert not finding.ok
-    assert "no-such-package" in finding.detail
+    assert finding.detail == f"missing: {lacking}"
+    assert finding.fix.endswith(f"pip install '{lacking}'")
+
+
+def test_the_libraries_are_those_that_the_project_declares() -> None:
+    names = {requirement.name for requirement in checks._requirements("sim")}
+    assert {"numpy", "mcap", "msgspec", "zstandard", "mujoco"} <= names
 
 
 def test_hardware_needs_neither_mujoco_nor_rendering() -> None:
@@ -164,7 +178,7 @@ def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(
     assert "Python libraries" in finding.fix
 
 
-def test_the_home_of_nobody_is_a_finding_not_a_crash() -> None:
+def test_the_home_of_an_unknown_user_is_a_finding_not_a_crash() -> None:
     (finding,) = checks.disk(config(recording__directory="~nouser/x"))
     assert not finding.ok
     assert "~nouser/x" in finding.detail

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from hw.lite6.codes import ErrorCode, Register, State
 from hw.lite6.kinematics import HOME_JOINTS
-from hw.sim.controller.codes import ErrorCode, Register, State
 from hw.sim.controller.plant import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
@@ -186,7 +186,7 @@ def test_a_signal_stops_the_moving_arm_and_gives_the_terminal_back(
     assert np.abs(lab.model.joints - READY).max() > 0.1
 
 
-def test_a_signal_is_one_sentence_and_exit_code_one_for_the_shell(lab: Lab, tmp_path: Path) -> None:
+def test_a_signal_is_one_sentence_and_exit_code_130_for_the_shell(lab: Lab, tmp_path: Path) -> None:
     as_before = termios.tcgetattr(lab.terminal)
     process = subprocess.Popen(
         [sys.executable, "run_tams.py", "home", "--config", lab.file(tmp_path)],
@@ -200,7 +200,7 @@ def test_a_signal_is_one_sentence_and_exit_code_one_for_the_shell(lab: Lab, tmp_
     lab.until_moving()
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=30)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert said == "tams: ended by SIGTERM before the arm was in its ready pose\n"
     assert termios.tcgetattr(lab.terminal) == as_before
     assert lab.model.state == State.STOPPED

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 
 import pytest
@@ -57,14 +58,45 @@ def test_a_log_that_is_cut_off_says_so_in_one_line_after_the_table(folder: Path)
     assert any("ticks" in line for line in lines[:at])
 
 
-def test_a_damaged_log_says_so_in_one_line_after_the_table(folder: Path) -> None:
+def damage(folder: Path) -> None:
     log = folder / "session.mcap"
     data = bytearray(log.read_bytes())
     data[len(data) // 2] ^= 4
     log.write_bytes(data)
+
+
+def test_a_damaged_log_says_so_in_one_line_after_the_table(folder: Path) -> None:
+    damage(folder)
     lines = reported(folder).splitlines()
     (at,) = (number for number, line in enumerate(lines) if line.startswith("The log is damaged"))
-    assert any("ticks" in line for line in lines[:at])
+    assert any("200 ticks" in line for line in lines[:at]), "one of three chunks is lost"
+    assert lines[at].endswith("without what was recorded at 0.8 to 1.7 s.")
+
+
+def test_the_summary_of_a_damaged_log_says_what_is_missing_and_the_former_one_is_kept(
+    folder: Path,
+) -> None:
+    reported(folder)
+    whole = (folder / "summary.json").read_bytes()
+    assert (json.loads(whole)["complete"], json.loads(whole)["missing"]) == (True, [])
+    damage(folder)
+    for _ in range(2):  # a second report does not lose it either
+        reported(folder)
+        summary = json.loads((folder / "summary.json").read_text())
+        assert summary["complete"] is False
+        (gap,) = summary["missing"]
+        assert gap == {"start_s": pytest.approx(0.832, abs=0.001), "end_s": 1.6583}
+        assert summary["control"]["ticks"] == 200
+        assert (folder / "summary.json.before").read_bytes() == whole
+
+
+def test_a_summary_of_before_summaries_said_whether_they_are_complete_is_kept_too(
+    folder: Path,
+) -> None:
+    (folder / "summary.json").write_text('{"schema": 1}')
+    damage(folder)
+    reported(folder)
+    assert (folder / "summary.json.before").read_text() == '{"schema": 1}'
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A trial with a person: what it leaves, how it ends, and what nobody may read from the screen."""
+"""A trial with a person: what it leaves, how it ends, and what the screen does not tell."""
 
 from __future__ import annotations
 

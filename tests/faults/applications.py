@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from hw.lite6.arm import Lite6
-from hw.sim.controller.codes import Register, State
+from hw.lite6.codes import Register, State
 from tams_app.config import DEFAULT_CONFIG, Config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector
@@ -280,7 +280,7 @@ class Application:
         """End it in order, as by Ctrl-C; its log."""
         self.process.send_signal(signal.SIGINT)
         code, words = self.ends()
-        assert (code, words) == (0, "")
+        assert (code, words.startswith("tams: ended by SIGINT")) == (130, True)
         log = only_log(self.out)
         assert not log.truncated
         return log

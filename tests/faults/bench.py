@@ -24,11 +24,11 @@ from tams_app.recording import SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
 from tams_app.runtime.clock import NS_PER_S, Clock
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.recorders import LOG_NAME, Recorders
 from tams_app.session.signals import Signals
 from tams_app.session.stops import StopWatch
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.uplink import primary_age_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
@@ -89,7 +89,7 @@ class Bench(ABC):
         self.stops: list[StopRecord] = []
         self.positions: list[Vector] = []  # of the TCP as it truly is, at the end of each tick
         self.beats: list[int] = []
-        self.supervisor = ArmSupervisor(
+        self.gate = ArmGate(
             arm,
             self.servo,
             session_boundary(config.arm, config.limits),
@@ -120,8 +120,9 @@ class Bench(ABC):
             ControlHooks(
                 beat=self._beat,
                 video_age_ns=primary_age_ns(sight, weights.primary_view),
+                stop=self._stop,
                 request=self._ask,
-                arm_ready=lambda: self.supervisor.ready,
+                arm_ready=lambda: self.gate.ready,
                 phase_began=self._keep,
                 record=self._keep_tick,
                 output=self._observe,
@@ -264,12 +265,13 @@ class Bench(ABC):
     @abstractmethod
     def _ask(self, request: ArmRequest) -> None: ...
 
+    def _stop(self) -> None:
+        self.gate.stop()
+
     def _beat(self, now_ns: int) -> None:
         self.beats.append(now_ns)
 
     def _observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if output.stop:  # as session.observer does
-            self.supervisor.stopped()
         self._stop_watch.observe(now_ns, output, arm)
 
     def _keep_tick(self, tick: Tick) -> None:

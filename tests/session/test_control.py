@@ -11,7 +11,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from tams_app.config import load_config
-from tams_app.records import ControllerSample, ControllerStatus, Phase, Pose
+from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks, ControlLoop
@@ -85,6 +85,7 @@ class Bench:
             ControlHooks(
                 beat=lambda now_ns: self.beat(now_ns),
                 video_age_ns=lambda now_ns, phase: self.video_age_ns,
+                stop=self.arm.stop,
                 request=self._carry_out,
                 arm_ready=lambda: self._ready,
                 phase_began=self.phases.append,
@@ -193,7 +194,7 @@ def test_an_emergency_stop_latches_and_stops_the_controller_itself(bench):
     bench.engage()
     bench.signals.estop()
     assert bench.run(0.2).arming is ArmingState.FAULT
-    assert bench.arm.state().state == 4
+    assert bench.arm.state().activity is Activity.STOPPED
     bench.hand.trigger = 0.0
     bench.run(0.2)
     bench.signals.confirm()

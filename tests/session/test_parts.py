@@ -15,7 +15,7 @@ from tams_app.errors import ConfigError, LogError
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import OracleBudget
 from tams_app.policy.engine import Policy
-from tams_app.records import ArmState, Frame, Phase, Pose, Twist
+from tams_app.records import Activity, ArmState, Frame, Phase, Pose, ServoMode, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.realtime import use_fifo
 from tams_app.session import build
@@ -170,7 +170,7 @@ def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period
 
 def arm_at(x_m, received_ns):
     pose = Pose(np.array([x_m, 0.0, 0.2]), Rotation.identity())
-    return ArmState(received_ns, np.zeros(6), pose, 5, 1, 0, 0, None)
+    return ArmState(received_ns, np.zeros(6), pose, Activity.MOVING, ServoMode.VELOCITY, None, None)
 
 
 def output(arming, reason=None):

@@ -47,7 +47,4 @@ def main(stuck: str) -> None:
     sys.argv[0] = "run_tams.py"
     from tams_app.cli import main as run_tams
 
-    try:
-        run_tams()
-    except KeyboardInterrupt:
-        sys.exit("tams: interrupted")
+    run_tams()

@@ -231,7 +231,7 @@ def test_ctrl_c_leaves_a_study_that_goes_on(study: Run, config: Path, tmp_path: 
     finally:
         process.kill()
         process.communicate()
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert errors == "tams: interrupted\n"
     assert "Stopped: 1 of 2 trials are done and kept." in text
     assert f"`study run --sim {out}` goes on" in text.replace("\n", "")

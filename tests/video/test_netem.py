@@ -151,7 +151,7 @@ def test_a_missing_tc_names_its_package():
 
 @pytest.mark.skipif(not TC_THERE, reason="tc is not installed")
 def test_an_interface_that_is_not_there_is_said_to_be_missing():
-    with pytest.raises(SetupError, match=r"no interface nope0; `ip link`"):
+    with pytest.raises(ConfigError, match=r"no interface nope0; `ip link`"):
         netem.show("nope0")
 
 

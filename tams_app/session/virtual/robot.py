@@ -6,16 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hw.arms import arm_kind
 from hw.boundary import session_boundary
-from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel
 from hw.sim.layout import draw_layout
 from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.records import SceneTruth, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.session import build
-from tams_app.session.supervisor import ArmSupervisor
+from tams_app.session.arm_gate import ArmGate
 
 
 class VirtualRobot:
@@ -26,8 +25,9 @@ class VirtualRobot:
         boundary = session_boundary(config.arm, config.limits)
         self.layout = draw_layout(config.seed)
         self._world = World(self.layout, joints)
-        self.arm = InProcessArm(config.arm, clock, ControllerModel(self._world, joints), boundary)
-        self.supervisor = ArmSupervisor(self.arm, build.servo(config), boundary, note)
+        kind = arm_kind(config.arm.model)
+        self.arm = kind.simulate(config.arm, clock, joints, boundary, self._world)
+        self.gate = ArmGate(self.arm, build.servo(config), boundary, note)
 
     def catch_up(self) -> int:
         """Bring arm and world up to the clock; the instant [ns] that they stand at then."""
@@ -50,5 +50,4 @@ class VirtualRobot:
 
     def stop(self) -> None:
         """Stop the arm for good."""
-        self.supervisor.stopped()
-        self.arm.stop()
+        self.gate.stop()

@@ -130,10 +130,9 @@ class VirtualTrial:
         return SessionRecords(clock, log)
 
     def _build_control(self) -> ControlLoop:
-        supervisor, signals = self._robot.supervisor, Signals()
+        gate, signals = self._robot.gate, Signals()
         observer = TickObserver(
             NoGuard(),
-            supervisor,
             self._judge,
             self._stops,
             StatusBoard(self._config.video.views),
@@ -144,8 +143,9 @@ class VirtualTrial:
         hooks = ControlHooks(
             beat=lambda _now_ns: None,
             video_age_ns=self._streaming.primary_age_ns,
-            request=supervisor.request,
-            arm_ready=lambda: supervisor.ready,
+            stop=gate.stop,
+            request=gate.request,
+            arm_ready=lambda: gate.ready,
             phase_began=self._on_phase,
             record=self._records.record,
             output=observer.observe,
@@ -186,7 +186,7 @@ class VirtualTrial:
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
         self._control.tick(due_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
 
     def _step_policy(self) -> None:
         """Step if it is due, and again in time; what a phase change has outdated ends here."""

@@ -19,9 +19,9 @@ from tams_app.config import Config
 from tams_app.records import Outcome
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlHooks, ControlLoop
 from tams_app.session.signals import Signals
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import TrialJudge
 
 
@@ -36,7 +36,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     world = World(draw_layout(config.seed), joints)
     boundary = session_boundary(config.arm, config.limits)
     arm = InProcessArm(config.arm, clock, ControllerModel(world, joints), boundary)
-    supervisor = ArmSupervisor(arm, ServoMode(config.arm.servo), boundary, _ignore)
+    gate = ArmGate(arm, ServoMode(config.arm.servo), boundary, _ignore)
     eyes = TruePerception(lambda: world.truth(clock.now_ns()))
     operator = Operator(operator_hand(config), config.rig.operator, eyes, config.seed)
     controller = VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
@@ -53,8 +53,9 @@ def drive(config: Config, longest_s: float) -> Outcome:
         ControlHooks(
             beat=_ignore,
             video_age_ns=lambda *_: 0,
-            request=lambda request: supervisor.carry_out(request, 0),
-            arm_ready=lambda: supervisor.ready,
+            stop=gate.stop,
+            request=lambda request: gate.carry_out(request, 0),
+            arm_ready=lambda: gate.ready,
             phase_began=_ignore,
             record=_ignore,
             output=_ignore,

@@ -1,0 +1,110 @@
+"""What is wrong with a configuration, one sentence for each key."""
+
+from __future__ import annotations
+
+import math
+import re
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+_LONGEST_VALUE = 60
+# What a configuration of one's own usually includes.
+_INCLUDED = {
+    "networks": "networks.yaml",
+    "policy": "weights.yaml",
+    "policy.weights": "weights.yaml",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A dotted key, "" for the whole, and what is wrong with it."""
+
+    key: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.reason}" if self.key else self.reason
+
+
+def find_problems(error: ValidationError, model: type[BaseModel] | None = None) -> list[Problem]:
+    """All that is wrong, unknown keys first, for they may explain the rest.
+
+    `model`: whose keys an unknown one is compared with, for what may have been meant.
+    """
+    details = sorted(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
+    return [Problem(_key(one), _reason(one, model)) for one in details]
+
+
+def describe_validation_error(error: ValidationError) -> str:
+    """All that is wrong, in one line."""
+    return "; ".join(map(str, find_problems(error)))
+
+
+def sections(hint: Any) -> Iterator[type[BaseModel]]:
+    """The models in a type such as `X`, `X | None` or `dict[str, X]`."""
+    if isinstance(hint, type) and issubclass(hint, BaseModel):
+        yield hint
+    for part in typing.get_args(hint):
+        yield from sections(part)
+
+
+def _key(detail: ErrorDetails) -> str:
+    return ".".join(str(part) for part in detail["loc"] if part != "[key]")  # for a wrong key
+
+
+def _reason(detail: ErrorDetails, model: type[BaseModel] | None) -> str:
+    key, kind = _key(detail), detail["type"]
+    if kind == "missing":
+        file = _INCLUDED.get(key)
+        return f"is missing; `include: [{file}]` brings ours" if file else "is missing"
+    if kind == "extra_forbidden":
+        meant = "" if model is None else _meant(detail, model)
+        reason = f"no such key, did you mean {meant}?" if meant else "no such key"
+    elif kind == "model_type":
+        reason = "must hold keys and values"
+    else:
+        message = detail["msg"].removeprefix("Value error, ")
+        reason = re.sub(r"^\w+ should ", "must ", message)
+    value = _shown(detail["input"])
+    return f"{reason} (given: {value})" if value else reason
+
+
+def _shown(value: Any) -> str:
+    """A value as it is written in YAML; nothing if it is long."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "infinity" if value > 0 else "-infinity"
+    if isinstance(value, dict):
+        return ""
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
+    text = repr(value).removesuffix(".0") if isinstance(value, float) else repr(value)
+    return text if len(text) <= _LONGEST_VALUE else ""
+
+
+def _meant(detail: ErrorDetails, model: type[BaseModel]) -> str:
+    """The key that an unknown one was probably meant to be, or ""."""
+    *path, name = map(str, detail["loc"])
+    section: type[BaseModel] | None = model
+    for part in path:
+        field = section.model_fields.get(part) if section else None
+        # what is no field is the name of an entry, as in networks.s1
+        section = next(sections(field.annotation), None) if field else section
+    beside = [*section.model_fields, *([] if path else ["include"])] if section else []
+    if close := get_close_matches(name, beside, 1):
+        return ".".join((*path, close[0]))
+    return next((key for key in _keys(model, "") if key.split(".")[-1] == name), "")
+
+
+def _keys(model: type[BaseModel], prefix: str) -> Iterator[str]:
+    """Every dotted key outside of named entries."""
+    for name, field in model.model_fields.items():
+        yield prefix + name
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _keys(field.annotation, f"{prefix}{name}.")
