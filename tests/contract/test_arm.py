@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.arm import Arm, ServoMode
-from hw.lite6.kinematics import offset_from_mm_deg, tcp_pose
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Pose, Twist
@@ -55,7 +55,8 @@ def test_the_reported_tcp_is_the_tool_centre_point_of_the_configuration(
     rig: ArmRig, arm: Arm
 ) -> None:
     state = rig.next_state(arm)
-    expected = tcp_pose(state.joints, offset_from_mm_deg(ArmConfig().tcp_offset_mm_deg))
+    offset = offset_from_mm_deg(ArmConfig().tcp_offset_mm_deg)
+    expected = Lite6Model(offset).tcp_pose(state.joints)
     assert distance_mm(state.tcp, expected) < 1e-2
     assert (state.tcp.rotation.inv() * expected.rotation).magnitude() < 1e-5
 
@@ -76,7 +77,7 @@ def test_connecting_refuses_a_controller_that_only_pretends_to_move(
     rig: Lite6Rig, unconnected: Arm
 ) -> None:
     with rig.model_lock:
-        rig.model.set_simulation_robot(True)
+        rig.model.settings.simulation_robot = True
     with pytest.raises(DeviceError, match="simulation mode"):
         unconnected.connect()
 

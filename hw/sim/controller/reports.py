@@ -145,7 +145,7 @@ def _reduced_mode(settings: ControllerSettings) -> bytes:
         + struct.pack(">6h", *edges)
         + struct.pack("<2f", 500.0, math.pi)
         + struct.pack("<14f", *ranges, 0.0, 0.0)
-        + bytes([settings.fence, settings.collision_rebound])
+        + bytes([settings.fence, 0])  # 0: no rebound from collisions
     )
 
 

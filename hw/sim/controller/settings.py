@@ -17,11 +17,10 @@ class ControllerSettings:
     tcp_offset: tuple[float, ...] = (0.0,) * 6  # x, y, z [mm], roll, pitch, yaw [rad]
     load: tuple[float, ...] = (0.0,) * 4  # mass [kg], centre of gravity [mm]
     collision_sensitivity: int = 3  # 0 is off
-    collision_rebound: bool = False
     fence: bool = False
     boundary: Boundary = field(default_factory=Boundary)
     self_collision_check: bool = True
-    simulation_robot: bool = False
+    simulation_robot: bool = False  # only pretends to move; the model reports it, no more
     tool_outputs: int = 0  # bit n is tool output n
 
     @property

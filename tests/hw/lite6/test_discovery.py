@@ -70,7 +70,7 @@ def test_an_error_and_the_simulation_mode_are_told_with_what_to_do(rig: Controll
     assert "run_tams.py home" in info.problem
     with rig.server.lock:
         rig.model.clean_error()
-        rig.model.set_simulation_robot(True)
+        rig.model.settings.simulation_robot = True
     info = probe(rig)
     assert info.simulated is True
     assert "simulation mode" in info.description
