@@ -47,9 +47,14 @@ class Lite6Kind(ArmKind):
         plant: Plant | None = None,
         gripper_closed: bool | None = None,
     ) -> SimulatedArm:
-        from hw.sim.controller.inprocess_arm import simulated_arm
+        from hw.sim.controller.inprocess_arm import InProcessArm
+        from hw.sim.controller.model import ControllerModel
+        from hw.sim.controller.plant import IdealPlant
+        from hw.sim.controller.settings import outputs_for
 
-        return simulated_arm(config, clock, joints, boundary, plant, gripper_closed)
+        model = ControllerModel(plant or IdealPlant(), joints)
+        model.settings.tool_outputs = outputs_for(gripper_closed)
+        return InProcessArm(config, clock, model, boundary)
 
     def find(self, config: ArmConfig) -> FoundArm:
         from hw.lite6.discovery import find_arm

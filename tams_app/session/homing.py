@@ -102,8 +102,9 @@ def path_to_ready(config: Config, joints: Vector) -> HomingPath:
     lowest_allowed_m = min(config.limits.floor_mm / 1000.0, float(points[0, 2]))
     if path.lowest_m < lowest_allowed_m - _FLOOR_TOLERANCE_M:
         raise DeviceError(
-            f"On its path to the ready pose the gripper would dip to {path.lowest_m * 1000:.0f} mm, "
-            "below limits.floor_mm: lift the arm by hand guiding, then try again."
+            "On its path to the ready pose the gripper would dip to "
+            f"{path.lowest_m * 1000:.0f} mm, below limits.floor_mm: "
+            "lift the arm by hand guiding, then try again."
         )
     return path
 
@@ -234,7 +235,7 @@ class Homing:
         if arm.activity is Activity.IDLE and tick.now_ns - self._began_ns > NO_MOTION_NS:
             return self._finish(
                 HomingState.FAILED,
-                "The arm stands still before it is there; look for what holds it.",
+                "The arm stands still on its path; look for what holds it.",
             )
         return Action.NONE
 
