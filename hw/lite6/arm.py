@@ -12,8 +12,7 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-from hw.arm import Arm, ServoMode
-from hw.boundary import TcpBoundary
+from hw.arm import Arm, ServoMode, TcpBoundary
 from hw.lite6.codes import Mode
 from hw.lite6.commands import MODES, activity_of, checked_goal, servo_of
 from hw.lite6.errors import arm_fault

@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from hw.arm import ArmLimits, ServoMode
-from hw.boundary import TcpBoundary
+from hw.arm import ArmLimits, ServoMode, TcpBoundary
 from hw.lite6.codes import Mode, State
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, Pose, Twist, Vector

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw.arm import Arm, ArmKind, ArmKinematics, FoundArm, SimulatedArm
-from hw.boundary import TcpBoundary
+from hw.arm import Arm, ArmKind, ArmKinematics, FoundArm, SimulatedArm, TcpBoundary
 from hw.lite6.commands import LIMITS
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig

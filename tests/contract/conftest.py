@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm, ServoMode, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind
-from hw.boundary import TcpBoundary, session_boundary
+from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import struct
 
-from hw.arm import ServoMode, SimulatedArm
-from hw.boundary import TcpBoundary
+from hw.arm import ServoMode, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
     LITE6_TYPE,
