@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm, ServoMode, TcpBoundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
@@ -295,13 +295,13 @@ def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, enabl
 def test_without_a_boundary_the_controllers_own_is_left_alone(rig: Lite6Rig, arm: Arm) -> None:
     arm.close()
     with rig.model_lock:
-        rig.model.settings.boundary.upper_mm[:] = 600.0
+        rig.model.settings.boundary = own = TcpBoundary((0, -600, 0), (600, 600, 600))
         rig.model.settings.fence = False
     other = rig.make_arm(boundary=None)
     other.connect()
     other.enable(ServoMode.VELOCITY)
     assert not rig.model.settings.fence
-    np.testing.assert_array_equal(rig.model.settings.boundary.upper_mm, 600.0)
+    assert rig.model.settings.boundary == own
     other.close()
 
 

@@ -283,7 +283,7 @@ class ToyArm(SimulatedArm):
 
 
 class ToyStop:
-    """The guard's way to stop the toy: one datagram, acknowledged by nobody."""
+    """What the guard stops the toy by: one datagram without an acknowledgement."""
 
     failure = ""
     pending = False

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import Register
 from hw.lite6.kinematics import rotation_matrix
 from hw.sim.controller.core import ControllerCore
@@ -108,9 +109,7 @@ def _set_collision_sensitivity(model: ControllerCore, payload: bytes) -> None:
 
 def _set_boundary(model: ControllerCore, payload: bytes) -> None:
     x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
-    boundary = model.settings.boundary
-    boundary.upper_mm = np.array([x_high, y_high, z_high], dtype=np.float64)
-    boundary.lower_mm = np.array([x_low, y_low, z_low], dtype=np.float64)
+    model.settings.boundary = TcpBoundary((x_low, y_low, z_low), (x_high, y_high, z_high))
 
 
 def _set_fence(model: ControllerCore, payload: bytes) -> None:

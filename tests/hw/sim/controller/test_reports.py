@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from xarm.x3.report import ReportDataStructure
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import Mode
 from hw.lite6.kinematics import HOME_JOINTS, rotation_from_rpy, rotation_matrix
 from hw.sim.controller.model import ControllerModel, ReportKind
@@ -28,8 +29,7 @@ def busy_model() -> ControllerModel:
     model.settings.collision_sensitivity = 4
     model.settings.fence = True
     model.settings.simulation_robot = True
-    model.settings.boundary.upper_mm = np.array([401.0, 301.0, 501.0])
-    model.settings.boundary.lower_mm = np.array([151.0, -301.0, 11.0])
+    model.settings.boundary = TcpBoundary((151, -301, 11), (401, 301, 501))
     model.enable(True)
     model.set_mode(Mode.POSITION)
     model.set_state(0)
