@@ -75,7 +75,7 @@ class SteadyHand(Controller):
 
 
 class Application:
-    """Control loop, supervisor and guard around one arm, as the session wires them."""
+    """control loop, gate and guard around one arm, as the session wires them."""
 
     def __init__(self, config: Config, folder: Path) -> None:
         self.config = config

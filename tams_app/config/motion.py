@@ -38,8 +38,8 @@ def longest_stop_s(speed: float, gained: float, acceleration: float, jerk: float
 
     A release may come while the arm still speeds up, so that acceleration has to go first; what it
     adds meanwhile stays within `speed`, because the shaping lets no acceleration grow that could
-    not die out below it. Then the arm stops from full speed at worst. (teleop/plan.py is never
-    slower than this order.)
+    not die out below it. Then the arm stops from full speed at worst. (`teleop/trajectory.py` is
+    never slower than this order.)
     """
     return gained / jerk + stop_time_s(speed, acceleration, jerk)
 

@@ -26,7 +26,7 @@ CONFIG = load_config()
 
 
 class HeldController(Controller):
-    """A hand whose velocity and fingers the test sets."""
+    """A hand whose velocity and buttons the test sets."""
 
     def __init__(self):
         self.velocity = np.zeros(3)  # tracking frame: y up

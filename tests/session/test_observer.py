@@ -16,13 +16,10 @@ pytestmark = pytest.mark.untimed
 
 
 class Follower:
-    """Stands for guard and supervisor."""
+    """Stands for the guard."""
 
     def follow(self, arming, stopping):
         """The guard is not looked at here."""
-
-    def stopped(self):
-        """Nor is the arm."""
 
 
 @pytest.fixture
@@ -33,7 +30,6 @@ def notes():
 def observer(notes, arm_at_once=False):
     part, board = Follower(), StatusBoard(("gt",))
     return TickObserver(
-        part,
         part,
         UnjudgedTrial(),
         StopWatch(lambda record: None),

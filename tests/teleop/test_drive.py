@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.records import ServoMode
 from tams_app.teleop import drive as drive_module
-from tams_app.teleop.plan import TrajectoryError
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.teleop.trajectory import TrajectoryError
 from tests.teleop.rig import (
     PERIOD_NS,
     READY_POSITION,
