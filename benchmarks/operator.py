@@ -26,7 +26,7 @@ from rich.table import Table
 from benchmarks.operator_calibration import NormalisedErrors, calibration
 from benchmarks.operator_rig import Distort, OperatorRig
 from hw.sim.operator.task import Stage
-from hw.sim.world.scene import VIEWS
+from hw.sim.viewpoints import VIEWS
 from tams_app.config import DEFAULT_CONFIG, load_config
 from tams_app.records import Image
 

@@ -14,8 +14,8 @@ from benchmarks.operator_calibration import NormalisedErrors, normalised_errors
 from hw.sim.operator.seeing import Reliance
 from hw.sim.operator.station import seat
 from hw.sim.operator.task import Stage
+from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
-from hw.sim.world.scene import VIEWS
 from tams_app.config import Config
 from tams_app.records import Image, Outcome, SceneTruth, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock

@@ -31,8 +31,6 @@ from hw.sim.world.lite6_model import (
 )
 from tams_app.records import Image
 
-VIEWS = ("eih", "gt", "gs")
-FIXED_VIEWS = ("gt", "gs")
 STEP_NS = 1_000_000  # physics step; the contact grasp needs it this short (FINDINGS 9)
 BLOCK_MASS_KG = 0.02
 

@@ -9,8 +9,8 @@ import pytest
 
 from hw.sim.controller.plant import GripperDrive
 from hw.sim.layout import draw_layout
-from hw.sim.world.scene import VIEWS
-from hw.sim.world.scene_renderer import HEIGHT, WIDTH, SceneRenderer
+from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
@@ -72,7 +72,7 @@ def test_images_are_full_of_detail_and_show_the_block(
     renderer: SceneRenderer, ready: Vector, view: str
 ) -> None:
     image = renderer.render(view, ready)
-    assert image.shape == (HEIGHT, WIDTH, 3)
+    assert image.shape == (HEIGHT_PX, WIDTH_PX, 3)
     assert image.dtype == np.uint8
     assert 60 < image.mean() < 180
     assert cv2.Laplacian(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.CV_64F).std() > 6
