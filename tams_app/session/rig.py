@@ -11,11 +11,7 @@ from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
 from hw.lite6.arm import Lite6
-from hw.sim.operator.operator import Operator
-from hw.sim.operator.operator_hand import operator_hand
-from hw.sim.operator.perception import TruePerception
-from hw.sim.operator.virtual_controller import VirtualController
-from hw.sim.operator.wiring import rig_wiring
+from hw.sim.operator.demo import demo_controller
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import WorldReader, WorldWriter, remove_memory
 from tams_app.config import ArmConfig, Config
@@ -94,15 +90,7 @@ class SimulatedRig:
         config = self._config
         if config.rig.hand_trajectory is not None:
             return recorded_hand(Path(config.rig.hand_trajectory))
-        perception = TruePerception(self._read_truth)
-        operator = Operator(
-            operator_hand(config),
-            config.rig.operator,
-            perception,
-            config.seed,
-            self._operator_confirms,
-        )
-        return VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
+        return demo_controller(config, self._read_truth, confirms=self._operator_confirms)
 
     def make_cameras(self, note: Note) -> list[Camera]:
         """One camera for each view."""

@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M
-from hw.sim.operator.belief_motion import motion_noise
 from hw.sim.operator.belief_state import (
     BLOCK,
     BLOCK_YAW,
@@ -26,13 +25,14 @@ from hw.sim.operator.belief_state import (
     TOOL_YAW,
     TURN,
     Gap,
+    GaussianEstimate,
     LastingErrors,
     largest_sigma,
+    motion_noise,
     place_of,
     rest_height,
     swing,
 )
-from hw.sim.operator.estimate import GaussianEstimate
 from hw.sim.operator.vision.detections import HeadingSighting, Sighting, Thing
 from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import about_vertical, tilted, tool_rotation

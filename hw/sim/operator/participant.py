@@ -85,6 +85,6 @@ class ParticipantProfile:
 
 
 # The only free parameters; set so that the times with lossless, undelayed video are about those of
-# the paper's people under S1 (`python -m benchmarks.operator`).
+# the paper's people under S1 (`python -m benchmarks.experiments.operator`).
 REACH_SPEED_M_S = 0.10
 FINE_SPEED_M_S = 0.030

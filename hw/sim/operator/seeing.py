@@ -17,14 +17,16 @@ from scipy.spatial.transform import Rotation
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TOOL_YAW, Gap
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
-from hw.sim.operator.lag import LagEstimator
+from hw.sim.operator.operator import Operator
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Estimate, GapSigmas, Percept
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
 from hw.sim.operator.vision.looking import Looker
-from hw.sim.operator.vision.pinhole import Pinhole
-from hw.sim.operator.vision.stillness import StillnessWatch
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
-from hw.sim.world.lite6_model import TCP_OFFSET_M
+from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
+from tams_app.config import Config
 from tams_app.records import Image, Pose, Vector
 from tams_app.runtime.clock import NS_PER_S
 
@@ -47,7 +49,7 @@ class Reliance:
     block_sigma: float  # [m], after the glance
     container_sigma: float  # [m]
     lag_ns: int  # hand to eye, as he judges it
-    hanging: tuple[str, ...]  # views in which he noticed that nothing moves
+    frozen: tuple[str, ...]  # views in which he noticed that nothing moves
 
 
 class SeeingPerception:
@@ -80,7 +82,7 @@ class SeeingPerception:
         self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
         self._looker = Looker(wrist)
         self._lag = LagEstimator()
-        self._stillness: dict[str, StillnessWatch] = {}
+        self._freezes: dict[str, FreezeWatch] = {}
         self._shown: Vector = np.zeros(6)
         self._last_ns: int | None = None
         self._view_ns = 0
@@ -98,12 +100,12 @@ class SeeingPerception:
         lag_ns = self._lag.lag_ns
         before = self.belief.state.copy()
         moved = self._advance(now_ns, lag_ns)
-        hanging = tuple(
+        frozen = tuple(
             view
             for view, image in images.items()
-            if self._stillness.setdefault(view, StillnessWatch()).hangs(now_ns, image, moved)
+            if self._freezes.setdefault(view, FreezeWatch()).is_frozen(now_ns, image, moved)
         )
-        for view in hanging:
+        for view in frozen:
             del images[view]
         if images:
             self._view_ns = max(self._view_ns, now_ns - lag_ns + FOLLOW_LAG_NS)
@@ -112,7 +114,7 @@ class SeeingPerception:
         self.belief.learn_whether_it_comes_along(before)
         if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
-        self._tell(self._reliance(now_ns, lag_ns, hanging))
+        self._tell(self._reliance(now_ns, lag_ns, frozen))
         return True
 
     def look(self, now_ns: int) -> Percept | None:
@@ -183,7 +185,7 @@ class SeeingPerception:
             ),
         )
 
-    def _reliance(self, now_ns: int, lag_ns: int, hanging: tuple[str, ...]) -> Reliance:
+    def _reliance(self, now_ns: int, lag_ns: int, frozen: tuple[str, ...]) -> Reliance:
         belief, block, container = self.belief, Gap.to_block(), Gap.to_container()
         return Reliance(
             now_ns,
@@ -192,20 +194,25 @@ class SeeingPerception:
             belief.gap_sigma(block),
             belief.gap_sigma(container),
             lag_ns,
-            hanging,
+            frozen,
         )
 
 
-def fixed_cameras() -> dict[str, Pinhole]:
-    """The cameras beside and above the table, in the base frame."""
-    return {
-        view: Pinhole.of(np.array(seen.place), seen.axes(), seen.fovy_deg)
-        for view, seen in FIXED_VIEWPOINTS.items()
-    }
+class SeeingParticipant:
+    """Participant `seed`: eyes before `images`, which are all they get of the scene, and a hand.
 
+    `eyes.watch` comes before each sample of `controller`. The same seeds, images and times give the
+    same motion.
+    """
 
-def wrist_camera() -> Pinhole:
-    """The eye-in-hand camera in the tool's frame (origin: TCP)."""
-    seen = WRIST_VIEWPOINT
-    place = np.array(seen.place) - (0.0, 0.0, TCP_OFFSET_M)
-    return Pinhole.of(place, seen.axes(), seen.fovy_deg)
+    def __init__(
+        self, config: Config, seed: int, images: Images, tell: Callable[[Reliance], None]
+    ) -> None:
+        """`tell` hears of each glance."""
+        profile, asked = ParticipantProfile.draw(seed), EfferenceCopy()
+        settings, hand = config.rig.operator, operator_hand(config)
+        self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s, tell)
+        self.operator = Operator(hand, settings, self.eyes, seed, True, profile, asked)
+        self.controller = VirtualController(
+            self.operator, settings, config.seed, rig_wiring(config)
+        )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.perception import Percept
-from tams_app.config import HandConfig
+from tams_app.config import Config, HandConfig
 from tams_app.records import Pose, Vector
 
 GAIN_PER_S = 2.8  # below 4/27 of the hand's own rate: no overshoot (hw.sim.operator.hand lags)
@@ -59,6 +59,13 @@ class HandMap:
     def tool_angular(self, hand: Vector) -> Vector:
         """The tool's turn [rad] for one of the hand."""
         return np.asarray(self._angular @ hand)
+
+
+def operator_hand(config: Config) -> HandConfig:
+    """How the rig's operator stands to the arm: as in truth, whatever teleoperation maps by."""
+    if config.rig.hand_rotation is None:
+        return config.hand
+    return config.hand.model_copy(update={"rotation": config.rig.hand_rotation})
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ sequence of times, percepts and pulses give the same samples.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
 from typing import Protocol
@@ -16,10 +17,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hw.controller import Controller
-from hw.openvr.components import ComponentReading
+from hw.openvr.components import (
+    COMPONENTS,
+    ROLES,
+    ComponentReading,
+    RoleMap,
+    configured_role_map,
+    role_map,
+)
 from hw.sim.operator.hand import Button, Hand
-from hw.sim.operator.wiring import Wiring
-from tams_app.config import OperatorConfig
+from tams_app.config import Config, OperatorConfig
+from tams_app.errors import ConfigError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.runtime.clock import NS_PER_MS
 
@@ -61,7 +69,7 @@ _NOTHING = ControllerSample(
 
 
 class Holder(Protocol):
-    """Who has the controller in his hand."""
+    """The one who holds the controller."""
 
     @property
     def hand(self) -> Hand: ...
@@ -71,6 +79,28 @@ class Holder(Protocol):
 
     def feel(self, haptic: Haptic) -> None:
         """A pulse in the hand."""
+
+
+class Wiring:
+    """A controller whose parts may move other components than the mapping believes."""
+
+    def __init__(self, controller_type: str, hand: str, moves: RoleMap, plays: RoleMap) -> None:
+        """`moves`: the component that a press of each part moves; `plays`: the mapping's."""
+        self._controller_type = controller_type
+        self._paths = tuple(component.path for component in COMPONENTS[controller_type][hand])
+        self._moves, self._plays = moves, plays
+
+    def reading(self, pressed: Mapping[str, float]) -> ComponentReading:
+        """Every component while the parts (`ROLES`) are pressed so far, 0..1."""
+        values = dict.fromkeys(self._paths, 0.0)
+        for role, value in pressed.items():
+            component = self._moves[role]
+            values[component.path] = value if component.is_analog else float(value > 0.5)
+        return ComponentReading(self._controller_type, values)
+
+    def roles(self, reading: ComponentReading) -> dict[str, float]:
+        """What the mapping makes of a reading: role → 0..1."""
+        return {role: reading.values[self._plays[role].path] for role in ROLES}
 
 
 class VirtualController(Controller):
@@ -165,3 +195,14 @@ class VirtualController(Controller):
         self._noise = keep * self._noise + math.sqrt(1.0 - keep**2) * fresh
         self._noise_ns = now_ns
         return self._noise
+
+
+def rig_wiring(config: Config) -> Wiring:
+    """The rig's controller, mapped as configured; ConfigError if either mapping does not fit it."""
+    rig, hand = config.rig, config.controller.hand
+    try:
+        moves = role_map(rig.controller_type, hand, rig.wiring.model_dump(exclude_none=True))
+    except ConfigError as error:
+        raise ConfigError(f"rig.wiring: {error}") from error
+    plays = configured_role_map(rig.controller_type, hand, config.controller)
+    return Wiring(rig.controller_type, hand, moves, plays)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from hw.sim.gripper import MARKER_HALF_M, TCP_OFFSET_M
 from hw.sim.operator.vision.blobs import Window
 from hw.sim.operator.vision.detections import Cue
 from hw.sim.operator.vision.pinhole import Matrix
-from hw.sim.world.lite6_model import TCP_OFFSET_M
 from tams_app.records import Image, Vector
 
 GRIPPER_MARKER, CONTAINER_MARKER = 3, 2
@@ -23,7 +23,7 @@ _SHIFT_COSTS = 0.1  # a face that lies far off must fit that much better
 _ORDERS = np.array(
     [np.roll(order, turn) for order in ((0, 1, 2, 3), (3, 2, 1, 0)) for turn in range(4)]
 )
-_HALF_MARKER_M = 0.0165 * 96 / 128  # without its quiet zone
+_HALF_MARKER_M = MARKER_HALF_M * 96 / 128  # without its quiet zone
 _PLATE_X_M, _PLATE_Y_M, _PLATE_Z_M = 0.019, 0.035, 0.027 - TCP_OFFSET_M
 
 

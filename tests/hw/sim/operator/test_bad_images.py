@@ -14,7 +14,7 @@ from hw.sim.layout import draw_layout
 from hw.sim.operator.belief_state import Gap
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import Reliance, SeeingPerception
-from hw.sim.world.scene import VIEWS
+from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image

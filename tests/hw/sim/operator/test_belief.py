@@ -6,8 +6,8 @@ import pytest
 
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, TOOL, TURN, Gap
-from hw.sim.operator.seeing import fixed_cameras, wrist_camera
 from hw.sim.operator.vision.detections import Cue, HeadingSighting, Sighting, Thing
+from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 
 pytestmark = pytest.mark.untimed
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hw.sim.layout import draw_layout
+from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import Operator
-from hw.sim.operator.perception import TruePerception
 from hw.sim.operator.virtual_controller import SensorFault, VirtualController
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic

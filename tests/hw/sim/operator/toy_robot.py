@@ -16,8 +16,8 @@ from hw.sim.layout import (
     Layout,
     Placement,
 )
+from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import Operator
-from hw.sim.operator.perception import TruePerception
 from hw.sim.operator.task import Stage
 from hw.sim.operator.virtual_controller import VirtualController
 from tams_app.config import HandConfig, OperatorConfig

@@ -15,11 +15,11 @@ from hw.sim.controller.plant import GripperDrive
 from hw.sim.layout import Layout, draw_layout
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
-from hw.sim.operator.seeing import fixed_cameras, wrist_camera
 from hw.sim.operator.vision.detections import Glance, Sighting, Thing
 from hw.sim.operator.vision.fingers import FingerGauge
 from hw.sim.operator.vision.looking import Looker
-from hw.sim.world.scene import VIEWS
+from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
+from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image, SceneTruth, Vector

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.replay import Replay
+from benchmarks.experiments.replay import Replay
 from tams_app.records import Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 

@@ -9,10 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.ablation_cells import Cell, configure, every, one_at_a_time, product_cell
-from benchmarks.ablation_table import Figures
-from benchmarks.recorded_motion import record_hand
-from benchmarks.virtual_runs import VirtualRuns, read_encoding_ms, read_summary
+from benchmarks.experiments.ablation_cells import (
+    Cell,
+    configure,
+    every,
+    one_at_a_time,
+    product_cell,
+)
+from benchmarks.experiments.ablation_table import Figures
+from benchmarks.experiments.recorded_motion import record_hand
+from benchmarks.experiments.virtual_runs import VirtualRuns, read_encoding_ms, read_summary
 from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks

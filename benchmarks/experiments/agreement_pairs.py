@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.agreement_measures import (
+from benchmarks.experiments.agreement_measures import (
     KINDS,
     PRIMARY,
     Measures,
@@ -17,11 +17,11 @@ from benchmarks.agreement_measures import (
     primary_measures,
     view_measures,
 )
-from benchmarks.agreement_motion import motion_difference
-from benchmarks.recorded_motion import LIVE, HandSpan, record_hand
-from benchmarks.replay import Replay, first_frames, read_replays
+from benchmarks.experiments.agreement_motion import motion_difference
+from benchmarks.experiments.recorded_motion import LIVE, HandSpan, record_hand
+from benchmarks.experiments.replay import Replay, first_frames, read_replays
+from benchmarks.experiments.virtual_runs import VirtualRuns, read_summary
 from benchmarks.runs import Run, run_session
-from benchmarks.virtual_runs import VirtualRuns, read_summary
 from tams_app.config import Config, dump_config, load_config
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import NS_PER_S

@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from benchmarks.operator_calibration import NormalisedErrors, normalised_errors
-from hw.sim.operator.seeing import Reliance
-from hw.sim.operator.station import seat
+from hw.sim.operator.seeing import Reliance, SeeingParticipant
 from hw.sim.operator.task import Stage
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
@@ -104,7 +103,7 @@ class OperatorRig:
         self._cameras = CameraImages(robot.layout, config.seed, sigma)
         self._screen = Screen(config, self._cameras, delay_ns, distort)
         self.watched: list[Watched] = []
-        station = seat(config, participant, self._screen.images, self._note)
+        station = SeeingParticipant(config, participant, self._screen.images, self._note)
         self.eyes, self.operator = station.eyes, station.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
         hooks = ControlHooks(

@@ -1,4 +1,4 @@
-"""The operator who sees, on perfect video: `python -m benchmarks.operator --seeds 40`.
+"""The operator who sees, on perfect video: `python -m benchmarks.experiments.operator --seeds 40`.
 
 His parameters are set by this and by nothing else: with lossless, undelayed frames he succeeds in
 at least 95 % of the seeds, in about the times of the paper's people under S1. Seed n is scene n
@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.experiments.operator_rig import Distort, OperatorRig
 from benchmarks.operator_calibration import NormalisedErrors, calibration
-from benchmarks.operator_rig import Distort, OperatorRig
 from hw.sim.operator.task import Stage
 from hw.sim.viewpoints import VIEWS
 from tams_app.config import DEFAULT_CONFIG, load_config
@@ -162,7 +162,9 @@ def report_calibration(tables: dict[str, dict[str, dict[str, float]]]) -> Table:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.operator", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.experiments.operator", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="the first seed (default 0)")
     parser.add_argument("--processes", type=int, default=2)
@@ -180,7 +182,10 @@ def main() -> None:
     times = [trial.completion_time_s for trial in trials if trial.completion_time_s is not None]
     successes = sum(trial.success for trial in trials)
     summary = {
-        "command": f"python -m benchmarks.operator --first {options.first} --seeds {options.seeds}",
+        "command": (
+            f"python -m benchmarks.experiments.operator --first {options.first} "
+            f"--seeds {options.seeds}"
+        ),
         "trials": len(trials),
         "delay_ms": options.delay_ms,
         "distortion": options.distort,

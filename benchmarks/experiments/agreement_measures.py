@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.replay import Replay
+from benchmarks.experiments.replay import Replay
 from tams_app.recording import FrameSent
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S

@@ -12,11 +12,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from hw.sim.operator.operator import Operator
-from hw.sim.operator.operator_hand import operator_hand
-from hw.sim.operator.perception import TruePerception
-from hw.sim.operator.virtual_controller import VirtualController
-from hw.sim.operator.wiring import rig_wiring
+from hw.sim.operator.demo import demo_controller
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
@@ -87,10 +83,7 @@ class _Recording:
         self._period_ns = round(NS_PER_S / config.control.rate_hz)
         self._robot = robot = VirtualRobot(config, clock, lambda _level, _text: None)
         self._judge = TrialJudge(config.trial, build.task_geometry())
-        settings = config.rig.operator
-        perception = TruePerception(self._see)
-        operator = Operator(operator_hand(config), settings, perception, config.seed)
-        controller = VirtualController(operator, settings, config.seed, rig_wiring(config))
+        controller = demo_controller(config, self._see)
         hooks = ControlHooks(
             beat=_ignore,
             video_age_ns=lambda *_: 0,

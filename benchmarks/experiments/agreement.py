@@ -1,4 +1,4 @@
-"""Whether a trial in virtual time is the trial as it is live: `python -m benchmarks.agreement`.
+"""Agreement of trials in virtual time with live ones: `python -m benchmarks.experiments.agreement`.
 
 For each seed a hand is recorded (`recorded_motion`) and replayed twice with the same scene, noise,
 losses and network: in a live session as a user starts one, and in virtual time. Bitrates of each
@@ -26,8 +26,14 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from benchmarks.agreement_pairs import Pair, measure_seed
-from benchmarks.agreement_verdicts import RATE_LIMIT, SSIM_LIMIT, Agreement, compare, overall
+from benchmarks.experiments.agreement_pairs import Pair, measure_seed
+from benchmarks.experiments.agreement_verdicts import (
+    RATE_LIMIT,
+    SSIM_LIMIT,
+    Agreement,
+    compare,
+    overall,
+)
 from tams_app.study.machine import machine
 
 RESULTS = Path(__file__).parent / "results" / "agreement.json"
@@ -47,8 +53,8 @@ class Setting:
     def command(self) -> str:
         """What measures it again."""
         return (
-            f"python -m benchmarks.agreement --seeds {self.seeds} --network {self.network} "
-            f"--strategy {self.strategy} --fps {self.fps}"
+            f"python -m benchmarks.experiments.agreement --seeds {self.seeds} "
+            f"--network {self.network} --strategy {self.strategy} --fps {self.fps}"
         )
 
     def given(self, seed: int) -> dict[str, Any]:
@@ -178,7 +184,9 @@ def report(
 
 def main() -> None:
     usual = Setting()
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.agreement", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.experiments.agreement", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=usual.seeds)
     parser.add_argument("--network", default=usual.network)
     parser.add_argument("--strategy", default=usual.strategy)

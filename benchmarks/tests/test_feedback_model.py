@@ -14,7 +14,7 @@ pytestmark = pytest.mark.untimed
 
 
 def counts_of_a_fresh_process(kind: str, network: str, seed: int) -> dict[str, int]:
-    command = [sys.executable, "-m", "benchmarks.feedback_model", "--seconds", "1"]
+    command = [sys.executable, "-m", "benchmarks.experiments.feedback_model", "--seconds", "1"]
     command += ["--one", kind, network, str(seed)]
     done = subprocess.run(
         command, cwd=PROJECT_DIRECTORY, capture_output=True, text=True, check=True, timeout=100

@@ -12,12 +12,12 @@ from tams_app.records import Image
 WIDTH, HEIGHT = 640, 480
 
 
-def frame(index: int) -> Image:
-    """Frame `index` of the sweep: BGR, shape (480, 640, 3)."""
+def image(index: int) -> Image:
+    """Image `index` of the sweep: BGR, shape (480, 640, 3)."""
     x = round(430 + 400 * np.sin(index / 38.0))
     y = round(360 + 330 * np.sin(index / 23.0))
-    image: Image = np.ascontiguousarray(_canvas()[y : y + HEIGHT, x : x + WIDTH])
-    return image
+    shown: Image = np.ascontiguousarray(_canvas()[y : y + HEIGHT, x : x + WIDTH])
+    return shown
 
 
 @cache

@@ -1,8 +1,9 @@
 """Which decides how good the frames are: allocation, encoder preset or loss repair?
 
-`python -m benchmarks.ablation`: in virtual time, each cell with the same recorded hands, scenes,
-noise and losses, so that the motion is the same and only the video differs. From what the product
-does on a network one factor at a time is changed; `--full` runs all combinations. Loss repair is
+`python -m benchmarks.experiments.ablation`: in virtual time, each cell with the same recorded
+hands, scenes, noise and losses, so that the motion is the same and only the video differs. From
+what the product does on a network one factor at a time is changed; `--full` runs all combinations.
+Loss repair is
 switched by `video.repair`: with RTX forced on where the product's rule has it off, the jitter
 buffer waits for the resend; without PLI a damaged frame stays until the next keyframe (20 s).
 """
@@ -21,9 +22,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.ablation_cells import Cell, product_cell
-from benchmarks.ablation_table import FactorRange, Figures, Row, ranges, rows
-from benchmarks.ablation_trials import Trial, plan, record_hands, run
+from benchmarks.experiments.ablation_cells import Cell, product_cell
+from benchmarks.experiments.ablation_table import FactorRange, Figures, Row, ranges, rows
+from benchmarks.experiments.ablation_trials import Trial, plan, record_hands, run
 from tams_app.study.machine import machine
 from tams_app.study.unattended import RichProgress
 
@@ -114,7 +115,7 @@ def report(
             highlight=False,
         )
     options = f"--seeds {seeds} --networks {' '.join(networks)}{' --full' if full else ''}"
-    write(path, f"python -m benchmarks.ablation {options}", told, moved, trials, found)
+    write(path, f"python -m benchmarks.experiments.ablation {options}", told, moved, trials, found)
     console.print(f"written to {path}")
 
 
@@ -146,7 +147,9 @@ def write(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.ablation", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.experiments.ablation", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--networks", nargs="+", default=list(NETWORKS))
     parser.add_argument("--full", action="store_true", help="all combinations, 36 per seed")

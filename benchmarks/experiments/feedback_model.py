@@ -1,8 +1,8 @@
 """How well the feedback model of virtual time agrees with GStreamer's rtpsession.
 
-`python -m benchmarks.feedback_model` runs both under the stepped clock over the same link with the
-same seeds, three views each, and prints what repair asked for, got and cost. Each run is a process
-of its own. `--networks` measures some networks anew and leaves the results of the others.
+`python -m benchmarks.experiments.feedback_model` runs both in virtual time over the same link with
+the same seeds, three views each, and prints what repair asked for, got and cost. Each run is a
+process of its own. `--networks` measures some networks anew and leaves the results of the others.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.arrivals import Arrivals, NotingLink
-from benchmarks.moving_frames import image
-from benchmarks.rtpsession_views import RtpSessionView
+from benchmarks.experiments.arrivals import Arrivals, NotingLink
+from benchmarks.experiments.moving_frames import image
+from benchmarks.experiments.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
 from tams_app.records import Frame, PacketRecord
@@ -90,7 +90,7 @@ def measure(
         for seed in range(1, seeds + 1)
     ]
     for name, kind, seed in track(jobs, description="virtual runs"):
-        command = [sys.executable, "-m", "benchmarks.feedback_model"]
+        command = [sys.executable, "-m", "benchmarks.experiments.feedback_model"]
         command += ["--one", kind, name, str(seed), "--seconds", str(seconds)]
         command += ["--rtx"] if rtx else []
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=900)
