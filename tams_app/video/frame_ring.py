@@ -94,11 +94,9 @@ class FrameReader:
             if head is None:  # overwritten while the ones before it were read
                 self.missed += 1
                 continue
-            entries.append(
-                RingEntry(
-                    *_ENTRY.unpack(head), None if luma is None else luma.reshape(self._luma_shape)
-                )
-            )
+            index, t_ns = _ENTRY.unpack(head)
+            image = None if luma is None else luma.reshape(self._luma_shape)
+            entries.append(RingEntry(index, t_ns, image))
         self._next = max(self._next, until)
         return entries
 

@@ -16,7 +16,7 @@ import openvr
 
 from hw.controller import Controller
 from hw.openvr.controller import OpenVrController
-from hw.sim.operator.hand import Button, Hand, HandWish
+from hw.sim.operator.hand import Button, Hand, HandCommand
 from hw.sim.operator.virtual_controller import SensorFault, VirtualController
 from tams_app.config import ControllerConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
@@ -78,7 +78,7 @@ class _Holding:
     def step(self, now_ns: int) -> None:
         elapsed_ns = now_ns - (self._last_ns or now_ns)
         self._last_ns = now_ns
-        self.hand.step(HandWish.still(trigger=True, button=self.button), elapsed_ns / NS_PER_S)
+        self.hand.step(HandCommand.still(trigger=True, button=self.button), elapsed_ns / NS_PER_S)
 
     def feel(self, haptic: Haptic) -> None:
         self.pulses += 1

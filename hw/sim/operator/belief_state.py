@@ -27,7 +27,7 @@ _DRIFT_RAD = 0.01
 _BLOCK_TURN_UNCERTAIN = 0.3  # of the turn asked for, near the fingers
 _SLIPS = 0.10  # of the motion of what is carried
 _REST_DRIFT_M = 0.001
-_LEAST_DOUBT = 0.06  # variance of whether it comes along
+_LEAST_DOUBT = 0.06  # variance of whether it is carried
 
 
 # How many numbers an error has: a shift of the whole, of several points also stretch and shear.

@@ -1,4 +1,4 @@
-"""A recorded hand on the controller: the same motion again, whatever becomes of it (open loop)."""
+"""A controller in a recorded hand: the same motion again, in open loop."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 class ReplayedController(Controller):
     """Plays `readings` back: when each was taken [ns], ascending, and what it said.
 
-    The first call of `sample` stands for the first reading. Between two readings the hand glides
-    from the one to the other and the buttons are those of the earlier; what was old then is as old
-    now. After the last it holds still with everything released. No clock, no randomness.
+    The first call of `sample` stands for the first reading. Between two readings the hand moves
+    evenly from the one to the other and the buttons are those of the earlier; what was old then is
+    as old now. After the last it holds still with everything released. No clock, no randomness.
     """
 
     def __init__(self, readings: Sequence[tuple[int, ControllerSample]]) -> None:
@@ -45,7 +45,7 @@ class ReplayedController(Controller):
         return self._between(max(0, place), then_ns, self._shift_ns)
 
     def pulse(self, haptic: Haptic) -> None:
-        """Nobody feels it."""
+        """A recorded hand feels nothing."""
 
     def close(self) -> None:
         """There is nothing to let go of."""
@@ -57,11 +57,11 @@ class ReplayedController(Controller):
         start_ns = self._times_ns[place]
         span_ns = self._times_ns[min(place + 1, len(self._samples) - 1)] - start_ns
         part = (then_ns - start_ns) / span_ns if span_ns > 0 else 0.0
-        gliding = before.pose is not None and after.pose is not None
+        interpolates = before.pose is not None and after.pose is not None
         return replace(
             before,
-            pose=_glide(before.pose, after.pose, part),
-            pose_ns=shift_ns + _mix(before.pose_ns, after.pose_ns, part if gliding else 0.0),
+            pose=_interpolated(before.pose, after.pose, part),
+            pose_ns=shift_ns + _mix(before.pose_ns, after.pose_ns, part if interpolates else 0.0),
             buttons_ns=shift_ns + _mix(before.buttons_ns, after.buttons_ns, part),
         )
 
@@ -80,7 +80,7 @@ def _mix(before_ns: int, after_ns: int, part: float) -> int:
     return before_ns + round(part * (after_ns - before_ns))
 
 
-def _glide(before: Pose | None, after: Pose | None, part: float) -> Pose | None:
+def _interpolated(before: Pose | None, after: Pose | None, part: float) -> Pose | None:
     """The pose `part` of the way, 0 to 1, on the shortest turn; `before` where one is not known."""
     if before is None or after is None or part == 0.0:
         return before

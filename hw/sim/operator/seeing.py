@@ -1,7 +1,7 @@
-"""The eyes of an operator who gets what a human gets: three received images and his own hand.
+"""Eyes of the seeing operator, who gets what a person gets: the received images and their own hand.
 
-He knows his station (where the cameras stand, what the things look like) and what his hand did.
-He is told nothing else: no capture time, no index, no latency, no state of arm, network or policy.
+The operator knows where the cameras stand, what the things look like, and what the hand did, and
+nothing else: no capture time, index or latency, no state of arm, network or policy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
-from hw.sim.operator.vision.looking import Looker
+from hw.sim.operator.vision.detector import Detector
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from tams_app.config import Config
 from tams_app.records import Image, Pose, Vector
@@ -37,9 +37,9 @@ _LONGEST_S = 1.0  # between glances that a prediction makes sense of
 
 @dataclass(frozen=True, slots=True)
 class Reliance:
-    """Which view told him how much in one glance, for what he was then about.
+    """How much each view told the operator in one glance.
 
-    Shares of what the glance added to knowing the way from tool to block and from tool to
+    Shares of what the glance added to knowing the vector from tool to block and from tool to
     container: by view, summing to 1; empty when the glance told nothing.
     """
 
@@ -48,12 +48,12 @@ class Reliance:
     to_container: dict[str, float]
     block_sigma: float  # [m], after the glance
     container_sigma: float  # [m]
-    lag_ns: int  # hand to eye, as he judges it
-    frozen: tuple[str, ...]  # views in which he noticed that nothing moves
+    lag_ns: int  # hand to eye, as the operator judges it
+    frozen: tuple[str, ...]  # views in which nothing moves although the hand does
 
 
 class SeeingPerception:
-    """Looks at the images at his sampling rate, and knows a little later what he saw.
+    """Looks at the images at the participant's sampling rate, and knows a little later what it saw.
 
     `watch` is the eyes' work (some milliseconds a glance; live in a thread of its own, in virtual
     time before each step of the hand), `look` the hand's question, which never blocks.
@@ -80,7 +80,7 @@ class SeeingPerception:
         wrist = {"eih": wrist_camera()}
         self.belief = Belief(fixed_cameras(), wrist)  # others may read it
         self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
-        self._looker = Looker(wrist)
+        self._detector = Detector(wrist)
         self._lag = LagEstimator()
         self._freezes: dict[str, FreezeWatch] = {}
         self._shown: Vector = np.zeros(6)
@@ -109,33 +109,33 @@ class SeeingPerception:
             del images[view]
         if images:
             self._view_ns = max(self._view_ns, now_ns - lag_ns + FOLLOW_LAG_NS)
-        glance = self._looker.look(images, self.belief)
+        glance = self._detector.look(images, self.belief)
         self._take_in(now_ns, glance)
-        self.belief.learn_whether_it_comes_along(before)
+        self.belief.learn_carried_part(before)
         if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
         self._tell(self._reliance(now_ns, lag_ns, frozen))
         return True
 
     def look(self, now_ns: int) -> Percept | None:
-        """What he has understood by `now_ns` of what he saw."""
+        """What has been understood by `now_ns` of what was seen."""
         while self._coming and self._coming[0][0] <= now_ns:
             self._percept = self._coming.popleft()[1]
         return self._percept
 
     @property
     def gap_to_block(self) -> Vector:
-        """From tool to block [m], shape (3,), as the last glance left him believing."""
+        """From tool to block [m], shape (3,), as believed after the last glance."""
         return self.belief.block - self.belief.tcp
 
     def _advance(self, now_ns: int, lag_ns: int) -> float:
-        """Take his own motion into account as far as it can show; how far that was [m]."""
+        """Take the hand's motion into account as far as it can show; how far that was [m]."""
         shown = self._asked.asked_at(now_ns - lag_ns)
         moved, self._shown = shown - self._shown, shown
         last_ns, self._last_ns = self._last_ns, now_ns
         seconds = 0.0 if last_ns is None else min(_LONGEST_S, (now_ns - last_ns) / NS_PER_S)
         self.belief.predict(moved[:3], moved[3:], seconds)
-        self.belief.lay_on_table()
+        self.belief.hold_to_table()
         path = math.sqrt(moved[:3] @ moved[:3])
         self.asked_speed_m_s = path / seconds if seconds > 0.0 else 0.0
         return path
@@ -157,7 +157,7 @@ class SeeingPerception:
         if opening is None:
             return
         if self._opening is not None and abs(opening - self._opening) > _FINGERS_MOVED_M:
-            self.belief.doubt_the_grip()
+            self.belief.note_fingers_moved()
         self._opening = opening
 
     def _to_percept(self, glance: Glance) -> Percept:

@@ -43,7 +43,7 @@ class SensorFault(Enum):
     DASHBOARD = ControllerStatus.DASHBOARD  # poses go on; the runtime keeps the buttons
     DISCONNECTED = ControllerStatus.DISCONNECTED  # flat battery, out of radio reach
     RUNTIME_QUIT = ControllerStatus.RUNTIME_QUIT
-    ROLE_SWAPPED = ControllerStatus.ROLE_SWAPPED  # another controller plays the hand: not this one
+    ROLE_SWAPPED = ControllerStatus.ROLE_SWAPPED  # another controller has the hand's role
     TRACKING_FRAME_CHANGED = ControllerStatus.TRACKING_FRAME_CHANGED  # the headset was recentred
     FROZEN_POSE = "frozen pose"  # status OK, the same pose for ever
     FROZEN_BUTTONS = "frozen buttons"  # status OK, the buttons as they last were
@@ -109,7 +109,7 @@ class VirtualController(Controller):
     def __init__(
         self, operator: Holder, config: OperatorConfig, seed: int, wiring: Wiring | None = None
     ) -> None:
-        """`wiring`: None for a controller whose every part plays its own role."""
+        """`wiring`: None for a controller whose every button plays its own role."""
         self.operator = operator
         self._wiring = wiring
         self._random = np.random.default_rng([seed, 0x5E450])

@@ -36,7 +36,7 @@ JOINTS = tuple(f"joint{number}" for number in range(1, 7))
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """One row of the modified DH table [m, rad] with what hangs on its frame."""
+    """One row of the modified DH table [m, rad] with what is fixed to its frame."""
 
     offset: float
     d: float

@@ -1,8 +1,8 @@
 """The things of the task as boxes, and how they hide one another in an image.
 
-An operator knows what block, gripper and container look like; of a thing half hidden behind
-another he does not take the middle of the visible part for the middle of the thing. `sketch` is
-that knowledge: a coarse drawing of the boxes, far ones first.
+Operators know what block, gripper and container look like; of a thing half hidden behind another
+they do not take the middle of the visible part for the middle of the thing. `sketch` is that
+knowledge: a coarse drawing of the boxes, far ones first.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def _rectangles(seed, count=40):
     [_alike(90), _alike(0), _alike(255), _noise],
     ids=["grey", "black", "white", "noise"],
 )
-def test_images_of_nothing_make_him_ever_less_sure(clear, images):
+def test_images_of_nothing_make_the_operator_ever_less_sure(clear, images):
     eyes = Eyes()
     eyes.show(clear, 6)
     sigmas = [eyes.sigma]
@@ -111,7 +111,7 @@ def test_images_of_nothing_make_him_ever_less_sure(clear, images):
 @pytest.mark.parametrize(
     "images", [_alike(90), _noise, _rectangles], ids=["grey", "noise", "rectangles"]
 )
-def test_who_has_seen_nothing_but_rubbish_knows_nothing(images):
+def test_eyes_that_have_seen_nothing_but_rubbish_know_nothing(images):
     eyes = Eyes()
     eyes.show(images, 5)
     eyes.check_sane()
@@ -129,7 +129,7 @@ def _without(image, side):
 
 
 @pytest.mark.parametrize("side", ["upper", "lower", "left", "right"])
-def test_half_a_image_never_makes_him_surer(clear, side):
+def test_half_an_image_never_makes_the_operator_surer(clear, side):
     whole, half = Eyes(), Eyes()
     whole.show(clear, 10)
     half.show({view: _without(image, side) for view, image in clear.items()}, 10)
@@ -138,7 +138,7 @@ def test_half_a_image_never_makes_him_surer(clear, side):
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_view_that_turns_to_rubbish_does_not_lead_him_astray(clear, view):
+def test_a_view_that_turns_to_rubbish_does_not_mislead_the_operator(clear, view):
     eyes = Eyes()
     eyes.show(clear, 8)
     before = eyes.seeing.gap_to_block

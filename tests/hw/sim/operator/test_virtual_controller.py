@@ -16,7 +16,7 @@ pytestmark = pytest.mark.untimed
 
 
 def _controller(config: OperatorConfig | None = None, seed: int = 0) -> VirtualController:
-    """In the hand of somebody who sees nothing and so keeps still."""
+    """In the hand of an operator who sees nothing and so keeps still."""
     config = config or OperatorConfig()
     operator = Operator(HandConfig(), config, TruePerception(lambda: None), seed)
     controller = VirtualController(operator, config, seed)

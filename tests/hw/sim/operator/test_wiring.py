@@ -1,4 +1,4 @@
-"""The rig's buttons: what they move, and what the mapping makes of it."""
+"""The rig's buttons: which components they move, and what the mapping makes of it."""
 
 import pytest
 

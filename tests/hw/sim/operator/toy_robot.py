@@ -82,7 +82,7 @@ class ToyRobot:
             if self.arming == "disarmed":
                 self.arming = "ready"
             elif self.arming == "fault":
-                raise AssertionError("the operator cleared a fault by himself")
+                raise AssertionError("the operator cleared a fault alone")
         squeezed = sample.status is ControllerStatus.OK and sample.trigger >= 0.6
         if self.arming == "ready" and squeezed:
             if self._last is not None and self._last.trigger < 0.6 and not self.held:
@@ -182,7 +182,7 @@ class ToyRobot:
 
 @dataclass
 class Trial:
-    """A robot, an operator and his controller, run in virtual time."""
+    """A robot, an operator and their controller, run in virtual time."""
 
     layout: Layout
     seed: int = 0

@@ -1,8 +1,8 @@
 """One look at the three views: what can be made out of tool, block and container in each.
 
-He looks where he believes the things to be and searches the more widely the less he knows. All
-uncertainty is measured in the image: edge width and noise, how much of a thing's known size is
-there, what a marker's corners leave over.
+The operator looks where they believe the things to be, and searches the more widely the less they
+know. All uncertainty is measured in the image: edge width and noise, how much of a thing's known
+size is there, what a marker's corners leave over.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _HIDDEN = 0.25  # less of a thing than this is not judged
 _ODD_SIZE = (0.3, 2.5)  # of the visible area expected: beyond, it is something else
 _SIZE_TELLS = 0.30  # shift of the middle per side length, of a part missing or too much
 _WHOLE = (0.7, 1.5)
-_OTHER_WAY = 0.6  # of the misfit: then a block believed to stand lies, or the other way about
+_OTHER_WAY = 0.6  # of the misfit: then a block believed to stand lies, or vice versa
 _SKETCH_SIGMA_PX = 0.4  # a gripper drawn from boxes is no better
 _HIDDEN_SIGMA_PX = 2.5  # where one thing cuts off another is known no better
 _THING_RADIUS_M = {Thing.TOOL: 0.030, Thing.BLOCK: 0.014, Thing.CONTAINER: 0.060}
@@ -64,7 +64,7 @@ _SEARCH_PX = 2.0  # a thing just found is not yet looked at closely
 _WORK_X_M, _WORK_Y_M = (0.18, 0.45), (-0.30, 0.32)
 
 
-class Looker:
+class Detector:
     """Looks at the views of the fixed and the wrist cameras; keeps only a count of glances."""
 
     def __init__(self, wrist_views: Mapping[str, Pinhole]) -> None:
@@ -196,7 +196,7 @@ class Looker:
     # --- the container --------------------------------------------------------------------------
 
     def _wants_container(self, belief: Belief, view: str) -> bool:
-        """In every glance until he knows, then now and then, the views in turn."""
+        """In every glance until its place is known, then now and then, the views in turn."""
         if belief.sigma_of(Thing.CONTAINER) > _CONTAINER_SURE_M:
             return True
         views = sorted((*self._wrist_views, *FIXED_VIEWPOINTS))

@@ -16,8 +16,8 @@ from hw.sim.layout import Layout, draw_layout
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
 from hw.sim.operator.vision.detections import Glance, Sighting, Thing
+from hw.sim.operator.vision.detector import Detector
 from hw.sim.operator.vision.fingers import FingerGauge
-from hw.sim.operator.vision.looking import Looker
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
@@ -74,7 +74,7 @@ def _yaw(truth: SceneTruth) -> float:
 
 
 def _look(scene: Scene, blur: float = 0.0) -> Glance:
-    looker = Looker({"eih": wrist_camera()})
+    looker = Detector({"eih": wrist_camera()})
     return looker.look(scene.images(blur), _belief(scene.truth))
 
 
@@ -112,7 +112,7 @@ def test_the_gripper_s_marker_and_its_green_pads_are_both_used(scene):
 
 
 @pytest.mark.parametrize("blur", [0.0, 1.5, 3.0])
-def test_errors_are_as_large_as_he_thinks(scene, blur):
+def test_errors_are_as_large_as_believed(scene, blur):
     errors = _errors(_look(scene, blur), scene.truth)
     assert len(errors) >= 5
     for view, thing, error, sigma in errors:
@@ -137,9 +137,9 @@ def test_blur_costs_certainty_and_at_last_the_marker(scene):
     assert all(len(seen.pixels) == 1 for seen in glance.sightings if seen.view == "gs")
 
 
-def test_a_image_of_nothing_shows_nothing(scene):
+def test_an_image_of_nothing_shows_nothing(scene):
     grey = {view: np.full((480, 640, 3), 90, np.uint8) for view in VIEWS}
-    glance = Looker({"eih": wrist_camera()}).look(grey, _belief(scene.truth))
+    glance = Detector({"eih": wrist_camera()}).look(grey, _belief(scene.truth))
     assert glance == Glance((), (), None)
 
 
@@ -158,7 +158,7 @@ def test_a_block_on_its_side_is_seen_to_lie(scene):
     qpos[11:15] = (w, x, y, z)
     belief = _belief(scene.truth)
     belief.state[BLOCK][2] = 0.006
-    looker = Looker({"eih": wrist_camera()})
+    looker = Detector({"eih": wrist_camera()})
     (heading,) = looker.look(scene.images(qpos=qpos), belief).headings
     assert heading.lying
     off = heading.heading - (0.9 - _yaw(scene.truth))
@@ -167,7 +167,7 @@ def test_a_block_on_its_side_is_seen_to_lie(scene):
 
 def test_the_block_is_found_anywhere_on_the_mat_at_first(scene):
     belief = Belief(fixed_cameras(), {"eih": wrist_camera()})
-    looker = Looker({"eih": wrist_camera()})
+    looker = Detector({"eih": wrist_camera()})
     belief.state[TOOL] = scene.truth.tcp.position
     for _ in range(2):
         belief.take(looker.look(scene.images(), belief).sightings)
@@ -177,7 +177,7 @@ def test_the_block_is_found_anywhere_on_the_mat_at_first(scene):
 
 def test_a_container_whose_marker_cannot_be_read_is_found_by_its_blue(scene):
     belief = Belief(fixed_cameras(), {"eih": wrist_camera()})
-    looker = Looker({"eih": wrist_camera()})
+    looker = Detector({"eih": wrist_camera()})
     for _ in range(3):
         belief.take(looker.look(scene.images(blur=6.0), belief).sightings)
     assert belief.seen[Thing.CONTAINER]
