@@ -157,7 +157,7 @@ class OperatorRig:
             Watched(
                 stage,
                 reliance,
-                self.eyes.gap_to_block,
+                self.eyes.belief.block - self.eyes.belief.tcp,
                 truth.block.position - truth.tcp.position,
                 normalised_errors(self.eyes.belief, stage, self.eyes.asked_speed_m_s, shown),
             )

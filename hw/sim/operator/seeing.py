@@ -123,11 +123,6 @@ class SeeingPerception:
             self._percept = self._coming.popleft()[1]
         return self._percept
 
-    @property
-    def gap_to_block(self) -> Vector:
-        """From tool to block [m], shape (3,), as believed after the last glance."""
-        return self.belief.block - self.belief.tcp
-
     def _advance(self, now_ns: int, lag_ns: int) -> float:
         """Take the hand's motion into account as far as it can show; how far that was [m]."""
         shown = self._asked.asked_at(now_ns - lag_ns)

@@ -82,12 +82,6 @@ class SceneRenderer:
         cv2.copyTo(self._colour, nearer, image)
         return _upright(image)
 
-    def render_whole(self, view: str, qpos: Vector) -> Image:
-        """The same image with everything drawn anew: what `render` must equal."""
-        self._pose(qpos)
-        self._draw(view, _everything())
-        return _upright(self._colour)
-
     def close(self) -> None:
         """Give the context back; may be called twice."""
         if self._drawing is not None:

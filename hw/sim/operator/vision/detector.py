@@ -130,20 +130,10 @@ class Detector:
         found = []
         for marker in self._markers.find(window) if window is not None else ():
             if marker.identity == GRIPPER_MARKER:
-                match = match_face(marker, self._faces, expected, self._markers.edge_px)
-                if match.misfit_px < spread:
-                    found.append(
-                        Sighting(
-                            view,
-                            Thing.TOOL,
-                            match.pixels,
-                            match.points,
-                            match.sigma_px,
-                            match.lasting_px,
-                            match.warp_px,
-                            match.face,
-                        )
-                    )
+                edge_px = self._markers.edge_px
+                sighting, away_px = match_face(view, marker, self._faces, expected, edge_px)
+                if away_px < spread:
+                    found.append(sighting)
         return found
 
     # --- the block ------------------------------------------------------------------------------
@@ -253,17 +243,8 @@ class Detector:
             if marker.identity == CONTAINER_MARKER:
                 centre = marker.middle[None]
                 blurred = math.hypot(_MARKER_CENTRE_PX, EDGE_JUDGEMENT * self._markers.edge_px)
-                return [
-                    Sighting(
-                        view,
-                        Thing.CONTAINER,
-                        centre,
-                        _FLOOR,
-                        _MARKER_CENTRE_PX,
-                        blurred,
-                        cue=Cue.MARKER,
-                    )
-                ]
+                sigma, cue = _MARKER_CENTRE_PX, Cue.MARKER
+                return [Sighting(view, Thing.CONTAINER, centre, _FLOOR, sigma, blurred, cue=cue)]
         return []
 
 

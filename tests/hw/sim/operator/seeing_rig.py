@@ -36,13 +36,14 @@ class SeeingRig:
         self,
         config: Config,
         participant: int,
+        cameras: CameraImages,
         delay_ms: float = 0.0,
         distort: Callable[[Image], Image] = lambda image: image,
     ) -> None:
         self._config = config
         self._clock = VirtualClock()
         self._robot = robot = VirtualRobot(config, self._clock, _ignore)
-        self._cameras = CameraImages(robot.layout, config.seed, config.rig.camera_noise_sigma)
+        self._cameras = cameras
         self._delay_ns = round(delay_ms * NS_PER_MS)
         self._distort = distort
         self._taken: deque[tuple[int, Vector]] = deque()
@@ -91,12 +92,12 @@ class SeeingRig:
 
     def close(self) -> None:
         self._robot.arm.close()
-        self._cameras.close()
 
     def _note(self, reliance: Reliance) -> None:
         truth = self._robot.truth()
         gap = truth.block.position - truth.tcp.position
-        self.glances.append(Glance(reliance, self._eyes.gap_to_block, gap))
+        belief = self._eyes.belief
+        self.glances.append(Glance(reliance, belief.block - belief.tcp, gap))
 
 
 def _ignore(*_: object) -> None:

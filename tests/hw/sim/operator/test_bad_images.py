@@ -17,7 +17,7 @@ from hw.sim.operator.seeing import Reliance, SeeingPerception
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
-from tams_app.records import Image
+from tams_app.records import Image, Vector
 from tams_app.runtime.clock import NS_PER_MS
 from tests.hw.sim.operator.scripted_pick import READY
 
@@ -56,8 +56,13 @@ class Eyes:
             assert self.seeing.watch(self.now_ns)
 
     @property
+    def gap(self) -> Vector:
+        """From tool to block [m], as believed."""
+        return self.seeing.belief.block - self.seeing.belief.tcp
+
+    @property
     def sigma(self) -> float:
-        """Of the way to the block [m]."""
+        """Of the distance to the block [m]."""
         return self.seeing.belief.gap_sigma(Gap.to_block())
 
     def check_sane(self) -> None:
@@ -141,10 +146,10 @@ def test_half_an_image_never_makes_the_operator_surer(clear, side):
 def test_a_view_that_turns_to_rubbish_does_not_mislead_the_operator(clear, view):
     eyes = Eyes()
     eyes.show(clear, 8)
-    before = eyes.seeing.gap_to_block
+    before = eyes.gap
     eyes.show(lambda glance: {**clear, view: _rectangles(glance)[view]}, 12)
     eyes.check_sane()
-    off = np.linalg.norm((eyes.seeing.gap_to_block - before)[:2])
+    off = np.linalg.norm((eyes.gap - before)[:2])
     assert off < max(0.003, 3.0 * eyes.sigma)
 
 
@@ -155,15 +160,14 @@ def test_clear_images_after_rubbish_are_believed_again(clear):
     eyes.show(_rectangles, 12)
     eyes.show(clear, 25)
     assert eyes.sigma < 2.0 * before.sigma
-    off = eyes.seeing.gap_to_block - before.seeing.gap_to_block
+    off = eyes.gap - before.gap
     assert np.linalg.norm(off[:2]) < 3.0 * math.hypot(eyes.sigma, before.sigma)
 
 
 @settings(max_examples=6, deadline=None)
-@given(seeds=st.lists(st.integers(0, 10_000), min_size=1, max_size=3), size=st.integers(1, 80))
-def test_no_image_is_too_strange_to_look_at(seeds, size):
+@given(seed=st.integers(0, 10_000), size=st.integers(1, 80))
+def test_no_image_is_too_strange_to_look_at(seed, size):
     eyes = Eyes()
-    for seed in seeds:
-        eyes.show(_rectangles(seed, size), 1)
-        eyes.show(_noise(seed), 1)
+    for images in (_rectangles(seed, size), _noise(seed)):
+        eyes.show(images, 1)
         eyes.check_sane()

@@ -17,7 +17,7 @@ from tests.hw.sim.operator.toy_robot import TICK_NS, Trial
 
 pytestmark = pytest.mark.untimed
 
-SEEDS = range(20)
+SEEDS = range(10)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def test_the_hand_moves_like_a_hand(results):
 
 def test_the_gripper_is_turned_in_orientation_mode_and_moved_in_translation_mode(results):
     turned = [result for result in results if result.trial.robot.toggles]
-    assert len(turned) >= 15
+    assert len(turned) >= 7
     assert all(result.trial.robot.toggles == 2 for result in turned)
 
 

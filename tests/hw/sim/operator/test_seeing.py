@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from hw.sim.layout import draw_layout
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import Reliance, SeeingPerception
 from hw.sim.operator.task import Stage
+from hw.sim.world.camera_images import CameraImages
 from tams_app.config import DEFAULT_CONFIG, load_config
 from tams_app.records import Image
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
@@ -16,13 +18,12 @@ from tests.hw.sim.operator.seeing_rig import SeeingRig
 
 pytestmark = pytest.mark.untimed
 
-SEED = 5
+CONFIG = load_config(DEFAULT_CONFIG).model_copy(update={"seed": 5})
 TICK_NS = 8 * NS_PER_MS
 
 
-def _rig(**conditions) -> SeeingRig:
-    config = load_config(DEFAULT_CONFIG).model_copy(update={"seed": SEED})
-    return SeeingRig(config, participant=3, **conditions)
+def _rig(cameras: CameraImages, **conditions) -> SeeingRig:
+    return SeeingRig(CONFIG, 3, cameras, **conditions)
 
 
 def _reach(rig: SeeingRig, seconds: float) -> float:
@@ -38,7 +39,14 @@ def _blurred(image: Image) -> Image:
 
 
 @pytest.fixture(scope="module")
-def reaches():
+def cameras():
+    cameras = CameraImages(draw_layout(CONFIG.seed), CONFIG.seed, CONFIG.rig.camera_noise_sigma)
+    yield cameras
+    cameras.close()
+
+
+@pytest.fixture(scope="module")
+def reaches(cameras):
     """By condition: seconds until the operator is over the block, the rig, its first images."""
     conditions = {
         "clear": ({}, 15.0),
@@ -47,7 +55,7 @@ def reaches():
     }
     results = {}
     for name, (condition, seconds) in conditions.items():
-        rig = _rig(**condition)
+        rig = _rig(cameras, **condition)
         try:
             rig.tick()
             live = dict(rig.images())
@@ -85,8 +93,8 @@ def test_each_glance_tells_how_much_each_view_gave(reaches):
     assert {view for one in told for view in one.to_block} == {"eih", "gt", "gs"}
 
 
-def test_the_same_images_and_seed_give_the_same_percepts(reaches):
-    rig, first = _rig(), reaches["clear"][1]
+def test_the_same_images_and_seed_give_the_same_percepts(cameras, reaches):
+    rig, first = _rig(cameras), reaches["clear"][1]
     try:
         for _ in range(60):
             rig.tick()
@@ -155,7 +163,7 @@ def test_frozen_images_are_noticed_by_the_moving_hand_and_grow_old(screen):
 
 
 def test_a_still_hand_suspects_nothing(screen):
-    screen.run(3.0)
+    screen.run(1.5)
     assert screen.told[-1].frozen == ()
     assert screen.now_ns - screen.eyes.look(screen.now_ns).t_ns < 400 * NS_PER_MS
 

@@ -19,10 +19,10 @@ from hw.sim.layout import (
 from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import Operator
 from hw.sim.operator.task import Stage
-from hw.sim.operator.virtual_controller import VirtualController
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, SceneTruth, Vector
 from tams_app.runtime.clock import NS_PER_S
+from tests.hw.sim.operator.faulty_controller import FaultyController
 
 TICK_NS = round(NS_PER_S / 120)
 SMOOTHING_S = 0.04
@@ -202,7 +202,7 @@ class Trial:
         self.showing = True  # False: the image stands still
         eyes = TruePerception(lambda: self.seen)
         operator = Operator(hand, config, eyes, self.seed, self.confirms)
-        self.controller = VirtualController(operator, config, self.seed)
+        self.controller = FaultyController(operator, config, self.seed)
         self.controller.start()
         self.operator = operator
 
