@@ -1,6 +1,6 @@
-"""What becomes of the media packets on a link: how many are lost, when each view's first arrives.
+"""Fate of the media packets on a link: how many are lost, and when each view's first arrives.
 
-The jitter buffers' patience counts from the first arrival: two kinds of run that disagree about it
+The jitter buffers' timeouts count from the first arrival: two kinds of run that disagree about it
 disagree about every repair that comes late.
 """
 

@@ -1,7 +1,7 @@
-"""The operator who sees, on perfect video: `python -m benchmarks.experiments.operator --seeds 40`.
+"""The seeing operator on perfect video: `python -m benchmarks.experiments.operator --seeds 40`.
 
-His parameters are set by this and by nothing else: with lossless, undelayed frames he succeeds in
-at least 95 % of the seeds, in about the times of the paper's people under S1. Seed n is scene n
+Their two free parameters were fitted by this: with lossless, undelayed frames they succeed on at
+least 95 % of the seeds, in about the times of the paper's participants under S1. Seed n is scene n
 with participant n. Virtual time, one process per core asked for, at low priority.
 """
 
@@ -48,7 +48,7 @@ class Trial:
     success: bool
     completion_time_s: float | None
     drops: int
-    error_p95_mm: float  # of the tool's place against what he was about, while he was sure of it
+    error_p95_mm: float  # of the tool against its goal, while the operator was sure of it
     reliance: dict[str, dict[str, float]]  # by stage and view: mean share
 
 
@@ -107,7 +107,7 @@ def _errors(rig: OperatorRig) -> list[float]:
 
 
 def _reliance(rig: OperatorRig) -> dict[str, dict[str, float]]:
-    """Mean share of each view at each stage, for what he was then about."""
+    """Mean share of each view at each stage, for the goal of that stage."""
     shares: dict[str, list[dict[str, float]]] = {}
     for seen in rig.watched:
         told = seen.reliance

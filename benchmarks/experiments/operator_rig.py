@@ -1,7 +1,7 @@
-"""The operator who sees, at a rig in virtual time, with the images as the cameras take them.
+"""The seeing operator at a rig in virtual time, with the images as the cameras take them.
 
-No codec, no link, no delay: what his parameters are set by, and a bench for what delay and blur do
-to him. Everything between hand and arm is the product's.
+No codec, no link, no delay: the operator's parameters were fitted on it, and it shows what delay
+and blur do. Everything between hand and arm is the product's.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Watched:
 
 
 class Screen:
-    """The newest frame of each view, drawn only when somebody looks."""
+    """The newest frame of each view, drawn only when it is looked at."""
 
     def __init__(
         self, config: Config, cameras: CameraImages, delay_ns: int, distort: Distort
@@ -85,7 +85,7 @@ def _as_it_is(_view: str, image: Image) -> Image:
 
 
 def _ignore(*_: object) -> None:
-    """Nobody records this rig."""
+    """This rig is not recorded."""
 
 
 class OperatorRig:
@@ -103,8 +103,8 @@ class OperatorRig:
         self._cameras = CameraImages(robot.layout, config.seed, sigma)
         self._screen = Screen(config, self._cameras, delay_ns, distort)
         self.watched: list[Watched] = []
-        station = SeeingParticipant(config, participant, self._screen.images, self._note)
-        self.eyes, self.operator = station.eyes, station.operator
+        seeing = SeeingParticipant(config, participant, self._screen.images, self._note)
+        self.eyes, self.operator = seeing.eyes, seeing.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
         hooks = ControlHooks(
             beat=_ignore,
@@ -116,10 +116,10 @@ class OperatorRig:
             output=_ignore,
         )
         self.loop = build.control_loop(
-            config, self._clock, station.controller, robot.arm, delay_ns, Signals(), hooks
+            config, self._clock, seeing.controller, robot.arm, delay_ns, Signals(), hooks
         )
         robot.arm.connect()
-        station.controller.start()
+        seeing.controller.start()
 
     @property
     def now_ns(self) -> int:

@@ -1,6 +1,6 @@
-"""A hand recorded in virtual time without any video: the scripted operator's, who sees truly.
+"""A hand recorded in virtual time without any video: that of the demo's operator.
 
-What he does depends on neither frame nor network, so that every run that replays it
+Its motion depends on neither frame nor network, so that every run that replays it
 (`rig.hand_trajectory`) is asked for the same motion. Everything between hand and arm is the
 product's. A recording takes some eight seconds of a core.
 """
@@ -35,10 +35,10 @@ _LONGEST_S = 90.0
 
 @dataclass(frozen=True, slots=True)
 class Waits:
-    """When he looks up, in seconds from the first reading: what a replay has to wait for.
+    """When the operator sees the scene, in seconds from the first reading: what a replay waits for.
 
-    He sees the scene from `confirm_s` for half a second, in which he begins to confirm the arming,
-    and from `squeeze_s` on.
+    From `confirm_s` for half a second, in which they begin to confirm the arming, and from
+    `squeeze_s` on.
     """
 
     confirm_s: float = 0.0
@@ -54,9 +54,9 @@ LIVE = Waits(confirm_s=3.0, squeeze_s=9.0)
 
 
 def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outcome:
-    """Record the scripted operator on the scene of `config.seed`; TamsError if he fails.
+    """Record the demo's operator on the scene of `config.seed`; TamsError if they fail.
 
-    `waits` None: he begins at once, for replays in virtual time.
+    `waits` None: they begin at once, for replays in virtual time.
     """
     header = session_header(config, _START_NS, 0)
     clock = VirtualClock(_START_NS)
@@ -73,7 +73,7 @@ def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outco
 
 
 class _Recording:
-    """His rig: a robot, a hand, and nobody who looks at a screen."""
+    """The rig of a recording: a robot and a hand, no cameras."""
 
     def __init__(
         self, config: Config, clock: VirtualClock, log: DirectRecorder, waits: Waits

@@ -36,7 +36,7 @@ _SINK = "appsink name={} async=false sync=false"
 
 
 class RtpSessionView:
-    """One view with real sessions on the way that `virtual_time` models."""
+    """One view with real sessions on the path that `virtual_time` models."""
 
     def __init__(
         self,
@@ -102,8 +102,8 @@ class RtpSessionView:
 
         Their sessions stay silent until their first packet, as live. Woken before it they send a
         report at once (a session without members has an interval of 0), which meets the first
-        frame on the link: its jitter holds that frame up, and the jitter buffer, whose patience
-        counts from the first arrival, stays that much more patient to the end of the run.
+        frame on the link: its jitter holds that frame up, and the jitter buffer, whose timeouts
+        count from the first arrival, waits that much longer to the end of the run.
         """
         gst.set_playing(self._sender, "the sender")
         gst.set_playing(self._receiver, "the receiver")

@@ -1,4 +1,4 @@
-"""What the fault benchmark makes of a trace whose answer is known."""
+"""The fault benchmark on traces whose answer is known: `python -m pytest benchmarks/tests`."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def traced(tmp_path):
     return row
 
 
-def test_way_and_rest_are_counted_from_the_fault(traced):
+def test_travel_and_rest_are_counted_from_the_fault(traced):
     row = traced("velocity", (-5, Kind.MOVE))
     assert row.travelled_mm == pytest.approx(
         RADIUS_MM * RAD_PER_CYCLE * (CYCLES_AFTER_FAULT + 1), rel=0.01
