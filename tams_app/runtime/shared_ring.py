@@ -84,9 +84,7 @@ class SharedRing:
         at = self._head_at(number)
         copy = self._memory[at : at + _CHECKSUM.size + self._shape.head_bytes]
         (checksum,), head = _CHECKSUM.unpack_from(copy), copy[_CHECKSUM.size :]
-        return (
-            head if 0 <= number < self.written() and checksum == _checksum(number, head) else None
-        )
+        return head if checksum == _checksum(number, head) else None
 
     def bulk(self, number: int) -> Bulk | None:
         """A copy of the bulk of record `number`; None if it is not there (any more)."""

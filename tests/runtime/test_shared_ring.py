@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import mmap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import pytest
@@ -24,6 +24,11 @@ def put(ring: SharedRing, number: int) -> None:
     ring.put(head_of(number), lambda bulk: bulk.fill(number))
 
 
+def put_all(ring: SharedRing, numbers: Iterable[int]) -> None:
+    for number in numbers:
+        put(ring, number)
+
+
 @pytest.fixture
 def memory() -> Iterator[mmap.mmap]:
     with mmap.mmap(-1, START + 2 * SHAPE.size) as memory:
@@ -37,8 +42,7 @@ def ring(memory: mmap.mmap) -> SharedRing:
 
 def test_records_are_read_as_they_were_put(memory: mmap.mmap, ring: SharedRing) -> None:
     reader = SharedRing(memory, SHAPE, START)
-    for number in range(4):
-        put(ring, number)
+    put_all(ring, range(4))
     assert reader.written() == 4
     for number in range(4):
         bulk = reader.bulk(number)
@@ -56,8 +60,7 @@ def test_an_empty_ring_holds_nothing(ring: SharedRing) -> None:
 
 
 def test_heads_outlast_bulks_and_what_is_not_there_is_none(ring: SharedRing) -> None:
-    for number in range(20):
-        put(ring, number)
+    put_all(ring, range(20))
     numbers = range(30)
     assert [n for n in numbers if ring.head(n) is not None] == list(range(12, 20))
     assert [n for n in numbers if ring.bulk(n) is not None] == list(range(16, 20))
@@ -67,14 +70,12 @@ def test_a_copy_stays_what_it_was(ring: SharedRing) -> None:
     put(ring, 0)
     bulk = ring.bulk(0)
     assert bulk is not None
-    for number in range(1, 9):
-        put(ring, number)
+    put_all(ring, range(1, 9))
     assert (bulk == 0).all()
 
 
 def test_a_record_that_is_being_written_is_not_there(ring: SharedRing) -> None:
-    for number in range(4):
-        put(ring, number)
+    put_all(ring, range(4))
     seen: list[object] = []
 
     def fill(bulk: Bulk) -> None:
@@ -85,20 +86,34 @@ def test_a_record_that_is_being_written_is_not_there(ring: SharedRing) -> None:
     assert seen == [4, None, None, None, (3, head_of(3))]
 
 
+def slowly_copied(monkeypatch: pytest.MonkeyPatch, meanwhile: Callable[[], None]) -> None:
+    """Have `meanwhile` happen while the next bulk is copied."""
+    original = SharedRing._bulk_place
+
+    class Slow:
+        def copy(self) -> Bulk:
+            monkeypatch.setattr(SharedRing, "_bulk_place", original)
+            meanwhile()
+            return np.zeros(SHAPE.bulk_bytes, np.uint8)
+
+    monkeypatch.setattr(SharedRing, "_bulk_place", lambda *_: Slow())
+
+
 def test_a_bulk_overwritten_during_the_copy_is_thrown_away(
     ring: SharedRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(ring, 0)
-    original = SharedRing._bulk_place
+    slowly_copied(monkeypatch, lambda: put_all(ring, range(1, SHAPE.bulks + 1)))
+    assert ring.bulk(0) is None
 
-    class Slow:
-        def copy(self) -> object:
-            monkeypatch.setattr(SharedRing, "_bulk_place", original)
-            for number in range(1, SHAPE.bulks + 1):
-                put(ring, number)
-            return np.zeros(SHAPE.bulk_bytes, np.uint8)
 
-    monkeypatch.setattr(SharedRing, "_bulk_place", lambda *_: Slow())
+def test_a_bulk_finished_during_the_copy_is_thrown_away(
+    memory: mmap.mmap, ring: SharedRing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(ring, 0)
+    at = ring._bulk_at(0)
+    finished, memory[at] = memory[at], 1  # still being written
+    slowly_copied(monkeypatch, lambda: memory.__setitem__(at, finished))
     assert ring.bulk(0) is None
 
 
@@ -106,8 +121,7 @@ def test_a_bulk_overwritten_during_the_copy_is_thrown_away(
 def test_a_torn_head_gives_the_record_before(
     memory: mmap.mmap, ring: SharedRing, position: int
 ) -> None:
-    for number in range(3):
-        put(ring, number)
+    put_all(ring, range(3))
     at = ring._head_at(2) + position
     memory[at] ^= 0x55
     assert ring.head(2) is None
@@ -117,8 +131,7 @@ def test_a_torn_head_gives_the_record_before(
 def test_a_killed_writer_leaves_what_was_whole_and_its_successor_goes_on(
     memory: mmap.mmap, ring: SharedRing
 ) -> None:
-    for number in range(3):
-        put(ring, number)
+    put_all(ring, range(3))
 
     def killed(_bulk: Bulk) -> None:
         raise KeyboardInterrupt
