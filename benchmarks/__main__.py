@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from benchmarks import ablation, agreement, faults
+from benchmarks import faults
 from benchmarks.figures import Figure
 from benchmarks.idle import measure_idle
 from benchmarks.measures import (
@@ -44,24 +44,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="sessions on s2 (default 3)")
     parser.add_argument("--json", type=Path, default=RESULTS / "bench.json")
-    parser.add_argument(
-        "--agreement",
-        action="store_true",
-        help="instead: live and virtual runs of the same hands (about ten minutes)",
-    )
-    parser.add_argument(
-        "--ablation",
-        action="store_true",
-        help="instead: allocation against preset against repair (about an hour)",
-    )
     options = parser.parse_args()
     console = Console()
-    if options.agreement:
-        agreement.report(console)
-    if options.ablation:
-        ablation.report(console)
-    if options.agreement or options.ablation:
-        return
     with (
         tempfile.TemporaryDirectory(prefix="tams-bench-") as folder,
         Progress(console=console) as progress,

@@ -68,7 +68,7 @@ class SteadyHand(Controller):
         )
 
     def pulse(self, haptic: Haptic) -> None:
-        """Nobody feels it."""
+        """Not felt here."""
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -165,7 +165,7 @@ class Application:
 
 
 def _say_nothing(*_: object) -> None:
-    """Nobody listens."""
+    """Not listened to."""
 
 
 def _faults(application: Application) -> dict[str, Callable[[], None]]:

@@ -41,7 +41,7 @@ _NEARLY = 0.98
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A fault, who gets the signal that causes it, and the time that is allowed."""
+    """A fault, the process that gets the signal which causes it, and the time that is allowed."""
 
     name: str
     victim: str  # controller, application or guard
@@ -187,7 +187,7 @@ class Motion:
             until_ns = int(t_ns[move]) + self._deadman_ns
             until_ns = min(until_ns, int(following[0])) if len(following) else until_ns
         else:
-            until_ns = int(t_ns[move])  # the way to a pose takes no longer than to the next one
+            until_ns = int(t_ns[move])  # a pose is reached before the next one is due
         return max(0.0, (min(until_ns, last_ns) - fault_ns) / 1e6)
 
     def _speed_m_s(self, count: int) -> float:
@@ -195,8 +195,8 @@ class Motion:
         first = count - 1 - _STEADY_CYCLES
         if first < 0:
             return 0.0
-        way = float(np.linalg.norm(self._position(count - 1) - self._position(first)))
-        return way / float(self._cycles["t_ns"][count - 1] - self._cycles["t_ns"][first]) * 1e9
+        distance = float(np.linalg.norm(self._position(count - 1) - self._position(first)))
+        return distance / float(self._cycles["t_ns"][count - 1] - self._cycles["t_ns"][first]) * 1e9
 
     def _position(self, row: int) -> NDArray[np.float64]:
         position: NDArray[np.float64] = self._model.tcp_matrix(self._cycles["joints"][row])[:3, 3]

@@ -16,9 +16,9 @@ from calibration.cameras.latency import ScreenTimes
 from calibration.cameras.plane import Lens, lens_of
 from calibration.cameras.simulated_person import SimulatedPerson
 from hw.sim.layout import draw_layout
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
-from hw.sim.world.scene_renderer import HEIGHT, WIDTH, SceneRenderer
-from hw.sim.world.sensor_noise import SensorNoise
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
+from hw.sim.world.camera_images import SensorNoise
+from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
 from tams_app.records import Frame, Image
@@ -52,14 +52,14 @@ class SimulatedBench:
 
     def __init__(self, config: Config, seed: int, clock: Clock, board: Board) -> None:
         """`clock`: the real one, for `live` only. SetupError without off-screen OpenGL."""
-        self.fps, self.width, self.height = config.video.fps, WIDTH, HEIGHT
+        self.fps, self.width, self.height = config.video.fps, WIDTH_PX, HEIGHT_PX
         self._real, self._clock = clock, VirtualClock()
         self._random = np.random.default_rng([_SEED, seed])
         self.truth = _draw_truth(config.video.views, self._random, self.fps)
         self._scenes = _scenes(config, seed)
         sigma = config.rig.camera_noise_sigma
         self._noise = {
-            name: SensorNoise(seed, truth.view, sigma, HEIGHT, WIDTH)
+            name: SensorNoise(seed, truth.view, sigma, HEIGHT_PX, WIDTH_PX)
             for name, truth in self.truth.items()
         }
         self._person = SimulatedPerson(
@@ -167,13 +167,13 @@ def _draw_truth(
     fovy_deg["eih"] = WRIST_VIEWPOINT.fovy_deg
     truth = {}
     for letter, view in zip("ABCDEFGH", random.permutation(list(views)), strict=False):
-        focal_px = HEIGHT / 2 / math.tan(math.radians(fovy_deg[str(view)]) / 2)
+        focal_px = HEIGHT_PX / 2 / math.tan(math.radians(fovy_deg[str(view)]) / 2)
         truth[f"camera {letter}"] = CameraTruth(
             view=str(view),
             latency_ms=float(random.uniform(5, 45)),
             exposure_ms=float(random.uniform(6, 14)),
             sharpest_px=float(random.uniform(0.3, 0.6)),
-            lens=lens_of(focal_px, WIDTH, HEIGHT),
+            lens=lens_of(focal_px, WIDTH_PX, HEIGHT_PX),
             phase_ns=int(random.uniform(0, NS_PER_S / fps)),
             rate_hz=float(fps * (1 + random.uniform(-1, 1) * _RATE_PPM / 1e6)),
         )

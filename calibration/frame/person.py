@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.frame.prompts import Move, Press, Prompt, Reach
 from calibration.frame.rotation import Matrix
-from hw.sim.operator.hand import Button, Hand, HandWish
+from hw.sim.operator.hand import Button, Hand, HandCommand
 from tams_app.records import Haptic, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
@@ -36,7 +36,7 @@ _PAUSE_NS = 300 * NS_PER_MS
 _HOLD_NS = 500 * NS_PER_MS
 _LONGEST_NS = 5 * NS_PER_S  # for one movement, should it never arrive
 
-Routine = Iterator[HandWish]
+Routine = Iterator[HandCommand]
 
 
 class PromptedPerson:
@@ -67,7 +67,7 @@ class PromptedPerson:
             self._last_ns = now_ns
         elapsed_s = (now_ns - self._last_ns) / NS_PER_S
         self._last_ns = self._now_ns = now_ns
-        self.hand.step(next(self._routine, HandWish.still()), elapsed_s)
+        self.hand.step(next(self._routine, HandCommand.still()), elapsed_s)
 
     def feel(self, haptic: Haptic) -> None:
         """Nothing here gives pulses."""
@@ -82,7 +82,7 @@ class PromptedPerson:
         aside *= self._random.normal(0.0, BOW) * self._travel / np.linalg.norm(aside)
         yield from self._go_to(-0.5 * self._travel * along)
         yield from self._wait(_PAUSE_NS)
-        yield from self._wait(_PAUSE_NS, HandWish.still(trigger=True))
+        yield from self._wait(_PAUSE_NS, HandCommand.still(trigger=True))
         start = self.hand.arm.offset.copy()
         way, deadline_ns = 0.0, self._now_ns + _LONGEST_NS
         while way < self._travel - _ARRIVED_M and self._now_ns < deadline_ns:
@@ -90,8 +90,8 @@ class PromptedPerson:
             share = min(1.0, max(0.0, way / self._travel))
             speed = min(_SPEED_M_S, _GAIN_PER_S * (self._travel - way))
             slope = 4 * (1 - 2 * share) / self._travel  # of a parabola of height 1
-            yield HandWish(speed * (along + slope * aside), np.zeros(3), trigger=True)
-        yield from self._wait(_PAUSE_NS, HandWish.still(trigger=True))
+            yield HandCommand(speed * (along + slope * aside), np.zeros(3), trigger=True)
+        yield from self._wait(_PAUSE_NS, HandCommand.still(trigger=True))
         yield from self._wait(_PAUSE_NS)
 
     def _touch(self, robot: Vector) -> Routine:
@@ -101,15 +101,15 @@ class PromptedPerson:
         error = self._random.normal(0.0, TOUCH_ERROR_M, 3)
         yield from self._go_to(self._to_hand @ (robot - self._first_point) + error)
         yield from self._wait(_PAUSE_NS)
-        yield from self._wait(_HOLD_NS, HandWish.still(trigger=True))
+        yield from self._wait(_HOLD_NS, HandCommand.still(trigger=True))
         yield from self._wait(_PAUSE_NS)
 
     def _press(self, prompt: Press) -> Routine:
-        wishes: dict[str, Callable[[], HandWish]] = {
-            "trigger": lambda: HandWish.still(trigger=True),
-            "grip": lambda: HandWish.still(grip=True),
+        wishes: dict[str, Callable[[], HandCommand]] = {
+            "trigger": lambda: HandCommand.still(trigger=True),
+            "grip": lambda: HandCommand.still(grip=True),
         }
-        pressed = wishes.get(prompt.role, lambda: HandWish.still(button=Button(prompt.role)))
+        pressed = wishes.get(prompt.role, lambda: HandCommand.still(button=Button(prompt.role)))
         yield from self._wait(_PAUSE_NS)
         yield from self._wait(_HOLD_NS, pressed())
         yield from self._wait(_PAUSE_NS)
@@ -122,9 +122,9 @@ class PromptedPerson:
             if distance < _ARRIVED_M:
                 return
             speed = min(_RETURN_SPEED_M_S, _GAIN_PER_S * distance)
-            yield HandWish(gap * (speed / distance), np.zeros(3))
+            yield HandCommand(gap * (speed / distance), np.zeros(3))
 
-    def _wait(self, duration_ns: int, wish: HandWish | None = None) -> Routine:
+    def _wait(self, duration_ns: int, wish: HandCommand | None = None) -> Routine:
         until_ns = self._now_ns + duration_ns
         while self._now_ns < until_ns:
-            yield wish or HandWish.still()
+            yield wish or HandCommand.still()

@@ -14,9 +14,8 @@ from calibration.frame.rotation import Matrix
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
 from hw.openvr.raw import RawComponents
-from hw.sim.operator.operator_hand import operator_hand
-from hw.sim.operator.virtual_controller import VirtualController
-from hw.sim.operator.wiring import rig_wiring
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample

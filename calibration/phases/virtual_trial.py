@@ -11,13 +11,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from hw.controller import Controller
-from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.operator import Operator
-from hw.sim.operator.operator_hand import operator_hand
+from hw.sim.operator.demo import demo_controller
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import TruePerception
-from hw.sim.operator.virtual_controller import VirtualController
-from hw.sim.operator.wiring import rig_wiring
 from tams_app.config import Config
 from tams_app.records import SceneTruth, Tick
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
@@ -43,18 +38,14 @@ class SharpEyedHand:
 
     def __init__(self, config: Config, participant: int, truth: Callable[[], SceneTruth]) -> None:
         profile = ParticipantProfile.draw(participant)
-        settings, eyes = config.rig.operator, TruePerception(lambda: self._seen)
         self._truth = truth
         self._sampling_ns = round(profile.sampling_s * NS_PER_S)
         self._delay_ns = round(profile.visuomotor_s * NS_PER_S)
         self._glance_ns = 0  # when the next one is due
         self._coming: deque[tuple[int, SceneTruth]] = deque()
         self._seen: SceneTruth | None = None
-        operator = Operator(
-            operator_hand(config), settings, eyes, participant, True, profile, EfferenceCopy()
-        )
-        self.controller: Controller = VirtualController(
-            operator, settings, config.seed, rig_wiring(config)
+        self.controller: Controller = demo_controller(
+            config, lambda: self._seen, participant=participant
         )
 
     def prepare(self, now_ns: int) -> None:

@@ -11,16 +11,44 @@ from typing import Any
 import numpy as np
 
 from hw.sim.controller.model import ControllerModel
+from hw.sim.controller.plant import GripperDrive, PlantState
 from hw.sim.controller.server import ControllerServer
 from hw.sim.layout import draw_layout
-from hw.sim.world.published_world import PublishedWorld
-from hw.sim.world.shared_block import remove_memory
+from hw.sim.world.rig_memory import WorldWriter, remove_memory
 from hw.sim.world.world import World
-from hw.sim.world.world_memory import WorldWriter
 from tams_app.errors import TamsError
-from tams_app.runtime.clock import MonotonicClock
+from tams_app.records import Vector
+from tams_app.runtime.clock import NS_PER_MS, Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RIG_PRIORITY, use_fifo
+
+# Further behind the wall clock than this is a standstill whose time is left out. The controller's
+# server catches up less than this by running cycles one after the other.
+_STANDSTILL_NS = 1_500 * NS_PER_MS
+
+
+class PublishedWorld:
+    """A `Plant` in real time: the world, published after every cycle.
+
+    A state is stamped with the simulated instant: one cycle after the last one, never ahead of the
+    clock.
+    """
+
+    def __init__(self, world: World, writer: WorldWriter, clock: Clock) -> None:
+        self._world = world
+        self._writer = writer
+        self._clock = clock
+        self._now_ns = clock.now_ns()
+        writer.publish(self._now_ns, world.state())
+
+    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+        state = self._world.step(joints_target, gripper, duration_ns)
+        wall_ns = self._clock.now_ns()
+        self._now_ns = min(self._now_ns + duration_ns, wall_ns)
+        if wall_ns - self._now_ns > _STANDSTILL_NS:
+            self._now_ns = wall_ns
+        self._writer.publish(self._now_ns, self._world.state())
+        return state
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""Where the rig's three cameras stand and what lenses they have: one place for all who must know.
+"""Positions and lenses of the rig's three cameras.
 
-The scene draws from here, and the operator who sees knows his station from here, as anybody does
-who has set up and calibrated three cameras.
+The scene is drawn from here, and the seeing operator knows the cameras from here, as a person does
+who has set up and calibrated them.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tams_app.records import Vector
 
 WIDTH_PX, HEIGHT_PX = 640, 480
+VIEWS = ("eih", "gt", "gs")  # on the wrist, above the table, beside it
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,20 +11,15 @@ from hw.arms import arm_kind
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
-from hw.sim.operator.operator import Operator
-from hw.sim.operator.operator_hand import operator_hand
-from hw.sim.operator.perception import TruePerception
-from hw.sim.operator.virtual_controller import VirtualController
-from hw.sim.operator.wiring import rig_wiring
+from hw.sim.operator.demo import demo_controller
 from hw.sim.world.camera import SimCamera
-from hw.sim.world.shared_block import new_memory_name, remove_memory
-from hw.sim.world.truth import TruthReader
-from hw.sim.world.world_memory import WorldWriter
+from hw.sim.world.rig_memory import WorldReader, WorldWriter, remove_memory
 from tams_app.config import ArmConfig, Config
 from tams_app.errors import ConfigError
 from tams_app.records import SceneTruth
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.shared_block import new_block_name
 from tams_app.session.devices import Note
 from tams_app.session.recorded_hand import recorded_hand
 
@@ -47,8 +42,8 @@ class SimulatedRig:
         self._operator_confirms = operator_confirms
         self._config = config
         self._clock = clock
-        self._memory_name = new_memory_name()
-        self._reader: TruthReader | None = None
+        self._memory_name = new_block_name()
+        self._reader: WorldReader | None = None
         self._ports: tuple[int, int] | None = None
         world = {
             "memory_name": self._memory_name,
@@ -80,7 +75,7 @@ class SimulatedRig:
         """Wait until arm and cameras can be reached; HelperError if one could not start."""
         ready = self.helpers["rig"].wait_ready()
         self._ports = (int(ready["control_port"]), int(ready["report_port"]))
-        self._reader = TruthReader(self._memory_name)
+        self._reader = WorldReader(self._memory_name)
         self.helpers["renderer"].wait_ready()
 
     def arm_config(self) -> ArmConfig:
@@ -102,15 +97,7 @@ class SimulatedRig:
         config = self._config
         if config.rig.hand_trajectory is not None:
             return recorded_hand(Path(config.rig.hand_trajectory))
-        perception = TruePerception(self._read_truth)
-        operator = Operator(
-            operator_hand(config),
-            config.rig.operator,
-            perception,
-            config.seed,
-            self._operator_confirms,
-        )
-        return VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
+        return demo_controller(config, self._read_truth, confirms=self._operator_confirms)
 
     def make_cameras(self, note: Note) -> list[Camera]:
         """One camera for each view."""
@@ -124,7 +111,7 @@ class SimulatedRig:
         return self._read_truth
 
     def _read_truth(self) -> SceneTruth | None:
-        return self._reader.read() if self._reader else None
+        return self._reader.truth() if self._reader else None
 
     def close(self) -> None:
         """End the processes and give the shared memory back, however they ended."""

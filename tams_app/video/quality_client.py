@@ -114,9 +114,7 @@ class QualityClient:
         return process
 
     def _let_go(self, block: mmap.mmap) -> None:
-        writers, self._writers = self._writers, {}
-        for writer in writers.values():
-            writer.release()
+        self._writers = {}
         block.close()
 
     def _read(self, stop: threading.Event) -> None:

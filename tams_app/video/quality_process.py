@@ -77,11 +77,6 @@ class ViewScores:
         """Report what still waits without scores."""
         self._leave_out(0)
 
-    def release(self) -> None:
-        """Let go of the shared memory."""
-        self._captured.release()
-        self._shown.release()
-
     def _leave_out(self, room: int) -> None:
         while len(self._waiting) > room:
             self._report(record_of(self._waiting.popleft()))
@@ -149,9 +144,6 @@ def main() -> None:
             run(views, clock, SparePace(idle_fraction, clock.now_ns()), side.stop_requested)
         except ConnectionError as error:
             raise SystemExit("the session is gone") from error
-        finally:
-            for view in views:
-                view.release()
 
 
 if __name__ == "__main__":

@@ -13,11 +13,11 @@ import numpy as np
 from hw.camera import Camera
 from hw.make_camera import make_camera
 from hw.sim.world.camera import SimCamera
-from hw.sim.world.frame_memory import FrameShape, FrameWriter
-from hw.sim.world.shared_block import new_memory_name, remove_memory
+from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.shared_block import new_block_name
 from tests.hw.v4l2.fake_cameras import Behaviour, CameraProcess, RemoteCamera
 
 SMALL = VideoConfig(width=160, height=120)
@@ -65,7 +65,7 @@ class FeedingClock(VirtualClock):
         while self.feeding and self._due_ns() <= self.now_ns():
             number = self._published
             frame = np.full((self._shape.height, self._shape.width, 3), number % 256, np.uint8)
-            self._writer.publish(VIEW, number, self._due_ns(), frame, 0)
+            self._writer.publish(VIEW, number, self._due_ns(), frame)
             self._published += 1
 
     def _due_ns(self) -> int:
@@ -75,7 +75,7 @@ class FeedingClock(VirtualClock):
 class SimRig(CameraRig):
     def __init__(self) -> None:
         super().__init__()
-        self._name = new_memory_name()
+        self._name = new_block_name()
         self.cleaning.callback(remove_memory, self._name)
         self._shape = FrameShape((VIEW,), SMALL.width, SMALL.height)
         writer = FrameWriter(self._name, self._shape)

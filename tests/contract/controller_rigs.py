@@ -16,12 +16,12 @@ import openvr
 
 from hw.controller import Controller
 from hw.openvr.controller import OpenVrController
-from hw.sim.operator.hand import Button, Hand, HandWish
-from hw.sim.operator.virtual_controller import SensorFault, VirtualController
+from hw.sim.operator.hand import Button, Hand, HandCommand
 from tams_app.config import ControllerConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
+from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 
 TICK_NS = 8 * NS_PER_MS
 WITHIN_S = 20.0  # generous: the machine may be busy
@@ -78,7 +78,7 @@ class _Holding:
     def step(self, now_ns: int) -> None:
         elapsed_ns = now_ns - (self._last_ns or now_ns)
         self._last_ns = now_ns
-        self.hand.step(HandWish.still(trigger=True, button=self.button), elapsed_ns / NS_PER_S)
+        self.hand.step(HandCommand.still(trigger=True, button=self.button), elapsed_ns / NS_PER_S)
 
     def feel(self, haptic: Haptic) -> None:
         self.pulses += 1
@@ -92,8 +92,8 @@ class VirtualControllerRig(ControllerRig):
         self._holding = _Holding()
         self.controller = self._virtual = self.make_controller()
 
-    def make_controller(self) -> VirtualController:
-        return VirtualController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
+    def make_controller(self) -> FaultyController:
+        return FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
 
     def press_menu(self) -> None:
         self._holding.button = Button.MENU

@@ -7,11 +7,11 @@ from contextlib import ExitStack
 
 import pytest
 
-from hw.sim.operator.virtual_controller import SensorFault
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import NS_PER_MS
 from tests.contract.controller_rigs import ControllerRig, OpenVrRig, VirtualControllerRig
+from tests.hw.sim.operator.faulty_controller import SensorFault
 
 pytestmark = pytest.mark.waiting
 

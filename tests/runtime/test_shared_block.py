@@ -34,5 +34,5 @@ def test_a_block_outlives_its_maker() -> None:
         remove_block(name)
 
 
-def test_names_are_nobody_elses() -> None:
+def test_names_are_unique() -> None:
     assert len({new_block_name() for _ in range(100)}) == 100

@@ -7,12 +7,11 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from hw.sim.operator.replayed_controller import ReplayedController
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording.direct import DirectRecorder
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.recorded_hand import recorded_hand
+from tams_app.session.recorded_hand import ReplayedController, recorded_hand
 from tams_app.session.rig import SimulatedRig
 from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
 

@@ -67,9 +67,6 @@ class Bench:
 def bench() -> Iterator[Bench]:
     bench = Bench()
     yield bench
-    bench.scores.release()
-    bench.captured.release()
-    bench.shown.release()
     bench.block.close()
 
 

@@ -11,7 +11,8 @@ from hypothesis.extra import numpy as hnp
 from skimage.metrics import structural_similarity
 
 from hw.sim.layout import draw_layout
-from hw.sim.world.scene import VIEWS, build_model
+from hw.sim.viewpoints import VIEWS
+from hw.sim.world.scene import build_model
 from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
 from tams_app.records import Image

@@ -2,7 +2,7 @@
 
 An extended Kalman filter over tool, block and container. What is seen enters by the inverse of its
 variance, whichever view it comes from; what is not seen becomes uncertain with time and with the
-hand's own motion. A block near the fingers may come along with them or stay: how much of the tool's
+hand's own motion. A block near the fingers may be carried by them or stay: how much of the tool's
 motion it shares is learnt by looking. Every view's errors that last are reckoned with, so that
 looking twice at the same image is not knowing twice as much.
 """
@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M
-from hw.sim.operator.belief_motion import motion_noise
 from hw.sim.operator.belief_state import (
     BLOCK,
     BLOCK_YAW,
@@ -26,13 +25,14 @@ from hw.sim.operator.belief_state import (
     TOOL_YAW,
     TURN,
     Gap,
+    GaussianEstimate,
     LastingErrors,
     largest_sigma,
+    motion_noise,
     place_of,
     rest_height,
     swing,
 )
-from hw.sim.operator.estimate import GaussianEstimate
 from hw.sim.operator.vision.detections import HeadingSighting, Sighting, Thing
 from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import about_vertical, tilted, tool_rotation
@@ -51,7 +51,7 @@ _ON_ITS_SIDE = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
 _NEAR_M = 0.030  # of the TCP: it may be in the fingers
 _ON_TABLE_SIGMA_M = 0.0015
 _CLEARLY = 3.0  # standard deviations above it
-_LEARNS = 0.35  # of each glance about whether the block comes along
+_LEARNS = 0.35  # of each glance about whether the block is carried
 _TELLING_M = 0.0015  # the tool's motion between glances that shows it
 _SURPRISE = 25.0  # squared, in standard deviations of a pixel pair
 _SURPRISES = 3  # in a row: the thing is elsewhere
@@ -77,7 +77,7 @@ class Belief:
             SIZE,
         )
         self._velocity: Vector = np.zeros(self._lasting.size)  # of the state, as asked
-        self.comes_along = 0.0  # the part of the tool's motion that the block shares
+        self.carried_part = 0.0  # the part of the tool's motion that the block shares
         self.lies = False  # the block, on its side
         self._tumbled = 0
         self.seen = dict.fromkeys(Thing, False)
@@ -162,7 +162,7 @@ class Belief:
     def predict(self, moved: Vector, turned: Vector, seconds: float) -> None:
         """The tool was asked to move [m] and turn [rad], shape (3,), since the last glance."""
         self._information = {}
-        along = self.comes_along if self._is_near() else 0.0
+        along = self.carried_part if self._is_near() else 0.0
         self._note_velocity(moved, turned, along, seconds)
         self.state[TOOL] += moved
         self.state[TURN] += turned
@@ -188,24 +188,24 @@ class Belief:
                     self._lasting.keep(view, thing, part, kept)
         self.estimate.fade(kept)
 
-    def doubt_the_grip(self) -> None:
+    def note_fingers_moved(self) -> None:
         """The fingers moved: a block near them may be in them now, or no longer."""
-        self.comes_along = 0.5
+        self.carried_part = 0.5
         if self._is_near():
             height = max(0.0, float(self.state[BLOCK_Z]) - BLOCK_HEIGHT_M / 2)
             self.covariance[BLOCK_Z, BLOCK_Z] += (_FALLS * height) ** 2
 
-    def learn_whether_it_comes_along(self, before: Vector) -> None:
-        """After a glance: did the block move as the tool did since the state `before`?"""
+    def learn_carried_part(self, before: Vector) -> None:
+        """After a glance: what part of the tool's motion since `before` did the block share?"""
         if not self._is_near():
-            self.comes_along = 0.0
+            self.carried_part = 0.0
             return
         moved = self.state[TOOL] - before[TOOL]
         path = math.sqrt(moved @ moved)
         if path < _TELLING_M:
             return
         shared = float((self.state[BLOCK] - before[BLOCK]) @ moved) / path**2
-        self.comes_along += _LEARNS * (min(1.0, max(0.0, shared)) - self.comes_along)
+        self.carried_part += _LEARNS * (min(1.0, max(0.0, shared)) - self.carried_part)
 
     def _is_near(self) -> bool:
         gap = self.state[BLOCK] - self.state[TOOL]
@@ -213,7 +213,7 @@ class Belief:
 
     # --- seeing ---------------------------------------------------------------------------------
 
-    def lay_on_table(self) -> None:
+    def hold_to_table(self) -> None:
         """Things lie on the table unless they are carried or seen above it."""
         above = self.state[BLOCK_Z] - (BLOCK_EDGE_M if self.lies else BLOCK_HEIGHT_M) / 2
         known = self.covariance[BLOCK_Z, BLOCK_Z] + _ON_TABLE_SIGMA_M**2
@@ -244,7 +244,7 @@ class Belief:
         for thing in {one.thing for one in surprising} - agreed:
             self._surprises[thing] += 1
             if self._surprises[thing] >= _SURPRISES:
-                self._think_again(thing, [one for one in surprising if one.thing is thing])
+                self._start_anew(thing, [one for one in surprising if one.thing is thing])
 
     def _take_expected(self, sighting: Sighting) -> bool:
         """True if the sighting entered, False if it surprises."""
@@ -258,8 +258,8 @@ class Belief:
         self._update(sighting.view, rows, gaps, noise)
         return True
 
-    def _think_again(self, thing: Thing, sightings: Sequence[Sighting]) -> None:
-        """The thing is not where it was believed to be: begin anew with what is seen."""
+    def _start_anew(self, thing: Thing, sightings: Sequence[Sighting]) -> None:
+        """Start anew with what is seen: the thing is not where it was believed to be."""
         self._surprises[thing] = 0
         where = place_of(thing)
         self.covariance[where, where] += np.eye(where.stop - where.start) * _LOST_SIGMA_M**2

@@ -1,7 +1,8 @@
-"""What the hand has asked of the tool, against what the eyes have seen of it so far.
+"""Efference copy: the motion the hand has asked of the tool, against what the eyes have seen of it.
 
-In people it is the efference copy, in control theory the memory of a Smith predictor
-(Miall et al. 1993): it is why late images do not make the operator's hand oscillate.
+Efference copy is the term of motor control for the brain's own record of its commands; in control
+theory it is the memory of a Smith predictor (Miall et al. 1993). It is why late images do not make
+the operator's hand oscillate.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from tams_app.records import Pose, Vector
 from tams_app.runtime.clock import NS_PER_MS
 
-FOLLOW_LAG_NS = 100 * NS_PER_MS  # how far he believes the arm to be behind his hand
+FOLLOW_LAG_NS = 100 * NS_PER_MS  # how far operators believe the arm to be behind the hand
 
 _REMEMBERED_NS = 3_000 * NS_PER_MS
 
@@ -65,13 +66,13 @@ class EfferenceCopy:
 
 
 class FollowCheck:
-    """Tells whether the tool follows: asked motion must show within a person's patience."""
+    """Tells whether the tool follows: motion that was asked for must show in time."""
 
     def __init__(self) -> None:
         self._mark: tuple[int, Vector, Pose] | None = None
 
     def reset(self) -> None:
-        """Forget what was asked: the hand begins anew."""
+        """Forget what was asked, because the hand starts anew."""
         self._mark = None
 
     def step(self, view_ns: int, shown: Vector, tool: Pose) -> bool | None:

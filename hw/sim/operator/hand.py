@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from tams_app.records import Vector
 
 REST_POSITION_M = (0.15, 1.05, -0.35)  # in front of a seated person
-WRIST_REACH_RAD = 0.8  # comfortable turn of the wrist either way
-FINGER_TRAVEL_S = 0.06  # trigger and grip, from free to fully pressed
+WRIST_REACH_RAD = 0.8  # comfortable turn of the wrist to either side
+PRESS_TRAVEL_S = 0.06  # trigger and grip, from free to fully pressed
 
-# A wished velocity is reached through two lags, which round off every start and stop: the
+# A commanded velocity is reached through two lags, which round off every start and stop: the
 # bell-shaped speed of human reaching (Flash and Hogan 1985) without a planned end time.
 _VELOCITY_LAG_S = 0.10
 _ACCELERATION_LAG_S = 0.025
@@ -39,7 +39,7 @@ _NOISE_CORRELATION_S = 0.15
 
 
 class Button(Enum):
-    """What the thumb presses; it presses one thing at a time."""
+    """What the thumb presses; it presses one button at a time."""
 
     A = "a"
     B = "b"
@@ -47,8 +47,8 @@ class Button(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class HandWish:
-    """What the hand is asked to do next: velocities [m/s], [rad/s], shape (3,), and fingers."""
+class HandCommand:
+    """What the hand is to do next: velocities [m/s], [rad/s], shape (3,), and presses."""
 
     linear: Vector
     angular: Vector
@@ -57,12 +57,14 @@ class HandWish:
     button: Button | None = None
 
     @staticmethod
-    def still(trigger: bool = False, grip: bool = False, button: Button | None = None) -> HandWish:
-        return HandWish(np.zeros(3), np.zeros(3), trigger, grip, button)
+    def still(
+        trigger: bool = False, grip: bool = False, button: Button | None = None
+    ) -> HandCommand:
+        return HandCommand(np.zeros(3), np.zeros(3), trigger, grip, button)
 
 
-class Joint3:
-    """Three coordinates that follow a wished velocity smoothly and never pass `reach`."""
+class VelocityFollower:
+    """Three coordinates that follow a commanded velocity smoothly and never pass `reach`."""
 
     def __init__(self, reach: float, max_speed: float, max_acceleration: float) -> None:
         self.reach = reach
@@ -72,9 +74,9 @@ class Joint3:
         self._max_speed = max_speed
         self._max_acceleration = max_acceleration
 
-    def step(self, wish: Vector, dt_s: float) -> None:
-        """Move on by `dt_s` <= 10 ms towards the velocity `wish`."""
-        velocity = self._within_reach(_bounded(wish, self._max_speed))
+    def step(self, command: Vector, dt_s: float) -> None:
+        """Move on by `dt_s` <= 10 ms towards the velocity `command`."""
+        velocity = self._within_reach(_bounded(command, self._max_speed))
         target = _bounded((velocity - self.velocity) / _VELOCITY_LAG_S, self._max_acceleration)
         blend = 1.0 - math.exp(-dt_s / _ACCELERATION_LAG_S)
         self._acceleration = self._acceleration + blend * (target - self._acceleration)
@@ -82,16 +84,16 @@ class Joint3:
         self.offset = self.offset + self.velocity * dt_s
         self._stop_at_reach()
 
-    def _within_reach(self, wish: Vector) -> Vector:
-        """`wish` without the outward speed that could not be stopped before the end."""
+    def _within_reach(self, command: Vector) -> Vector:
+        """`command` without the outward speed that could not be stopped before the end."""
         coming = self.offset + _VELOCITY_LAG_S * self.velocity
         distance = math.sqrt(coming @ coming)
         if distance < 1e-9:
-            return wish
+            return command
         outward = coming / distance
         room = self.reach * (1.0 - _STRETCH_MARGIN) - distance
-        excess = float(wish @ outward) - max(0.0, _STRETCH_GAIN_PER_S * room)
-        return wish - excess * outward if excess > 0.0 else wish
+        excess = float(command @ outward) - max(0.0, _STRETCH_GAIN_PER_S * room)
+        return command - excess * outward if excess > 0.0 else command
 
     def _stop_at_reach(self) -> None:
         """A stretched arm goes no further, however it came to be there."""
@@ -123,7 +125,7 @@ class MotorNoise:
 
 
 class Hand:
-    """Arm, wrist and fingers; `step` moves them, the attributes say where they are."""
+    """Arm, wrist and fingers of one person; `step` moves them, the attributes say where to."""
 
     def __init__(
         self,
@@ -132,11 +134,11 @@ class Hand:
         tremor: float = 1.0,
         motor_noise: float = 0.0,
     ) -> None:
-        """`tremor`: times that of a hand at rest; `motor_noise`: of the wished speed, sigma."""
+        """`tremor`: times that of a hand at rest; `motor_noise`: of the commanded speed, sigma."""
         self._noise = MotorNoise(random, motor_noise)
-        self.arm = Joint3(reach_m, _MAX_SPEED_M_S, _MAX_ACCELERATION_M_S2)
+        self.arm = VelocityFollower(reach_m, _MAX_SPEED_M_S, _MAX_ACCELERATION_M_S2)
         # A rotation vector.
-        self.wrist = Joint3(WRIST_REACH_RAD, _MAX_SPEED_RAD_S, _MAX_ACCELERATION_RAD_S2)
+        self.wrist = VelocityFollower(WRIST_REACH_RAD, _MAX_SPEED_RAD_S, _MAX_ACCELERATION_RAD_S2)
         self.trigger = 0.0
         self.grip = 0.0
         self.button: Button | None = None
@@ -147,23 +149,23 @@ class Hand:
         self._tremor_phase = random.uniform(0.0, 2.0 * math.pi, shape)
         self._tremor_size = tremor * np.repeat((_TREMOR_M, _TREMOR_RAD), 3)
 
-    def step(self, wish: HandWish, dt_s: float) -> None:
+    def step(self, command: HandCommand, dt_s: float) -> None:
         """Move on by `dt_s` [s]; long steps are divided, the result hardly depends on it."""
         self._time_s += dt_s
         parts = max(1, math.ceil(dt_s / _MAX_STEP_S))
-        linear, angular = self._noise.disturb(wish.linear, wish.angular, dt_s)
+        linear, angular = self._noise.disturb(command.linear, command.angular, dt_s)
         for _ in range(parts):
             self.arm.step(linear, dt_s / parts)
             self.wrist.step(angular, dt_s / parts)
-        self.trigger = _press(self.trigger, wish.trigger, dt_s)
-        self.grip = _press(self.grip, wish.grip, dt_s)
-        self.button = wish.button
+        self.trigger = _press(self.trigger, command.trigger, dt_s)
+        self.grip = _press(self.grip, command.grip, dt_s)
+        self.button = command.button
 
     def pose(self) -> NDArray[np.float64]:
         """Position [m] and rotation vector [rad] with tremor, shape (6,).
 
         The wrist's rates are integrated as a rotation vector: exact about one axis, and within the
-        reach of a wrist close enough for a person who watches what happens.
+        reach of a wrist close enough for an operator who watches what happens.
         """
         phases = self._tremor_rad_s * self._time_s + self._tremor_phase
         tremor = self._tremor_size * np.sin(phases).sum(axis=0)
@@ -177,5 +179,5 @@ def _bounded(vector: Vector, size: float) -> Vector:
 
 
 def _press(value: float, pressed: bool, dt_s: float) -> float:
-    change = dt_s / FINGER_TRAVEL_S
+    change = dt_s / PRESS_TRAVEL_S
     return min(1.0, value + change) if pressed else max(0.0, value - change)

@@ -1,8 +1,8 @@
-"""The simulated operator: eyes, a task in mind, and a hand on the controller.
+"""Mind of the simulated operator: from percepts and haptic pulses to what the hand does.
 
-He sees only `Percept`s and feels only haptic pulses. He does what people are taught: confirm,
-squeeze to move, let go when the image is gone or nothing follows, and never clear a fault that
-he has not been told about. After a fault he waits until somebody has confirmed at the console.
+Operators do what they are taught: confirm, squeeze to move, let go when the image is gone or
+nothing follows, and never clear a fault by themselves. After a fault they wait until the
+experimenter has confirmed at the console.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from hw.sim.operator.efference import EfferenceCopy, FollowCheck
-from hw.sim.operator.hand import Button, Hand, HandWish, Joint3
+from hw.sim.operator.hand import Button, Hand, HandCommand, VelocityFollower
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Percept, Perception
 from hw.sim.operator.servoing import HandMap, Sight
@@ -23,7 +23,7 @@ from tams_app.records import Haptic, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 CONFIRM_HOLD_NS = 1_300 * NS_PER_MS  # the menu button must be held for 1 s
-BLIND_AFTER_NS = 800 * NS_PER_MS  # a view older than this is no view: he lets go
+BLIND_AFTER_NS = 800 * NS_PER_MS  # a view older than this is no view: the operator lets go
 _CAREFUL_AFTER_NS = 400 * NS_PER_MS
 _LONGEST_STEP_NS = 100 * NS_PER_MS  # of a stalled caller; the hand rests for the remainder
 _SQUEEZE_NS = 200 * NS_PER_MS  # at least; longer until the clutch's pulse is felt
@@ -36,16 +36,16 @@ _GRIP_NS = 120 * NS_PER_MS  # pressed, and again until it is free
 _STILL_M_S = 0.006
 _STILL_RAD_S = 0.03
 _STRETCHED = 0.85  # of the reach: time to re-clutch
-_RETURN_BEYOND = 0.5  # of the reach: how far past the rest point he takes the hand
+_RETURN_BEYOND = 0.5  # of the reach: how far past the rest point the hand is taken
 _RETURN_SPEED_M_S = 0.5
 _RETURN_SPEED_RAD_S = 2.0
 _RETURN_GAIN_PER_S = 3.5
-_ENGAGED = 0.5  # of the trigger's travel: from here he believes the arm to follow
+_ENGAGED = 0.5  # of the trigger's travel: from here the arm is believed to follow
 _NOTHING: Vector = np.zeros(3)
 
 
-class Doing(StrEnum):
-    """What the hand is at."""
+class Activity(StrEnum):
+    """What the operator is doing with the hand."""
 
     WATCH = "watch"  # waits for an image
     CONFIRM = "confirm"
@@ -53,7 +53,7 @@ class Doing(StrEnum):
     MOVE = "move"
     TOGGLE = "toggle"
     LET_GO = "let go"
-    RETURN = "return"  # takes the hand back to where it can reach on
+    RETURN = "return"  # takes the hand back to where it has room again
     PUZZLED = "puzzled"  # nothing followed
     WARY = "wary"  # felt a fault
     FINISHED = "finished"
@@ -72,25 +72,25 @@ class Operator:
         profile: ParticipantProfile | None = None,
         asked: EfferenceCopy | None = None,
     ) -> None:
-        """`confirms`: arming is his job; False when the session arms (`--arm`).
+        """`confirms`: the operator arms the arm; False when the session does (`--arm`).
 
-        `profile`: who he is, None for the configured script. `asked`: what his hand asked of the
-        tool, when his eyes go by it too.
+        `profile`: the operator's traits, None for the configured script. `asked`: what the hand
+        asked of the tool, when the eyes use it too.
         """
-        who = profile or ParticipantProfile.scripted(operator)
+        traits = profile or ParticipantProfile.scripted(operator)
         random = np.random.default_rng([seed, 0x09E7A])
-        self.hand = Hand(random, operator.arm_reach_m, who.tremor, who.motor_noise)
-        self.doing = Doing.WATCH
-        self._map = HandMap(hand, random, who.misjudged_rad, who.misjudged_scale)
+        self.hand = Hand(random, operator.arm_reach_m, traits.tremor, traits.motor_noise)
+        self.activity = Activity.WATCH
+        self._map = HandMap(hand, random, traits.misjudged_rad, traits.misjudged_scale)
         self._task = PickAndPlace(
-            who.reach_speed_m_s * hand.translation_scale,
-            who.fine_speed_m_s * min(1.0, hand.translation_scale),
-            who.reaction_s,
+            traits.reach_speed_m_s * hand.translation_scale,
+            traits.fine_speed_m_s * min(1.0, hand.translation_scale),
+            traits.reaction_s,
             random,
-            who.gain_per_s,
-            who.patience_s,
+            traits.gain_per_s,
+            traits.wait_limit_s,
         )
-        self._reaction_ns = round(who.reaction_s * NS_PER_S)
+        self._reaction_ns = round(traits.reaction_s * NS_PER_S)
         self._perception = perception
         self._asked = asked or EfferenceCopy()
         self._follows = FollowCheck()
@@ -98,32 +98,32 @@ class Operator:
         self._tool_seen: Vector | None = None
         self._last_ns: int | None = None
         self._since_ns = 0
-        self._after_letting_go = Doing.WATCH
+        self._after_letting_go = Activity.WATCH
         self._return_to: tuple[Vector, Vector] = (np.zeros(3), np.zeros(3))
-        self._turning = False  # the mode he believes to be in
+        self._turning = False  # the mode the operator believes to be in
         self._confirms = confirms
         self._confirmed = not confirms
-        self._felt_engage = False  # since he squeezed
+        self._felt_engage = False  # since the trigger was squeezed
         self._ever_engaged = False
         self._felt_hold = False
         self._felt_fault = False
         self._failures = 0
         self._steps = {
-            Doing.WATCH: self._watch,
-            Doing.CONFIRM: self._confirm,
-            Doing.SQUEEZE: self._squeeze,
-            Doing.MOVE: self._move,
-            Doing.TOGGLE: self._toggle,
-            Doing.LET_GO: self._let_go,
-            Doing.RETURN: self._return,
-            Doing.PUZZLED: self._puzzled,
-            Doing.WARY: self._wary,
-            Doing.FINISHED: self._finished,
+            Activity.WATCH: self._watch,
+            Activity.CONFIRM: self._confirm,
+            Activity.SQUEEZE: self._squeeze,
+            Activity.MOVE: self._move,
+            Activity.TOGGLE: self._toggle,
+            Activity.LET_GO: self._let_go,
+            Activity.RETURN: self._return,
+            Activity.PUZZLED: self._puzzled,
+            Activity.WARY: self._wary,
+            Activity.FINISHED: self._finished,
         }
 
     @property
     def stage(self) -> Stage:
-        """The stage of the task he believes to be in."""
+        """The stage of the task that the operator believes to be in."""
         return self._task.stage
 
     def feel(self, haptic: Haptic) -> None:
@@ -144,13 +144,13 @@ class Operator:
         elapsed_ns = min(now_ns - self._last_ns, _LONGEST_STEP_NS)
         self._last_ns = now_ns
         sight = self._see(now_ns)
-        wish = self._steps[self.doing](now_ns, sight)
-        self._act(now_ns, wish, elapsed_ns / NS_PER_S)
+        command = self._steps[self.activity](now_ns, sight)
+        self._act(now_ns, command, elapsed_ns / NS_PER_S)
 
     # --- eyes and hand --------------------------------------------------------------------------
 
     def _see(self, now_ns: int) -> Sight | None:
-        """What he can go by: None when there is no image, or only an old one."""
+        """What there is to act on: None when there is no image, or only an old one."""
         percept = self._perception.look(now_ns)
         if percept is None or now_ns - percept.t_ns > BLIND_AFTER_NS:
             return None
@@ -159,12 +159,12 @@ class Operator:
         self._watch_whether_it_follows(percept, shown)
         return Sight(percept, under_way[:3], under_way[3:])
 
-    def _act(self, now_ns: int, wish: HandWish, dt_s: float) -> None:
+    def _act(self, now_ns: int, command: HandCommand, dt_s: float) -> None:
         """Move the hand, and note what that asks of the tool."""
         hand = self.hand
         arm, wrist = hand.arm.offset, hand.wrist.offset
-        hand.step(wish, dt_s)
-        if hand.trigger < _ENGAGED or self.doing is Doing.LET_GO:
+        hand.step(command, dt_s)
+        if hand.trigger < _ENGAGED or self.activity is Activity.LET_GO:
             self._asked.idle(now_ns)
         elif self._turning:
             turn = self._map.tool_angular(hand.wrist.offset - wrist)
@@ -173,26 +173,26 @@ class Operator:
             self._asked.add(now_ns, self._map.tool_linear(hand.arm.offset - arm), _NOTHING)
 
     def _watch_whether_it_follows(self, percept: Percept, shown: Vector) -> None:
-        if self.doing is not Doing.MOVE:
+        if self.activity is not Activity.MOVE:
             self._follows.reset()
         followed = self._follows.step(percept.t_ns, shown, percept.tcp.pose)
         self._stuck = followed is False
         if followed:
             self._failures = 0
 
-    # --- what the hand is at --------------------------------------------------------------------
+    # --- activities -----------------------------------------------------------------------------
 
-    def _watch(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _watch(self, now_ns: int, sight: Sight | None) -> HandCommand:
         if self._felt_fault:
-            self._begin(Doing.WARY, now_ns)
+            self._begin(Activity.WARY, now_ns)
         elif sight is None or self._moves_by_itself(sight.percept):
             self._since_ns = now_ns
         elif now_ns - self._since_ns > self._reaction_ns:
-            self._begin(Doing.SQUEEZE if self._confirmed else Doing.CONFIRM, now_ns)
-        return HandWish.still()
+            self._begin(Activity.SQUEEZE if self._confirmed else Activity.CONFIRM, now_ns)
+        return HandCommand.still()
 
     def _moves_by_itself(self, percept: Percept) -> bool:
-        """Whether the tool is seen elsewhere than when last asked; he does not grab into that."""
+        """Whether the tool is seen elsewhere than at the last call: it is then left alone."""
         position = percept.tcp.pose.position
         enough = _MOVES_M + 3.0 * percept.tcp.position_sigma
         moved = self._tool_seen is None or _norm(position - self._tool_seen) > enough
@@ -200,75 +200,77 @@ class Operator:
             self._tool_seen = position
         return moved
 
-    def _confirm(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _confirm(self, now_ns: int, sight: Sight | None) -> HandCommand:
         held_ns = now_ns - self._since_ns
         if held_ns < CONFIRM_HOLD_NS:
-            return HandWish.still(button=Button.MENU)
+            return HandCommand.still(button=Button.MENU)
         if held_ns > CONFIRM_HOLD_NS + self._reaction_ns:
             self._confirmed = True
-            self._begin(Doing.WATCH, now_ns)
-        return HandWish.still()
+            self._begin(Activity.WATCH, now_ns)
+        return HandCommand.still()
 
-    def _squeeze(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _squeeze(self, now_ns: int, sight: Sight | None) -> HandCommand:
         elapsed_ns = now_ns - self._since_ns
         if self._felt_engage and elapsed_ns >= _SQUEEZE_NS:
-            self._begin(Doing.MOVE, now_ns)
+            self._begin(Activity.MOVE, now_ns)
         elif elapsed_ns >= _SQUEEZE_NS + self._reaction_ns:
-            return self._release_then(Doing.WARY if self._felt_fault else Doing.PUZZLED, now_ns)
-        return HandWish.still(trigger=True)
+            return self._release_then(
+                Activity.WARY if self._felt_fault else Activity.PUZZLED, now_ns
+            )
+        return HandCommand.still(trigger=True)
 
-    def _move(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _move(self, now_ns: int, sight: Sight | None) -> HandCommand:
         if self._felt_fault:
-            return self._release_then(Doing.WARY, now_ns)
+            return self._release_then(Activity.WARY, now_ns)
         if sight is None:
-            return self._release_then(Doing.WATCH, now_ns)
+            return self._release_then(Activity.WATCH, now_ns)
         if self._stuck or self._felt_hold:
-            return self._release_then(Doing.PUZZLED, now_ns)
+            return self._release_then(Activity.PUZZLED, now_ns)
         intent = self._task.step(now_ns, sight)
         if intent.done:
-            return self._release_then(Doing.FINISHED, now_ns)
+            return self._release_then(Activity.FINISHED, now_ns)
         if intent.turning is not None and intent.turning != self._turning:
-            self._begin(Doing.TOGGLE, now_ns)
-            return HandWish.still(trigger=True)
+            self._begin(Activity.TOGGLE, now_ns)
+            return HandCommand.still(trigger=True)
         return self._follow(intent, now_ns, sight)
 
-    def _toggle(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _toggle(self, now_ns: int, sight: Sight | None) -> HandCommand:
         """Still the hand, click the grip once, go on."""
         if not self._is_still() and self.hand.grip == 0.0:
             self._since_ns = now_ns
         elapsed_ns = now_ns - self._since_ns
         if elapsed_ns >= 2 * _GRIP_NS:
             self._turning = not self._turning
-            self._begin(Doing.MOVE, now_ns)
-        return HandWish.still(trigger=True, grip=elapsed_ns < _GRIP_NS)
+            self._begin(Activity.MOVE, now_ns)
+        return HandCommand.still(trigger=True, grip=elapsed_ns < _GRIP_NS)
 
-    def _let_go(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _let_go(self, now_ns: int, sight: Sight | None) -> HandCommand:
         if now_ns - self._since_ns >= _LET_GO_NS and self._is_still():
             self._begin(self._after_letting_go, now_ns)
-        return HandWish.still()
+        return HandCommand.still()
 
-    def _return(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _return(self, now_ns: int, sight: Sight | None) -> HandCommand:
         arm = self._return_to[0] - self.hand.arm.offset
         wrist = self._return_to[1] - self.hand.wrist.offset
         if _norm(arm) < 0.01 and _norm(wrist) < 0.05 and self._is_still():
-            self._begin(Doing.WATCH if sight is None else Doing.SQUEEZE, now_ns)
-        return HandWish(
+            self._begin(Activity.WATCH if sight is None else Activity.SQUEEZE, now_ns)
+        return HandCommand(
             _towards(arm, _RETURN_SPEED_M_S),
             _towards(wrist, _RETURN_SPEED_RAD_S),
         )
 
-    def _puzzled(self, now_ns: int, sight: Sight | None) -> HandWish:
+    def _puzzled(self, now_ns: int, sight: Sight | None) -> HandCommand:
         """Nothing followed: not yet armed, held for a moment, or in the wrong mode?
 
-        He confirms again only while the arm has never answered: once it is armed, the menu button
-        is an emergency stop.
+        Confirms again only while the arm has never answered: once it is armed, the menu button is
+        an emergency stop.
         """
         if now_ns - self._since_ns < _PUZZLED_NS:
-            return HandWish.still()
+            return HandCommand.still()
         if not self._felt_hold:
             self._reconsider()
-        self._begin(Doing.WATCH, now_ns)
-        return HandWish.still()
+        self._begin(Activity.WATCH, now_ns)
+        return HandCommand.still()
 
     def _reconsider(self) -> None:
         self._failures += 1
@@ -277,30 +279,30 @@ class Operator:
         elif not self._ever_engaged and self._failures % _SQUEEZES_BEFORE_CONFIRMING == 0:
             self._confirmed = not self._confirms
 
-    def _wary(self, now_ns: int, sight: Sight | None) -> HandWish:
-        """After a fault: hands off, and now and then see whether somebody has confirmed."""
+    def _wary(self, now_ns: int, sight: Sight | None) -> HandCommand:
+        """After a fault: hands off, and now and then try whether it has been confirmed."""
         if now_ns - self._since_ns >= _FAULT_REST_NS and sight is not None:
-            self._begin(Doing.SQUEEZE, now_ns)
-        return HandWish.still()
+            self._begin(Activity.SQUEEZE, now_ns)
+        return HandCommand.still()
 
-    def _finished(self, now_ns: int, sight: Sight | None) -> HandWish:
-        return HandWish.still()
+    def _finished(self, now_ns: int, sight: Sight | None) -> HandCommand:
+        return HandCommand.still()
 
-    # --- what they share ------------------------------------------------------------------------
+    # --- what the activities share --------------------------------------------------------------
 
-    def _begin(self, doing: Doing, now_ns: int) -> None:
-        self.doing = doing
+    def _begin(self, activity: Activity, now_ns: int) -> None:
+        self.activity = activity
         self._since_ns = now_ns
         self._stuck = False
-        if doing is Doing.SQUEEZE:
+        if activity is Activity.SQUEEZE:
             self._felt_engage = False
 
-    def _release_then(self, doing: Doing, now_ns: int) -> HandWish:
-        self._after_letting_go = doing
-        self._begin(Doing.LET_GO, now_ns)
-        return HandWish.still()
+    def _release_then(self, activity: Activity, now_ns: int) -> HandCommand:
+        self._after_letting_go = activity
+        self._begin(Activity.LET_GO, now_ns)
+        return HandCommand.still()
 
-    def _follow(self, intent: Intent, now_ns: int, sight: Sight) -> HandWish:
+    def _follow(self, intent: Intent, now_ns: int, sight: Sight) -> HandCommand:
         age_ns = now_ns - sight.percept.t_ns
         fresh = (BLIND_AFTER_NS - age_ns) / (BLIND_AFTER_NS - _CAREFUL_AFTER_NS)
         fresh = min(1.0, max(0.0, fresh))
@@ -311,8 +313,8 @@ class Operator:
                 _opposite(linear, self.hand.arm.reach),
                 _opposite(angular, self.hand.wrist.reach),
             )
-            return self._release_then(Doing.RETURN, now_ns)
-        return HandWish(linear, angular, trigger=True, button=intent.button)
+            return self._release_then(Activity.RETURN, now_ns)
+        return HandCommand(linear, angular, trigger=True, button=intent.button)
 
     def _is_still(self) -> bool:
         hand = self.hand
@@ -323,17 +325,17 @@ def _norm(vector: Vector) -> float:
     return math.sqrt(vector @ vector)
 
 
-def _stretched(joint: Joint3, wish: Vector) -> bool:
+def _stretched(joint: VelocityFollower, command: Vector) -> bool:
     """Whether the joint is near the end of its reach and asked to go on outwards."""
-    return _norm(joint.offset) > _STRETCHED * joint.reach and float(wish @ joint.offset) > 0.0
+    return _norm(joint.offset) > _STRETCHED * joint.reach and float(command @ joint.offset) > 0.0
 
 
-def _opposite(wish: Vector, reach: float) -> Vector:
-    """A place on the other side of rest, from where the hand can travel far along `wish`."""
-    speed = _norm(wish)
-    return -_RETURN_BEYOND * reach / speed * wish if speed > 0.0 else np.zeros(3)
+def _opposite(command: Vector, reach: float) -> Vector:
+    """A place on the other side of rest, from where the hand can travel far along `command`."""
+    speed = _norm(command)
+    return -_RETURN_BEYOND * reach / speed * command if speed > 0.0 else np.zeros(3)
 
 
 def _towards(error: Vector, speed: float) -> Vector:
-    wished = _RETURN_GAIN_PER_S * _norm(error)
-    return error * (_RETURN_GAIN_PER_S * (speed / wished if wished > speed else 1.0))
+    wanted = _RETURN_GAIN_PER_S * _norm(error)
+    return error * (_RETURN_GAIN_PER_S * (speed / wanted if wanted > speed else 1.0))

@@ -1,7 +1,7 @@
-"""Who sits at the controls: the traits in which people differ, drawn from published ranges.
+"""Participant profiles: the traits in which operators differ, drawn from published ranges.
 
 Each field names its source; docs/OPERATOR_MODEL.md has the full references. A participant is one
-seed, whatever scene he is given.
+seed, whatever scene they are given.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class ParticipantProfile:
     visuomotor_s: float  # from the eye to a correction under way
     reach_speed_m_s: float  # of the tool, at most
     fine_speed_m_s: float
-    gain_per_s: float  # of the part of the way left, closed per second: ln 2 × throughput
-    patience_s: float  # he waits so long for a better view, then goes on without
+    gain_per_s: float  # part of the remaining distance closed per second: ln 2 × throughput
+    wait_limit_s: float  # for a better view; then the operator goes on without
     tremor: float  # times that of the hand at rest
     motor_noise: float  # of the speed, one standard deviation
     misjudged_rad: float  # the hand's directions against the tool's, per axis
@@ -41,7 +41,7 @@ class ParticipantProfile:
             reach_speed_m_s=config.reach_speed_m_s,
             fine_speed_m_s=config.fine_speed_m_s,
             gain_per_s=GAIN_PER_S,
-            patience_s=math.inf,
+            wait_limit_s=math.inf,
             tremor=1.0,
             motor_noise=0.0,
             misjudged_rad=MISJUDGED_RAD,
@@ -50,7 +50,7 @@ class ParticipantProfile:
 
     @staticmethod
     def draw(seed: int) -> ParticipantProfile:
-        """Participant `seed`; the same seed is always the same person."""
+        """Participant `seed`; the same seed is always the same participant."""
         random = np.random.default_rng([seed, 0x9E0])
         # Woods et al. 2015: simple visual reaction times of 231 ms in the mean; spread of people
         # clipped to where nearly all of theirs lie.
@@ -63,7 +63,7 @@ class ParticipantProfile:
         # Soukoreff and MacKenzie 2004: throughputs of 3.7 to 4.9 bit/s in nine studies of a mouse.
         gain_per_s = math.log(2.0) * random.uniform(3.7, 4.9)
         # Nah 2004: about 2 s is what people tolerate waiting without being told anything.
-        patience_s = random.uniform(1.5, 3.0)
+        wait_limit_s = random.uniform(1.5, 3.0)
         # Riviere, Rader and Khosla 1997: 49 um rms for eye surgeons who hold still, 133 um when
         # they work; the hand at rest has 49 um on each axis.
         tremor = random.uniform(0.8, 2.2)
@@ -76,7 +76,7 @@ class ParticipantProfile:
             reach_speed_m_s=REACH_SPEED_M_S * skill,
             fine_speed_m_s=FINE_SPEED_M_S * skill,
             gain_per_s=gain_per_s,
-            patience_s=patience_s,
+            wait_limit_s=wait_limit_s,
             tremor=tremor,
             motor_noise=random.uniform(0.05, 0.15),
             misjudged_rad=math.radians(random.uniform(1.0, 3.0)),
@@ -84,7 +84,7 @@ class ParticipantProfile:
         )
 
 
-# The only free parameters; set so that the times with lossless, undelayed video are about those of
-# the paper's people under S1 (`python -m benchmarks.operator`).
+# The only free parameters, fitted to the paper: with lossless, undelayed video the times are about
+# those of the paper's participants under S1 (`python -m benchmarks.experiments.operator`).
 REACH_SPEED_M_S = 0.10
 FINE_SPEED_M_S = 0.030

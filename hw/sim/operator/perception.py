@@ -1,17 +1,16 @@
-"""What the operator believes of the scene: the seam between his eyes and his hand.
+"""Interface between the operator's eyes and mind: what they believe of the scene.
 
-The operator lives on `Percept`s alone. Where they come from is another matter: from the true
-scene here, from received images for an operator who really looks.
+The mind (`hw.sim.operator.operator`) gets `Percept`s and nothing else. They come from the received
+images (`hw.sim.operator.seeing`) or, in the demo, from the true scene (`hw.sim.operator.demo`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from tams_app.records import Pose, SceneTruth
+from tams_app.records import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +36,7 @@ class GapSigmas:
 
 @dataclass(frozen=True, slots=True)
 class Percept:
-    """The scene as it looked at `t_ns`: when the view was captured, as far as he who looks knows.
+    """The scene as it looked at `t_ns`: when the view was captured, as far as the operator knows.
 
     Block and tool are their centres; of the container only x and y are used.
     `fingers_opening` [m] is None when the fingers cannot be made out.
@@ -68,22 +67,3 @@ class Perception(Protocol):
 
     def look(self, now_ns: int) -> Percept | None:
         """The newest view at `now_ns`, None while there is nothing to see; does not block."""
-
-
-class TruePerception:
-    """Perfect eyes: every view is the true scene, without delay beyond that of its source."""
-
-    def __init__(self, read: Callable[[], SceneTruth | None]) -> None:
-        self._read = read
-
-    def look(self, now_ns: int) -> Percept | None:
-        truth = self._read()
-        if truth is None:
-            return None
-        return Percept(
-            truth.t_ns,
-            Estimate(truth.tcp),
-            Estimate(truth.block),
-            Estimate(truth.container),
-            truth.fingers_opening,
-        )

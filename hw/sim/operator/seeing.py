@@ -1,7 +1,7 @@
-"""The eyes of an operator who gets what a human gets: three received images and his own hand.
+"""Eyes of the seeing operator, who gets what a person gets: the received images and their own hand.
 
-He knows his station (where the cameras stand, what the things look like) and what his hand did.
-He is told nothing else: no capture time, no index, no latency, no state of arm, network or policy.
+The operator knows where the cameras stand, what the things look like, and what the hand did, and
+nothing else: no capture time, index or latency, no state of arm, network or policy.
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ from scipy.spatial.transform import Rotation
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TOOL_YAW, Gap
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
-from hw.sim.operator.lag import LagEstimator
+from hw.sim.operator.operator import Operator
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Estimate, GapSigmas, Percept
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
-from hw.sim.operator.vision.looking import Looker
-from hw.sim.operator.vision.pinhole import Pinhole
-from hw.sim.operator.vision.stillness import StillnessWatch
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
-from hw.sim.world.lite6_model import TCP_OFFSET_M
+from hw.sim.operator.vision.detector import Detector
+from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
+from tams_app.config import Config
 from tams_app.records import Image, Pose, Vector
 from tams_app.runtime.clock import NS_PER_S
 
@@ -35,9 +37,9 @@ _LONGEST_S = 1.0  # between glances that a prediction makes sense of
 
 @dataclass(frozen=True, slots=True)
 class Reliance:
-    """Which view told him how much in one glance, for what he was then about.
+    """How much each view told the operator in one glance.
 
-    Shares of what the glance added to knowing the way from tool to block and from tool to
+    Shares of what the glance added to knowing the vector from tool to block and from tool to
     container: by view, summing to 1; empty when the glance told nothing.
     """
 
@@ -46,12 +48,12 @@ class Reliance:
     to_container: dict[str, float]
     block_sigma: float  # [m], after the glance
     container_sigma: float  # [m]
-    lag_ns: int  # hand to eye, as he judges it
-    hanging: tuple[str, ...]  # views in which he noticed that nothing moves
+    lag_ns: int  # hand to eye, as the operator judges it
+    frozen: tuple[str, ...]  # views in which nothing moves although the hand does
 
 
 class SeeingPerception:
-    """Looks at the images at his sampling rate, and knows a little later what he saw.
+    """Looks at the images at the participant's sampling rate, and knows a little later what it saw.
 
     `watch` is the eyes' work (some milliseconds a glance; live in a thread of its own, in virtual
     time before each step of the hand), `look` the hand's question, which never blocks.
@@ -78,9 +80,9 @@ class SeeingPerception:
         wrist = {"eih": wrist_camera()}
         self.belief = Belief(fixed_cameras(), wrist)  # others may read it
         self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
-        self._looker = Looker(wrist)
+        self._detector = Detector(wrist)
         self._lag = LagEstimator()
-        self._stillness: dict[str, StillnessWatch] = {}
+        self._freezes: dict[str, FreezeWatch] = {}
         self._shown: Vector = np.zeros(6)
         self._last_ns: int | None = None
         self._view_ns = 0
@@ -98,42 +100,37 @@ class SeeingPerception:
         lag_ns = self._lag.lag_ns
         before = self.belief.state.copy()
         moved = self._advance(now_ns, lag_ns)
-        hanging = tuple(
+        frozen = tuple(
             view
             for view, image in images.items()
-            if self._stillness.setdefault(view, StillnessWatch()).hangs(now_ns, image, moved)
+            if self._freezes.setdefault(view, FreezeWatch()).is_frozen(now_ns, image, moved)
         )
-        for view in hanging:
+        for view in frozen:
             del images[view]
         if images:
             self._view_ns = max(self._view_ns, now_ns - lag_ns + FOLLOW_LAG_NS)
-        glance = self._looker.look(images, self.belief)
+        glance = self._detector.look(images, self.belief)
         self._take_in(now_ns, glance)
-        self.belief.learn_whether_it_comes_along(before)
+        self.belief.learn_carried_part(before)
         if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
-        self._tell(self._reliance(now_ns, lag_ns, hanging))
+        self._tell(self._reliance(now_ns, lag_ns, frozen))
         return True
 
     def look(self, now_ns: int) -> Percept | None:
-        """What he has understood by `now_ns` of what he saw."""
+        """What has been understood by `now_ns` of what was seen."""
         while self._coming and self._coming[0][0] <= now_ns:
             self._percept = self._coming.popleft()[1]
         return self._percept
 
-    @property
-    def gap_to_block(self) -> Vector:
-        """From tool to block [m], shape (3,), as the last glance left him believing."""
-        return self.belief.block - self.belief.tcp
-
     def _advance(self, now_ns: int, lag_ns: int) -> float:
-        """Take his own motion into account as far as it can show; how far that was [m]."""
+        """Take the hand's motion into account as far as it can show; how far that was [m]."""
         shown = self._asked.asked_at(now_ns - lag_ns)
         moved, self._shown = shown - self._shown, shown
         last_ns, self._last_ns = self._last_ns, now_ns
         seconds = 0.0 if last_ns is None else min(_LONGEST_S, (now_ns - last_ns) / NS_PER_S)
         self.belief.predict(moved[:3], moved[3:], seconds)
-        self.belief.lay_on_table()
+        self.belief.hold_to_table()
         path = math.sqrt(moved[:3] @ moved[:3])
         self.asked_speed_m_s = path / seconds if seconds > 0.0 else 0.0
         return path
@@ -155,7 +152,7 @@ class SeeingPerception:
         if opening is None:
             return
         if self._opening is not None and abs(opening - self._opening) > _FINGERS_MOVED_M:
-            self.belief.doubt_the_grip()
+            self.belief.note_fingers_moved()
         self._opening = opening
 
     def _to_percept(self, glance: Glance) -> Percept:
@@ -183,7 +180,7 @@ class SeeingPerception:
             ),
         )
 
-    def _reliance(self, now_ns: int, lag_ns: int, hanging: tuple[str, ...]) -> Reliance:
+    def _reliance(self, now_ns: int, lag_ns: int, frozen: tuple[str, ...]) -> Reliance:
         belief, block, container = self.belief, Gap.to_block(), Gap.to_container()
         return Reliance(
             now_ns,
@@ -192,20 +189,25 @@ class SeeingPerception:
             belief.gap_sigma(block),
             belief.gap_sigma(container),
             lag_ns,
-            hanging,
+            frozen,
         )
 
 
-def fixed_cameras() -> dict[str, Pinhole]:
-    """The cameras beside and above the table, in the base frame."""
-    return {
-        view: Pinhole.of(np.array(seen.place), seen.axes(), seen.fovy_deg)
-        for view, seen in FIXED_VIEWPOINTS.items()
-    }
+class SeeingParticipant:
+    """Participant `seed`: eyes before `images`, which are all they get of the scene, and a hand.
 
+    `eyes.watch` comes before each sample of `controller`. The same seeds, images and times give the
+    same motion.
+    """
 
-def wrist_camera() -> Pinhole:
-    """The eye-in-hand camera in the tool's frame (origin: TCP)."""
-    seen = WRIST_VIEWPOINT
-    place = np.array(seen.place) - (0.0, 0.0, TCP_OFFSET_M)
-    return Pinhole.of(place, seen.axes(), seen.fovy_deg)
+    def __init__(
+        self, config: Config, seed: int, images: Images, tell: Callable[[Reliance], None]
+    ) -> None:
+        """`tell` hears of each glance."""
+        profile, asked = ParticipantProfile.draw(seed), EfferenceCopy()
+        settings, hand = config.rig.operator, operator_hand(config)
+        self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s, tell)
+        self.operator = Operator(hand, settings, self.eyes, seed, True, profile, asked)
+        self.controller = VirtualController(
+            self.operator, settings, config.seed, rig_wiring(config)
+        )

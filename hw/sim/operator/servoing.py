@@ -1,7 +1,7 @@
 """Visual servoing as a person does it: see the error, move the hand, know what is under way.
 
-What the operator sees is late: the image travels, and the arm follows the hand with a lag. He
-steers without oscillation because he counts the movement he has made but not yet seen (a Smith
+What operators see is late: the image travels, and the arm follows the hand with a lag. They steer
+without oscillation because they count the movement they have made but not yet seen (a Smith
 predictor; in people, the efference copy: Miall et al. 1993).
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.perception import Percept
-from tams_app.config import HandConfig
+from tams_app.config import Config, HandConfig
 from tams_app.records import Pose, Vector
 
 GAIN_PER_S = 2.8  # below 4/27 of the hand's own rate: no overshoot (hw.sim.operator.hand lags)
@@ -24,7 +24,7 @@ _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
 
 
 class HandMap:
-    """How the operator believes his hand's motion becomes the tool's; wrong by a little."""
+    """How the operator believes the hand's motion becomes the tool's; wrong by a little."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class HandMap:
         misjudged_rad: float = MISJUDGED_RAD,
         misjudged_scale: float = MISJUDGED_SCALE,
     ) -> None:
-        """How well he knows directions (per axis) and scale: one standard deviation each."""
+        """How well directions (per axis) and scale are known: one standard deviation each."""
         misjudged = Rotation.from_rotvec(random.normal(0.0, misjudged_rad, 3)).as_matrix()
         rotation = misjudged @ np.array(config.rotation)
         scale = 1.0 + random.normal(0.0, misjudged_scale)
@@ -61,6 +61,13 @@ class HandMap:
         return np.asarray(self._angular @ hand)
 
 
+def operator_hand(config: Config) -> HandConfig:
+    """How the rig's operator stands to the arm: as in truth, whatever teleoperation maps by."""
+    if config.rig.hand_rotation is None:
+        return config.hand
+    return config.hand.model_copy(update={"rotation": config.rig.hand_rotation})
+
+
 @dataclass(frozen=True, slots=True)
 class Sight:
     """A view, and the tool's motion since, as far as the hand knows of it."""
@@ -83,18 +90,18 @@ class Sight:
 def approach(error: Vector, speed: float, gain_per_s: float = GAIN_PER_S) -> Vector:
     """The velocity [m/s] that closes `error` [m]: at most `speed`, gently at the end.
 
-    Closing a fixed part of the way left per second is Fitts's law: halving it costs the same time
-    however far it is, so the gain is ln 2 times the throughput [bit/s].
+    Closing a fixed part of the remaining distance per second is Fitts's law: halving it costs the
+    same time however far it is, so the gain is ln 2 times the throughput [bit/s].
     """
     distance = math.sqrt(error @ error)
-    wished = gain_per_s * distance
-    return gain_per_s * error * (speed / wished if wished > speed else 1.0)
+    wanted = gain_per_s * distance
+    return gain_per_s * error * (speed / wanted if wanted > speed else 1.0)
 
 
-def care(sigma: float, tolerance: float) -> float:
-    """The part of his speed an operator dares who is sure to `sigma` and needs `tolerance`.
+def speed_factor(sigma: float, tolerance: float) -> float:
+    """The part of full speed, 0..1, at which an operator moves who is uncertain by `sigma`.
 
-    All of it up to the tolerance, nothing from twice the tolerance on: he waits for a better view.
+    All of it up to `tolerance`, nothing from twice the tolerance on: they wait for a better view.
     """
     return min(1.0, max(0.0, 2.0 - sigma / tolerance))
 

@@ -1,6 +1,6 @@
 """Pick and place as a person does it: what the tool should do next, from what is seen.
 
-The task knows nothing of hands, clutches and buttons' wires: it says how the tool should move,
+The task knows nothing of hands, clutches and button mappings: it says how the tool should move,
 in which mode, and what the thumb should press. All of it is in the arm's base frame.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from hw.sim.layout import BLOCK_EDGE_M, CONTAINER_INNER_M
 from hw.sim.operator.hand import Button
-from hw.sim.operator.servoing import GAIN_PER_S, Sight, approach, care, grasp_turn, nearby
+from hw.sim.operator.servoing import GAIN_PER_S, Sight, approach, grasp_turn, nearby, speed_factor
 from tams_app.records import Vector
 from tams_app.runtime.clock import NS_PER_S
 
@@ -27,15 +27,15 @@ HELD_WITHIN_M = 0.03
 TURN_SPEED_RAD_S = 0.4
 FINE_BELOW_M = 0.05  # above its end a descent is twice as fast
 
-# How sure he wants to be: half of what there is room for, so that two standard deviations fit.
-_REACH_SURE_M = 0.020  # over a thing, before he looks at it from near
+# How sure operators want to be: half of what there is room for, so that two sigma fit.
+_REACH_SURE_M = 0.020  # over a thing, before it is looked at from near
 _DESCENT_SURE_M = 0.004
 _GRASP_SURE_M = 0.001  # the open fingers leave 2 mm on either side
 _PLACE_SURE_M = 0.015  # the container leaves 39 mm
 _TURN_SURE_RAD = math.radians(4.0)
-_IMPATIENT_PART = 0.25  # of his speed
-_NO_IDEA = 6.0  # times what is needed: then there is nothing to go by, and he waits longer
-_LONGER = 4.0  # times his patience; nobody waits for ever
+_OVERDUE_PART = 0.25  # of full speed
+_NO_IDEA = 6.0  # times what is needed: then there is nothing to go by, and they wait longer
+_LONGER = 4.0  # times the wait limit; then they go on all the same
 
 _REACH_TOLERANCE_M = 0.004
 _GRASP_TOLERANCE_M = 0.0015
@@ -53,7 +53,7 @@ _FINGERS_READY_M = BLOCK_EDGE_M + 0.002
 
 
 class Stage(StrEnum):
-    """What the operator is about."""
+    """Stage of the task."""
 
     REACH = "reach"
     TURN = "turn"
@@ -94,18 +94,18 @@ class PickAndPlace:
         reaction_s: float,
         random: np.random.Generator,
         gain_per_s: float = GAIN_PER_S,
-        patience_s: float = math.inf,
+        wait_limit_s: float = math.inf,
     ) -> None:
         """Tool speeds [m/s]; the reaction time [s] passes, more or less, before each stage.
 
-        `patience_s`: how long he waits for a better view before he goes on with what he has.
+        `wait_limit_s`: how long to wait for a better view before going on with what there is.
         """
         self.stage = Stage.REACH
         self._reach_speed = reach_speed
         self._fine_speed = fine_speed
         self._reaction_s = reaction_s
         self._gain_per_s = gain_per_s
-        self._patience_ns = patience_s * NS_PER_S
+        self._wait_limit_ns = wait_limit_s * NS_PER_S
         self._waits_since_ns: int | None = None
         self._random = random
         self._begins_ns = 0
@@ -145,15 +145,15 @@ class PickAndPlace:
             return self._enter(
                 Stage.TURN if _norm(turn) > _TURN_TOLERANCE_RAD else Stage.DESCEND, now_ns
             )
-        speed = self._reach_speed * self._dare(now_ns, sight.percept.gaps.block, _REACH_SURE_M)
-        return Intent(linear=self._approach(error, speed), turning=False)
+        factor = self._speed_factor(now_ns, sight.percept.gaps.block, _REACH_SURE_M)
+        return Intent(linear=self._approach(error, self._reach_speed * factor), turning=False)
 
     def _turn(self, now_ns: int, sight: Sight) -> Intent:
         turn = self._turn_left(sight)
         if self._settled(now_ns, turn, _TURN_TOLERANCE_RAD):
             return self._enter(Stage.DESCEND, now_ns)
-        speed = TURN_SPEED_RAD_S * self._dare(now_ns, sight.percept.gaps.heading, _TURN_SURE_RAD)
-        return Intent(angular=self._approach(turn, speed), turning=True)
+        factor = self._speed_factor(now_ns, sight.percept.gaps.heading, _TURN_SURE_RAD)
+        return Intent(angular=self._approach(turn, TURN_SPEED_RAD_S * factor), turning=True)
 
     def _descend(self, now_ns: int, sight: Sight) -> Intent:
         goal = sight.block.copy()
@@ -167,7 +167,7 @@ class PickAndPlace:
             self._grasp_tcp_z = sight.percept.tcp.pose.position[2]
             return self._enter(Stage.CLOSE, now_ns)
         needed = _GRASP_SURE_M if height < FINE_BELOW_M else _DESCENT_SURE_M
-        sure = self._dare(now_ns, sight.percept.gaps.block, needed)
+        sure = self._speed_factor(now_ns, sight.percept.gaps.block, needed)
         return self._lower_to(error, sure, funnel_m=0.003 + 0.15 * max(0.0, height))
 
     def _close(self, now_ns: int, sight: Sight) -> Intent:
@@ -188,8 +188,8 @@ class PickAndPlace:
         error = self._travel_error(sight, sight.percept.container.pose.position)
         if self._settled(now_ns, error, _PLACE_TOLERANCE_M):
             return self._enter(Stage.LOWER, now_ns)
-        speed = self._reach_speed * self._dare(now_ns, sight.percept.gaps.container, _REACH_SURE_M)
-        return Intent(linear=self._approach(error, speed), turning=False)
+        factor = self._speed_factor(now_ns, sight.percept.gaps.container, _REACH_SURE_M)
+        return Intent(linear=self._approach(error, self._reach_speed * factor), turning=False)
 
     def _lower(self, now_ns: int, sight: Sight) -> Intent:
         if self._dropped(now_ns, sight):
@@ -199,7 +199,7 @@ class PickAndPlace:
         error = goal - sight.tcp
         if self._settled(now_ns, error, _PLACE_TOLERANCE_M):
             return self._enter(Stage.OPEN, now_ns)
-        sure = self._dare(now_ns, sight.percept.gaps.container, _PLACE_SURE_M)
+        sure = self._speed_factor(now_ns, sight.percept.gaps.container, _PLACE_SURE_M)
         return self._lower_to(error, sure, funnel_m=0.02)
 
     def _open(self, now_ns: int, sight: Sight) -> Intent:
@@ -237,7 +237,7 @@ class PickAndPlace:
         return now_ns - self._arrived_ns >= _SETTLE_NS
 
     def _travel_error(self, sight: Sight, target: Vector) -> Vector:
-        """The way to over `target` at travelling height; straight up first when too low."""
+        """The displacement to above `target`, at travelling height; when too low, first up."""
         tcp = sight.tcp
         error: Vector = target - tcp
         error[2] = min(max(tcp[2], TRAVEL_HEIGHT_M[0]), TRAVEL_HEIGHT_M[1]) - tcp[2]
@@ -246,7 +246,7 @@ class PickAndPlace:
         return error
 
     def _lower_to(self, error: Vector, sure: float, funnel_m: float) -> Intent:
-        """Go down while over the goal to within `funnel_m`, correcting sideways on the way."""
+        """Go down while over the goal to within `funnel_m`, correcting sideways meanwhile."""
         sideways: Vector = np.array([error[0], error[1], 0.0])
         centred = max(0.0, 1.0 - _norm(sideways) / funnel_m)
         far = abs(error[2]) > FINE_BELOW_M
@@ -298,16 +298,16 @@ class PickAndPlace:
     def _approach(self, error: Vector, speed: float) -> Vector:
         return approach(error, speed, self._gain_per_s)
 
-    def _dare(self, now_ns: int, sigma: float, needed: float) -> float:
-        """The part of his speed he dares; out of patience, some of it however he sees."""
-        dared = care(sigma, needed)
-        if dared >= _IMPATIENT_PART:
+    def _speed_factor(self, now_ns: int, sigma: float, needed: float) -> float:
+        """The part of full speed to move at; after the wait limit some of it, however uncertain."""
+        factor = speed_factor(sigma, needed)
+        if factor >= _OVERDUE_PART:
             self._waits_since_ns = None
-            return dared
+            return factor
         if self._waits_since_ns is None:
             self._waits_since_ns = now_ns
-        patience_ns = self._patience_ns * (_LONGER if sigma > _NO_IDEA * needed else 1.0)
-        return _IMPATIENT_PART if now_ns - self._waits_since_ns >= patience_ns else dared
+        patience_ns = self._wait_limit_ns * (_LONGER if sigma > _NO_IDEA * needed else 1.0)
+        return _OVERDUE_PART if now_ns - self._waits_since_ns >= patience_ns else factor
 
 
 def _norm(vector: Vector) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hw.camera import Camera
-from hw.sim.world.frame_memory import FrameReader, FrameShape
+from hw.sim.world.rig_memory import FrameReader, FrameShape
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock

@@ -1,12 +1,16 @@
-"""What the rig's cameras report, and when: the scene as drawn, with the sensors' noise."""
+"""What the rig's cameras report, and when: the scene as drawn, with the noise of their sensors."""
 
 from __future__ import annotations
 
+import cv2
+import numpy as np
+
 from hw.sim.layout import Layout
-from hw.sim.world.scene import VIEWS
-from hw.sim.world.scene_renderer import HEIGHT, WIDTH, SceneRenderer
-from hw.sim.world.sensor_noise import SensorNoise
+from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.records import Image, Vector
+
+_MARGIN_PX = 64  # the noise image is larger by this much each way, and shifted for each frame
 
 
 class CameraImages:
@@ -15,17 +19,52 @@ class CameraImages:
     def __init__(self, layout: Layout, seed: int, noise_sigma: float) -> None:
         """`noise_sigma` [grey levels of 255]. SetupError without off-screen OpenGL."""
         self._renderer = SceneRenderer(layout)
-        self._noises = {view: SensorNoise(seed, view, noise_sigma, HEIGHT, WIDTH) for view in VIEWS}
+        self._noises = {view: SensorNoise(seed, view, noise_sigma) for view in VIEWS}
 
     def take(self, view: str, index: int, qpos: Vector) -> Image:
         """Image `index` of `view` with all joints at `qpos`: BGR, shape (480, 640, 3)."""
         return self._noises[view].apply(self._renderer.render(view, qpos), index)
 
     def close(self) -> None:
-        """Give the graphics back; may be called twice."""
+        """Release the graphics; may be called twice."""
         self._renderer.close()
+
+
+class SensorNoise:
+    """Gaussian noise of `sigma` grey levels, the same for all colours of a pixel.
+
+    Depends on `seed`, `view` and the frame's index only, so runs repeat. Cheap because it is drawn
+    once and shifted for each frame.
+    """
+
+    def __init__(
+        self, seed: int, view: str, sigma: float, height: int = HEIGHT_PX, width: int = WIDTH_PX
+    ) -> None:
+        self._entropy = [seed, *view.encode()]
+        random = np.random.default_rng(self._entropy)
+        size = (height + _MARGIN_PX, width + _MARGIN_PX)
+        noise = np.rint(sigma * random.standard_normal(size)).astype(np.int16)
+        self._brighter = _grey(np.maximum(noise, 0))
+        self._darker = _grey(np.maximum(-noise, 0))
+        self._silent = sigma == 0
+
+    def apply(self, image: Image, index: int) -> Image:
+        """`image` (BGR) as the sensor reports it in frame `index`, changed in place."""
+        if self._silent:
+            return image
+        height, width = image.shape[:2]
+        random = np.random.default_rng([*self._entropy, index])
+        top, left = random.integers(0, _MARGIN_PX, 2)
+        window = np.s_[top : top + height, left : left + width]
+        cv2.add(image, self._brighter[window], image)
+        cv2.subtract(image, self._darker[window], image)
+        return image
 
 
 def stagger_ns(view: str, period_ns: int) -> int:
     """By how much the instants of `view` lie behind the first view's: the views take turns."""
     return VIEWS.index(view) * period_ns // len(VIEWS)
+
+
+def _grey(values: np.ndarray[tuple[int, int], np.dtype[np.int16]]) -> Image:
+    return np.repeat(values.astype(np.uint8)[..., None], 3, axis=2)

@@ -9,26 +9,34 @@ have contype ARM_BIT; the arm does not collide with itself, the controller guard
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scipy.spatial.transform import Rotation
 
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
+from hw.sim.gripper import (
+    CLIP_HALF,
+    FINGER_TRAVEL_M,
+    HOUSING,
+    MARKER_HALF_M,
+    PAD_HALF,
+    PLATE,
+    TCP_OFFSET_M,
+)
 from hw.sim.viewpoints import WRIST_VIEWPOINT
 
-# Contact bits: fixed things touch nothing by themselves, block and arm name whom they touch.
+# Contact bits: fixed things touch nothing by themselves, block and arm name what they touch.
 FIXED_BIT, BLOCK_BIT, ARM_BIT = 1, 2, 4
 MOVING_GROUP = 1  # the fixed cameras redraw only this geom group
 
-FINGER_TRAVEL_M = 0.008  # each; 16 mm between the pads when open
-TCP_OFFSET_M = 0.082  # from the flange along its z
 GRIP_FORCE_N = 8.0
 JOINTS = tuple(f"joint{number}" for number in range(1, 7))
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """One row of the modified DH table [m, rad] with what hangs on its frame."""
+    """One row of the modified DH table [m, rad] with what is fixed to its frame."""
 
     offset: float
     d: float
@@ -49,6 +57,11 @@ def _capsule(radius: float, ends: str, material: str = "shell") -> str:
 
 def _cylinder(radius: float, ends: str, material: str = "shell") -> str:
     return f'type="cylinder" size="{radius}" fromto="{ends}" material="{material}"'
+
+
+def _box(centre: Sequence[float], half: Sequence[float]) -> str:
+    size, place = (" ".join(map(str, numbers)) for numbers in (half, centre))
+    return f'type="box" size="{size}" pos="{place}"'
 
 
 _Q = math.pi / 2
@@ -136,15 +149,16 @@ def _range(number: int) -> str:
 
 def _gripper() -> str:
     """Housing, two coupled fingers and the TCP site, in the flange frame."""
+    edge, marker = MARKER_HALF_M, f'material="gripper_marker" {_VISUAL}'
     return f"""
 <body name="gripper" gravcomp="1"><inertial pos="0 0 .026" mass=".26" diaginertia=".00016 .00012
   .00014"/>
  <geom type="cylinder" size=".030 .003" pos="0 0 .003" material="joint" {_TOUCH}/>
- <geom type="box" size=".018 .034 .021" pos="0 0 .027" material="housing" {_TOUCH}/>
- <geom type="box" size=".0125 .032 .003" pos="0 0 .050" material="joint" {_TOUCH}/>
- <geom type="box" size=".0006 .0165 .0165" pos=".0184 0 .027" material="gripper_marker" {_VISUAL}/>
- <geom type="box" size=".0165 .0006 .0165" pos="0 .0344 .027" material="gripper_marker" {_VISUAL}/>
- <geom type="box" size=".0165 .0006 .0165" pos="0 -.0344 .027" material="gripper_marker" {_VISUAL}/>
+ <geom {_box(*HOUSING)} material="housing" {_TOUCH}/>
+ <geom {_box(*PLATE)} material="joint" {_TOUCH}/>
+ <geom type="box" size=".0006 {edge} {edge}" pos=".0184 0 .027" {marker}/>
+ <geom type="box" size="{edge} .0006 {edge}" pos="0 .0344 .027" {marker}/>
+ <geom type="box" size="{edge} .0006 {edge}" pos="0 -.0344 .027" {marker}/>
  <site name="tcp" pos="0 0 {TCP_OFFSET_M}" size=".001" group="4"/>
  {_finger("left", -1)}
  {_finger("right", 1)}
@@ -159,9 +173,9 @@ def _finger(name: str, side: int) -> str:
  <joint name="finger_{name}" type="slide" axis="0 {-side} 0" range="0 {FINGER_TRAVEL_M + 0.0001}"
   damping="60" armature=".2" frictionloss=".2" solreflimit=".002 1" solimplimit=".95 .999 .0002"/>
  <geom type="box" size=".0055 .0030 .009" pos="0 {side * 0.0070} .008" material="joint" {_VISUAL}/>
- <geom name="pad_{name}" type="box" size=".0065 .0040 .011" pos="0 {side * 0.0040} .022"
+ <geom name="pad_{name}" {_box((0, side * PAD_HALF[1], 0.022), PAD_HALF)}
   material="fingertip" {_PAD}/>
- <geom type="box" size=".0068 .0012 .006" pos="0 {side * 0.0072} .022" material="joint" {_VISUAL}/>
+ <geom {_box((0, side * 0.0072, 0.022), CLIP_HALF)} material="joint" {_VISUAL}/>
 </body>"""
 
 

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from hw.sim.layout import draw_layout
+from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
-from hw.sim.world.frame_memory import FrameGrid, FrameShape, FrameWriter
-from hw.sim.world.scene import VIEWS
-from hw.sim.world.scene_renderer import HEIGHT, WIDTH
-from hw.sim.world.world_memory import WorldReader, WorldSnapshot
+from hw.sim.world.rig_memory import FrameGrid, FrameShape, FrameWriter, WorldReader
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
@@ -34,7 +32,6 @@ class _Camera:
     view: str
     grid: FrameGrid
     next_index: int
-    skipped: int = 0
     taken_ns: int = 0  # instant of the last frame
 
     @property
@@ -46,7 +43,6 @@ class _Camera:
         missed = (now_ns - self.due_ns) // self.grid.period_ns
         if missed > 0:
             self.next_index += missed
-            self.skipped += missed
 
     def taken(self) -> None:
         """Go on to the next instant."""
@@ -68,7 +64,6 @@ class CameraSchedule:
             if grid.start_ns == 0 or grid.period_ns != period_ns:
                 start_ns = now_ns + _START_DELAY_NS + stagger_ns(view, period_ns)
                 grid = FrameGrid(start_ns, period_ns)
-                writer.set_grid(view, grid)
             elif now_ns > grid.start_ns:
                 next_index = (now_ns - grid.start_ns) // period_ns + 1
             self._cameras.append(_Camera(view, grid, next_index))
@@ -99,23 +94,20 @@ def run(
     while not stop.is_set():
         camera = schedule.next(clock.now_ns())
         clock.sleep_until_ns(camera.due_ns)
-        snapshot = world.read()
-        if snapshot is None or clock.now_ns() - snapshot.t_ns > _STALE_NS:
+        newest = world.read()
+        if newest is None or clock.now_ns() - newest[0] > _STALE_NS:
             clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
             continue
-        image = frames.take(camera.view, camera.next_index, snapshot.state.qpos)
-        writer.publish(camera.view, camera.next_index, snapshot.t_ns, image, camera.skipped)
+        t_ns, state = newest
+        image = frames.take(camera.view, camera.next_index, state.qpos)
+        writer.publish(camera.view, camera.next_index, t_ns, image, camera.grid)
         camera.taken()
 
 
-def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> WorldSnapshot | None:
-    """The first snapshot; None if `stop` is set before."""
-    while not stop.is_set():
-        snapshot = world.read()
-        if snapshot is not None:
-            return snapshot
+def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> None:
+    """Return once the world has a state, or when `stop` is set."""
+    while not stop.is_set() and world.read() is None:
         clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
-    return None
 
 
 def main() -> None:
@@ -134,12 +126,11 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
     world = WorldReader(name)
     frames = CameraImages(draw_layout(seed), seed, sigma)
-    writer = FrameWriter(name, FrameShape(VIEWS, WIDTH, HEIGHT))
+    writer = FrameWriter(name, FrameShape())
     try:
         side.ready(memory_name=name)
-        if wait_for_world(world, clock, side.stop_requested) is not None:
-            fps = int(specification["fps"])
-            run(frames, world, writer, fps, clock, side.stop_requested)
+        wait_for_world(world, clock, side.stop_requested)
+        run(frames, world, writer, int(specification["fps"]), clock, side.stop_requested)
     finally:
         frames.close()
         writer.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -31,8 +32,6 @@ from hw.sim.world.lite6_model import (
 )
 from tams_app.records import Image
 
-VIEWS = ("eih", "gt", "gs")
-FIXED_VIEWS = ("gt", "gs")
 STEP_NS = 1_000_000  # physics step; the contact grasp needs it this short (FINDINGS 9)
 BLOCK_MASS_KG = 0.02
 
@@ -108,10 +107,18 @@ def build_model(layout: Layout, *, textured: bool) -> mujoco.MjModel:
 
 
 def _paint(model: mujoco.MjModel) -> None:
-    for place, (name, texture) in enumerate(_TEXTURES.items()):
-        pixels = texture.paint(np.random.default_rng([_TEXTURE_SEED, place])).ravel()
+    for name, pixels in _painted().items():
         start = int(model.tex_adr[model.texture(name).id])
         model.tex_data[start : start + pixels.size] = pixels
+
+
+@cache
+def _painted() -> dict[str, Image]:
+    """Pixels of each texture, shape (n,): the same in every scene."""
+    return {
+        name: texture.paint(np.random.default_rng([_TEXTURE_SEED, place])).ravel()
+        for place, (name, texture) in enumerate(_TEXTURES.items())
+    }
 
 
 def scene_xml(layout: Layout) -> str:

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.sim.layout import Layout
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.lite6_model import MOVING_GROUP
-from hw.sim.world.scene import FIXED_VIEWS, VIEWS, build_model
+from hw.sim.world.scene import build_model
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
 
-WIDTH, HEIGHT = 640, 480
 _MAX_GEOMS = 200
 _OFF = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
@@ -60,14 +60,14 @@ class SceneRenderer:
         self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
         self._drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
-        self._whole = mujoco.MjrRect(0, 0, WIDTH, HEIGHT)
+        self._whole = mujoco.MjrRect(0, 0, WIDTH_PX, HEIGHT_PX)
         for flag in _OFF:
             self._scene.flags[flag] = 0
         self._cameras = {view: self._camera(view) for view in VIEWS}
-        self._colour = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-        self._depth = np.empty((HEIGHT, WIDTH), np.float32)
+        self._colour = np.empty((HEIGHT_PX, WIDTH_PX, 3), np.uint8)
+        self._depth = np.empty((HEIGHT_PX, WIDTH_PX), np.float32)
         self._pose(self._model.qpos0)
-        self._backgrounds = {view: self._background(view) for view in FIXED_VIEWS}
+        self._backgrounds = {view: self._background(view) for view in FIXED_VIEWPOINTS}
 
     def render(self, view: str, qpos: Vector) -> Image:
         """The image of `view` when all joints are at `qpos`: BGR, shape (480, 640, 3)."""
@@ -81,12 +81,6 @@ class SceneRenderer:
         image = background.colour.copy()
         cv2.copyTo(self._colour, nearer, image)
         return _upright(image)
-
-    def render_whole(self, view: str, qpos: Vector) -> Image:
-        """The same image with everything drawn anew: what `render` must equal."""
-        self._pose(qpos)
-        self._draw(view, _everything())
-        return _upright(self._colour)
 
     def close(self) -> None:
         """Give the context back; may be called twice."""
@@ -111,7 +105,7 @@ class SceneRenderer:
             mujoco.mjtCatBit.mjCAT_ALL, self._scene,
         )  # fmt: skip
         mujoco.mjr_render(self._whole, self._scene, self._drawing)
-        depth = self._depth if view in FIXED_VIEWS else None
+        depth = self._depth if view in FIXED_VIEWPOINTS else None
         mujoco.mjr_readPixels(self._colour, depth, self._whole, self._drawing)
 
     def _camera(self, view: str) -> mujoco.MjvCamera:
@@ -148,7 +142,7 @@ def _open_context() -> _Context:
                 from mujoco.egl import GLContext
             else:
                 from mujoco.osmesa import GLContext
-            context: _Context = GLContext(WIDTH, HEIGHT)
+            context: _Context = GLContext(WIDTH_PX, HEIGHT_PX)
         except (ImportError, AttributeError, RuntimeError) as error:
             reasons.append(f"{name}: {error}")
             continue

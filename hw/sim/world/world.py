@@ -9,10 +9,11 @@ import mujoco
 import numpy as np
 
 from hw.sim.controller.plant import GripperDrive, PlantState
+from hw.sim.gripper import FINGER_TRAVEL_M
 from hw.sim.layout import Layout
-from hw.sim.world.lite6_model import FINGER_TRAVEL_M, GRIP_FORCE_N, JOINTS
+from hw.sim.world.lite6_model import GRIP_FORCE_N, JOINTS
+from hw.sim.world.rig_memory import WorldState
 from hw.sim.world.scene import STEP_NS, build_model
-from hw.sim.world.world_state import WorldState
 from tams_app.records import SceneTruth, Vector
 
 # External torque on a joint [N·m] that reads as a collision, and for how long it must last.

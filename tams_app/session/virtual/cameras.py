@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
-from hw.sim.world.scene import VIEWS
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import Frame

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from hw.controller import Controller
-from hw.sim.operator.seeing import Images, Reliance
-from hw.sim.operator.station import seat
+from hw.sim.operator.seeing import Images, Reliance, SeeingParticipant
 from hw.sim.operator.task import Stage
 from tams_app.config import Config
 from tams_app.records import OperatorGlance
@@ -37,16 +36,16 @@ class SeeingHand:
         record: Callable[[OperatorGlance], None],
     ) -> None:
         """`record` keeps each of his glances."""
-        self._station = seat(config, participant_seed, frames, self._tell)
+        self._participant = SeeingParticipant(config, participant_seed, frames, self._tell)
         self._record = record
-        self.controller: Controller = self._station.controller
+        self.controller: Controller = self._participant.controller
 
     def prepare(self, now_ns: int) -> None:
         """Look, if it is time for a glance."""
-        self._station.eyes.watch(now_ns)
+        self._participant.eyes.watch(now_ns)
 
     def _tell(self, told: Reliance) -> None:
-        stage = self._station.operator.stage
+        stage = self._participant.operator.stage
         self._record(
             OperatorGlance(
                 t_ns=told.t_ns,
@@ -57,7 +56,7 @@ class SeeingHand:
                 block_sigma=told.block_sigma,
                 container_sigma=told.container_sigma,
                 lag_ns=told.lag_ns,
-                hanging=told.hanging,
+                hanging=told.frozen,
             )
         )
 

@@ -1,6 +1,6 @@
 """The two RTCP sessions of one view, without their packets: what they ask and when it leaves.
 
-Calibrated against GStreamer's rtpsession (`python -m benchmarks.feedback_model`).
+Calibrated against GStreamer's rtpsession (`python -m benchmarks.experiments.feedback_model`).
 """
 
 from __future__ import annotations

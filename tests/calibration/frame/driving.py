@@ -9,11 +9,7 @@ from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel
 from hw.sim.layout import draw_layout
-from hw.sim.operator.operator import Operator
-from hw.sim.operator.operator_hand import operator_hand
-from hw.sim.operator.perception import TruePerception
-from hw.sim.operator.virtual_controller import VirtualController
-from hw.sim.operator.wiring import rig_wiring
+from hw.sim.operator.demo import demo_controller
 from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.records import Outcome
@@ -37,9 +33,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     boundary = session_boundary(config.arm, config.limits)
     arm = InProcessArm(config.arm, clock, ControllerModel(world, joints), boundary)
     gate = ArmGate(arm, ServoMode(config.arm.servo), boundary, _ignore)
-    eyes = TruePerception(lambda: world.truth(clock.now_ns()))
-    operator = Operator(operator_hand(config), config.rig.operator, eyes, config.seed)
-    controller = VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
+    controller = demo_controller(config, lambda: world.truth(clock.now_ns()))
     judge = TrialJudge(config.trial, build.task_geometry())
     loop = ControlLoop(
         clock,

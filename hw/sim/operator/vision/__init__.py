@@ -1,1 +1,1 @@
-"""What the operator who sees makes of one image: detections with measured uncertainty."""
+"""What the seeing operator makes of one image: detections with measured uncertainty."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from hw.sim.gripper import MARKER_HALF_M, TCP_OFFSET_M
 from hw.sim.operator.vision.blobs import Window
-from hw.sim.operator.vision.detections import Cue
+from hw.sim.operator.vision.detections import Cue, Sighting, Thing
 from hw.sim.operator.vision.pinhole import Matrix
-from hw.sim.world.lite6_model import TCP_OFFSET_M
 from tams_app.records import Image, Vector
 
 GRIPPER_MARKER, CONTAINER_MARKER = 3, 2
@@ -23,7 +23,7 @@ _SHIFT_COSTS = 0.1  # a face that lies far off must fit that much better
 _ORDERS = np.array(
     [np.roll(order, turn) for order in ((0, 1, 2, 3), (3, 2, 1, 0)) for turn in range(4)]
 )
-_HALF_MARKER_M = 0.0165 * 96 / 128  # without its quiet zone
+_HALF_MARKER_M = MARKER_HALF_M * 96 / 128  # without its quiet zone
 _PLATE_X_M, _PLATE_Y_M, _PLATE_Z_M = 0.019, 0.035, 0.027 - TCP_OFFSET_M
 
 
@@ -93,30 +93,20 @@ def gripper_faces() -> list[Matrix]:
     return faces
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
-    """A marker's corners paired with points of a face, and the uncertainty of each corner.
-
-    In the next glances too: `lasting_px`, what blur shifts all four by, and `warp_px`, how far it
-    or a turn not expected stretches and shears the whole.
-    """
-
-    face: Cue
-    pixels: Matrix
-    points: Matrix
-    sigma_px: float
-    lasting_px: float
-    warp_px: float
-    misfit_px: float  # how far the whole lies from where it was expected
-
-
 def match_face(
-    marker: Marker, faces: list[Matrix], expected: list[Matrix], edge_px: float
-) -> Match:
-    """Which face this is, and which of its corners is which, by what fits best.
+    view: str, marker: Marker, faces: list[Matrix], expected: list[Matrix], edge_px: float
+) -> tuple[Sighting, float]:
+    """Match a gripper marker of `view` to the face and the order of corners that fit best.
 
-    `expected`: the faces' corners [px] as the operator believes the tool to stand. What is left of
-    the corners once the whole has been shifted into place is their measured error.
+    What is left of the corners once the whole has been shifted into place is their measured error.
+
+    Args:
+        faces: Corners of each face in the tool's frame [m], shape (4, 3), in the order of `FACES`.
+        expected: The same corners [px], shape (4, 2), as the operator believes the tool to stand.
+        edge_px: Width of the edges in the image.
+
+    Returns:
+        The tool's sighting, and how far [px] the whole lies from where it was expected.
     """
     found = marker.corners[_ORDERS]
     gaps = found[None] - np.stack(expected)[:, None]
@@ -124,14 +114,15 @@ def match_face(
     left = np.sqrt(((gaps - shifts[:, :, None]) ** 2).sum(axis=(2, 3)) / 8)
     shifted = np.hypot(shifts[..., 0], shifts[..., 1])
     face, order = np.unravel_index(np.argmin(left + _SHIFT_COSTS * shifted), left.shape)
-    misfit, away = float(left[face, order]), float(shifted[face, order])
     blurred = EDGE_JUDGEMENT * edge_px
-    return Match(
-        FACES[face],
+    sighting = Sighting(
+        view,
+        Thing.TOOL,
         found[order],
         faces[face],
-        math.hypot(_CORNER_PX, blurred),
-        blurred,
-        math.hypot(misfit, _SHRINKS * edge_px),
-        away,
+        sigma_px=math.hypot(_CORNER_PX, blurred),
+        lasting_px=blurred,
+        warp_px=math.hypot(float(left[face, order]), _SHRINKS * edge_px),
+        cue=FACES[face],
     )
+    return sighting, float(shifted[face, order])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from hw.sim.gripper import FINGER_TRAVEL_M
 from hw.sim.operator.vision.blobs import Window, find_blobs
 from hw.sim.operator.vision.pinhole import Pinhole
 from hw.sim.operator.vision.solids import GREEN, finger_boxes, sketch
-from hw.sim.world.lite6_model import FINGER_TRAVEL_M
 from tams_app.records import Image
 
 OPEN_M = 2.0 * FINGER_TRAVEL_M

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
+from hw.sim.gripper import TCP_OFFSET_M
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
 from tams_app.records import Vector
 
 Matrix = NDArray[np.float64]
@@ -52,3 +53,18 @@ class Pinhole:
         centre = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
         ray = self.axes @ np.array([*((pixel - centre) / self.focal_px), 1.0])
         return np.asarray(self.place + ray * ((height_m - self.place[2]) / ray[2]))
+
+
+def fixed_cameras() -> dict[str, Pinhole]:
+    """The cameras beside and above the table, in the base frame."""
+    return {
+        view: Pinhole.of(np.array(seen.place), seen.axes(), seen.fovy_deg)
+        for view, seen in FIXED_VIEWPOINTS.items()
+    }
+
+
+def wrist_camera() -> Pinhole:
+    """The eye-in-hand camera in the tool's frame (origin: TCP)."""
+    seen = WRIST_VIEWPOINT
+    place = np.array(seen.place) - (0.0, 0.0, TCP_OFFSET_M)
+    return Pinhole.of(place, seen.axes(), seen.fovy_deg)

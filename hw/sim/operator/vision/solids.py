@@ -1,8 +1,8 @@
 """The things of the task as boxes, and how they hide one another in an image.
 
-An operator knows what block, gripper and container look like; of a thing half hidden behind
-another he does not take the middle of the visible part for the middle of the thing. `sketch` is
-that knowledge: a coarse drawing of the boxes, far ones first.
+Operators know what block, gripper and container look like; of a thing half hidden behind another
+they do not take the middle of the visible part for the middle of the thing. `sketch` is that
+knowledge: a coarse drawing of the boxes, far ones first.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from hw.sim.gripper import CLIP_HALF, HOUSING, PAD_HALF, PLATE, TCP_OFFSET_M
 from hw.sim.layout import (
     BLOCK_EDGE_M,
     BLOCK_HEIGHT_M,
@@ -22,7 +23,6 @@ from hw.sim.layout import (
     CONTAINER_WALL_M,
 )
 from hw.sim.operator.vision.pinhole import Matrix, Pinhole
-from hw.sim.world.lite6_model import TCP_OFFSET_M
 from tams_app.records import Image, Vector
 
 DARK, GREEN, ORANGE, BLUE = 1, 2, 3, 4
@@ -31,12 +31,8 @@ _SKETCH_EDGE = 240  # about as large as a sketch gets
 _SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 _TOOL_DOWN = np.diag((1.0, -1.0, -1.0))
 
-# Gripper parts in the flange's frame as drawn in hw.sim.world.lite6_model: centre, half size [m].
-_HOUSING = ((0.0, 0.0, 0.027), (0.018, 0.034, 0.021))
-_PLATE = ((0.0, 0.0, 0.050), (0.0125, 0.032, 0.003))
-_PAD_HALF = (0.0065, 0.0040, 0.011)
+# Places and half sizes of the fingers' parts in the flange's frame [m].
 _PAD_CENTRE_Z = 0.075
-_CLIP_HALF = (0.0068, 0.0012, 0.006)
 _CLIP_BESIDE_PAD = 0.0032
 _STEM_HALF = (0.0055, 0.0030, 0.0055)  # as far as the pad does not cover it
 _STEM_BESIDE_PAD = 0.0030
@@ -94,17 +90,17 @@ def finger_boxes(opening_m: float) -> list[Box]:
     """The green pads with what is dark about them, in the tool's frame (origin: TCP)."""
     boxes = []
     for side in (-1.0, 1.0):
-        pad = side * (opening_m / 2 + _PAD_HALF[1])
-        boxes.append(_tool_box((0.0, pad, _PAD_CENTRE_Z), _PAD_HALF, GREEN))
+        pad = side * (opening_m / 2 + PAD_HALF[1])
+        boxes.append(_tool_box((0.0, pad, _PAD_CENTRE_Z), PAD_HALF, GREEN))
         clip = pad + side * _CLIP_BESIDE_PAD
-        boxes.append(_tool_box((0.0, clip, _PAD_CENTRE_Z), _CLIP_HALF, DARK))
+        boxes.append(_tool_box((0.0, clip, _PAD_CENTRE_Z), CLIP_HALF, DARK))
         boxes.append(_tool_box((0.0, pad + side * _STEM_BESIDE_PAD, _STEM_Z), _STEM_HALF, DARK))
     return boxes
 
 
 def tool_boxes(tcp: Vector, axes: Matrix, opening_m: float) -> list[Box]:
     """The gripper in the base frame; `axes`: the tool's, as columns."""
-    parts = [_tool_box(*_HOUSING, DARK), _tool_box(*_PLATE, DARK), *finger_boxes(opening_m)]
+    parts = [_tool_box(*HOUSING, DARK), _tool_box(*PLATE, DARK), *finger_boxes(opening_m)]
     return [Box(tcp + part.corners @ axes.T, part.colour) for part in parts]
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, TOOL, TURN, Gap
-from hw.sim.operator.seeing import fixed_cameras, wrist_camera
 from hw.sim.operator.vision.detections import Cue, HeadingSighting, Sighting, Thing
+from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 
 pytestmark = pytest.mark.untimed
 
@@ -36,12 +36,12 @@ def _sighting(belief, view, thing, place, sigma_px=0.3):
 def _look(belief, tcp=TCP, block=BLOCK_PLACE, views=("gt", "gs"), moved=0.0, sigma_px=0.3):
     before = belief.state.copy()
     belief.predict(np.zeros(3) + moved, np.zeros(3), 0.08)
-    belief.lay_on_table()
+    belief.hold_to_table()
     sightings = [_sighting(belief, view, Thing.TOOL, tcp, sigma_px) for view in views]
     if block is not None:
         sightings += [_sighting(belief, view, Thing.BLOCK, block, sigma_px) for view in views]
     belief.take(sightings)
-    belief.learn_whether_it_comes_along(before)
+    belief.learn_carried_part(before)
 
 
 def test_two_views_together_find_tool_and_block():
@@ -102,7 +102,7 @@ def _stare(belief, glances, moved=0.0, **errors):
     return belief.sigma_of(Thing.BLOCK)
 
 
-def test_looking_again_at_the_same_image_does_not_make_him_surer_of_what_lasts():
+def test_looking_again_at_the_same_image_does_not_reduce_lasting_errors():
     once, often = (_stare(_settled_far(), glances, lasting_px=2.0) for glances in (3, 300))
     pixel_m = 1.0 / np.linalg.norm(_settled().camera("gt").jacobian(BLOCK_PLACE), axis=1).max()
     assert often > 0.95 * once
@@ -142,7 +142,7 @@ def test_views_that_move_while_they_are_drawn_count_for_less():
 def test_a_block_high_in_opening_fingers_may_have_fallen():
     belief = _settled()
     belief.state[BLOCK] = belief.tcp
-    belief.doubt_the_grip()
+    belief.note_fingers_moved()
     assert math.sqrt(belief.covariance[BLOCK_Z, BLOCK_Z]) > 0.4 * (TCP[2] - 0.01)
 
 
@@ -154,26 +154,26 @@ def _settled_far():
 
 
 @pytest.mark.parametrize("carried", [True, False])
-def test_whether_the_block_comes_along_is_learnt_by_looking(carried):
+def test_whether_the_block_carried_part_is_learnt_by_looking(carried):
     held = TCP - (0.0, 0.0, 0.001)
     belief = _belief()
     belief.state[TOOL] = TCP
     belief.state[BLOCK] = held
     belief.seen[Thing.BLOCK] = True
-    belief.doubt_the_grip()
+    belief.note_fingers_moved()
     for _ in range(4):
         _look(belief, block=held)
     step = np.array([0.0, 0.0, 0.005])
     for glance in range(1, 5):
         _look(belief, TCP + glance * step, held + glance * step * carried, moved=step)
-    assert (belief.comes_along > 0.7) is carried
-    assert (belief.comes_along < 0.3) is not carried
+    assert (belief.carried_part > 0.7) is carried
+    assert (belief.carried_part < 0.3) is not carried
 
 
-def test_a_carried_block_is_believed_to_follow_while_nobody_sees_it():
+def test_a_carried_block_is_believed_to_follow_while_it_is_not_seen():
     belief = _settled()
     belief.state[BLOCK] = belief.tcp
-    belief.comes_along = 1.0
+    belief.carried_part = 1.0
     before = belief.block.copy()
     known = belief.gap_sigma(Gap.to_block())
     for _ in range(5):

@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.sim.operator.belief_motion import motion_noise
-from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, CONTAINER, TOOL
+from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, CONTAINER, TOOL, motion_noise
 
 pytestmark = pytest.mark.untimed
 

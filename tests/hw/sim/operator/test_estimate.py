@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.sim.operator.estimate import GaussianEstimate
+from hw.sim.operator.belief_state import GaussianEstimate
 
 pytestmark = pytest.mark.untimed
 

@@ -3,7 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.sim.operator.hand import FINGER_TRAVEL_S, REST_POSITION_M, WRIST_REACH_RAD, Hand, HandWish
+from hw.sim.operator.hand import (
+    PRESS_TRAVEL_S,
+    REST_POSITION_M,
+    WRIST_REACH_RAD,
+    Hand,
+    HandCommand,
+)
 
 pytestmark = pytest.mark.untimed
 
@@ -15,8 +21,8 @@ def _hand() -> Hand:
     return Hand(np.random.default_rng(1), REACH_M)
 
 
-def _wish(linear=(0, 0, 0), angular=(0, 0, 0), **fingers) -> HandWish:
-    return HandWish(np.array(linear, dtype=float), np.array(angular, dtype=float), **fingers)
+def _wish(linear=(0, 0, 0), angular=(0, 0, 0), **fingers) -> HandCommand:
+    return HandCommand(np.array(linear, dtype=float), np.array(angular, dtype=float), **fingers)
 
 
 velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
@@ -63,7 +69,7 @@ def test_the_trigger_travels_gradually_both_ways():
         values.append(hand.trigger)
     assert 0.0 < values[0] < 0.4 < values[5]
     assert hand.trigger == 1.0
-    assert sum(value < 1.0 for value in values) * DT_S == pytest.approx(FINGER_TRAVEL_S, abs=0.01)
+    assert sum(value < 1.0 for value in values) * DT_S == pytest.approx(PRESS_TRAVEL_S, abs=0.01)
     hand.step(_wish(), DT_S)
     assert 0.6 < hand.trigger < 1.0
 
@@ -72,7 +78,7 @@ def test_a_still_hand_trembles_a_little_and_stays():
     hand = _hand()
     poses = []
     for _ in range(600):
-        hand.step(HandWish.still(), DT_S)
+        hand.step(HandCommand.still(), DT_S)
         poses.append(hand.pose())
     offset = np.array(poses)[:, :3] - REST_POSITION_M
     assert 1e-5 < offset.std() < 3e-4
@@ -97,7 +103,7 @@ def test_a_hand_at_working_speed_slows_down_before_its_end():
 
 def _path(motor_noise: float, tremor: float = 1.0, speed: float = 0.2) -> np.ndarray:
     hand = Hand(np.random.default_rng(4), 2.0, tremor, motor_noise)
-    wish = HandWish(np.array([speed, 0.0, 0.0]), np.zeros(3))
+    wish = HandCommand(np.array([speed, 0.0, 0.0]), np.zeros(3))
     poses = []
     for _ in range(240):
         hand.step(wish, 1 / 120)

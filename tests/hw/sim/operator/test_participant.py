@@ -21,7 +21,7 @@ def test_traits_stay_within_the_published_ranges():
         assert 0.11 <= person.visuomotor_s <= 0.16
         assert 10.0 <= 1.0 / person.sampling_s <= 15.0
         assert 3.7 <= person.gain_per_s / math.log(2.0) <= 4.9
-        assert 1.5 <= person.patience_s <= 3.0
+        assert 1.5 <= person.wait_limit_s <= 3.0
         assert person.fine_speed_m_s < person.reach_speed_m_s
     mean = sum(person.reaction_s for person in PEOPLE) / len(PEOPLE)
     assert abs(mean - 0.231) < 0.01
@@ -31,4 +31,4 @@ def test_the_script_has_no_person_s_weaknesses():
     script = ParticipantProfile.scripted(OperatorConfig(reaction_s=0.4))
     assert script.reaction_s == 0.4
     assert script.motor_noise == 0.0
-    assert script.patience_s == math.inf
+    assert script.wait_limit_s == math.inf

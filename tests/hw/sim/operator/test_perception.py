@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.sim.operator.perception import Estimate, GapSigmas, TruePerception
+from hw.sim.operator.demo import TruePerception
+from hw.sim.operator.perception import Estimate, GapSigmas
 from tams_app.records import Pose, SceneTruth
 
 pytestmark = pytest.mark.untimed

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from hw.sim.operator.servoing import HandMap, approach, care, grasp_turn
+from hw.sim.operator.servoing import HandMap, approach, grasp_turn, speed_factor
 from tams_app.config import HandConfig
 
 pytestmark = pytest.mark.untimed
@@ -48,9 +48,9 @@ def test_approach_heads_for_the_goal_and_keeps_the_speed(error, speed):
 
 
 def test_care_slows_down_and_then_waits():
-    assert care(0.001, 0.003) == 1.0
-    assert 0.0 < care(0.0045, 0.003) < 1.0
-    assert care(0.006, 0.003) == care(math.inf, 0.003) == 0.0
+    assert speed_factor(0.001, 0.003) == 1.0
+    assert 0.0 < speed_factor(0.0045, 0.003) < 1.0
+    assert speed_factor(0.006, 0.003) == speed_factor(math.inf, 0.003) == 0.0
 
 
 def test_the_hand_map_knows_the_directions_roughly_and_itself_exactly():

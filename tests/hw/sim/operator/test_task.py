@@ -120,9 +120,9 @@ def _uncertain(sigma: float) -> Percept:
     return replace(percept, seen_gaps=GapSigmas(sigma, sigma, sigma))
 
 
-def test_out_of_patience_he_goes_on_slowly_with_what_he_has():
+def test_after_the_wait_limit_the_operator_goes_on_slowly():
     patient = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0))
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=1.5)
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), wait_limit_s=1.5)
     for task, moves in ((patient, False), (hasty, True)):
         intents = _run(task, _uncertain(0.05), 0, 2.0)
         assert not any(intent.linear.any() for intent in intents[:140])
@@ -130,8 +130,8 @@ def test_out_of_patience_he_goes_on_slowly_with_what_he_has():
     assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
 
 
-def test_without_any_idea_he_waits_longer_but_not_for_ever():
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=0.5)
+def test_with_nothing_to_go_by_the_operator_waits_longer_but_not_for_ever():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), wait_limit_s=0.5)
     intents = _run(hasty, _uncertain(0.5), 0, 3.0)
     moving = [intent.linear.any() for intent in intents]
     assert not any(moving[: len(moving) * 2 // 3])
@@ -139,8 +139,8 @@ def test_without_any_idea_he_waits_longer_but_not_for_ever():
     assert np.linalg.norm(intents[-1].linear) < 0.3 * 0.2
 
 
-def test_a_view_that_clears_gives_the_patience_back():
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), patience_s=1.0)
+def test_a_view_that_clears_resets_the_wait():
+    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), wait_limit_s=1.0)
     assert _run(hasty, _uncertain(0.05), 0, 1.5)[-1].linear.any()
     _run(hasty, _uncertain(0.001), 1_500_000_000, 0.1)
     assert not _run(hasty, _uncertain(0.05), 1_600_000_000, 0.5)[-1].linear.any()

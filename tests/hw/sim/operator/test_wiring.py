@@ -1,9 +1,9 @@
-"""The rig's buttons: what they move, and what the mapping makes of it."""
+"""The rig's buttons: which components they move, and what the mapping makes of it."""
 
 import pytest
 
-from hw.sim.operator.operator_hand import operator_hand
-from hw.sim.operator.wiring import rig_wiring
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.virtual_controller import rig_wiring
 from tams_app.config import load_config
 from tams_app.errors import ConfigError
 

@@ -16,13 +16,13 @@ from hw.sim.layout import (
     Layout,
     Placement,
 )
+from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import Operator
-from hw.sim.operator.perception import TruePerception
 from hw.sim.operator.task import Stage
-from hw.sim.operator.virtual_controller import VirtualController
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, SceneTruth, Vector
 from tams_app.runtime.clock import NS_PER_S
+from tests.hw.sim.operator.faulty_controller import FaultyController
 
 TICK_NS = round(NS_PER_S / 120)
 SMOOTHING_S = 0.04
@@ -82,7 +82,7 @@ class ToyRobot:
             if self.arming == "disarmed":
                 self.arming = "ready"
             elif self.arming == "fault":
-                raise AssertionError("the operator cleared a fault by himself")
+                raise AssertionError("the operator cleared a fault alone")
         squeezed = sample.status is ControllerStatus.OK and sample.trigger >= 0.6
         if self.arming == "ready" and squeezed:
             if self._last is not None and self._last.trigger < 0.6 and not self.held:
@@ -182,7 +182,7 @@ class ToyRobot:
 
 @dataclass
 class Trial:
-    """A robot, an operator and his controller, run in virtual time."""
+    """A robot, an operator and their controller, run in virtual time."""
 
     layout: Layout
     seed: int = 0
@@ -202,7 +202,7 @@ class Trial:
         self.showing = True  # False: the image stands still
         eyes = TruePerception(lambda: self.seen)
         operator = Operator(hand, config, eyes, self.seed, self.confirms)
-        self.controller = VirtualController(operator, config, self.seed)
+        self.controller = FaultyController(operator, config, self.seed)
         self.controller.start()
         self.operator = operator
 

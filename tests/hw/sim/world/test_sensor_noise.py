@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.sim.world.sensor_noise import SensorNoise
+from hw.sim.world.camera_images import SensorNoise
 from tams_app.records import Image
 
 pytestmark = pytest.mark.untimed

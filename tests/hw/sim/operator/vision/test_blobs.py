@@ -80,7 +80,7 @@ def test_noise_is_anew_in_every_glance_and_blur_is_not():
     assert noisy.lasting_px < 1.3 * sharp.lasting_px
 
 
-def test_a_image_without_the_colour_shows_nothing():
+def test_an_image_without_the_colour_shows_nothing():
     grey = np.full((100, 100, 3), GREY, np.uint8)
     assert _find(grey) == []
     assert find_blobs(Window(0, 0, _image()), GREEN, 196) == []

@@ -53,8 +53,8 @@ def test_a_marker_is_matched_to_its_face_however_its_corners_are_counted():
     for face, pixels in zip(faces, expected, strict=True):
         for turn in range(4):
             seen = Marker(3, np.roll(pixels, turn, axis=0) + SHIFT)
-            match = match_face(seen, faces, expected, edge_px=1.0)
-            assert match.misfit_px == pytest.approx(np.hypot(2, 1))
+            match, away_px = match_face("gt", seen, faces, expected, edge_px=1.0)
+            assert away_px == pytest.approx(np.hypot(2, 1))
             assert _flat(match.points) + SHIFT == pytest.approx(match.pixels)
             assert sorted(map(tuple, match.points)) == sorted(map(tuple, face))
 
@@ -63,9 +63,9 @@ def test_what_the_corners_leave_over_is_their_uncertainty():
     faces = gripper_faces()
     expected = [_flat(face) for face in faces]
     wobble = np.array([(1.0, 0.0), (-1.0, 0.5), (0.5, -1.0), (-0.5, 0.5)])
-    sharp = match_face(Marker(3, expected[0]), faces, expected, 1.0)
-    rough = match_face(Marker(3, expected[0] + wobble), faces, expected, 1.0)
-    blurred = match_face(Marker(3, expected[0]), faces, expected, 8.0)
+    sharp, _ = match_face("gt", Marker(3, expected[0]), faces, expected, 1.0)
+    rough, _ = match_face("gt", Marker(3, expected[0] + wobble), faces, expected, 1.0)
+    blurred, _ = match_face("gt", Marker(3, expected[0]), faces, expected, 8.0)
     assert sharp.sigma_px < 0.3
     assert rough.warp_px > 2.0 * sharp.warp_px
     assert blurred.sigma_px > 2.0 * sharp.sigma_px

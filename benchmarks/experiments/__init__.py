@@ -1,0 +1,1 @@
+"""Finished experiments, outside `make bench`: `python -m benchmarks.experiments.NAME`."""

@@ -1,0 +1,240 @@
+"""How well the feedback model of virtual time agrees with GStreamer's rtpsession.
+
+`python -m benchmarks.experiments.feedback_model` runs both in virtual time over the same link with
+the same seeds, three views each, and prints what repair asked for, got and cost. Each run is a
+process of its own. `--networks` measures some networks anew and leaves the results of the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from benchmarks.experiments.arrivals import Arrivals, NotingLink
+from benchmarks.experiments.moving_frames import image
+from benchmarks.experiments.rtpsession_views import RtpSessionView
+from tams_app import gst
+from tams_app.config import Config, Network, load_config
+from tams_app.records import Frame, PacketRecord
+from tams_app.runtime.clock import NS_PER_S
+from tams_app.video.networks import network_capacity
+from tams_app.video.repair import RepairRule, repair_rule
+from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.virtual_time.wait_idle import Quiescence
+
+NETWORKS = ("s1", "s2", "s3")
+START_NS = NS_PER_S
+AFTER_NS = NS_PER_S  # the last packets and their repair
+RESULTS = Path(__file__).parent / "results" / "feedback_model.json"
+ROWS = (
+    "first_arrivals_us",
+    "packets_lost",
+    "nacks_sent",
+    "nacks_arrived",
+    "repairs_sent",
+    "repair_bytes",
+    "lost_after_repair",
+    "plis_sent",
+    "plis_arrived",
+    "keyframes_forced",
+    "frames_shown",
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="feedback_model", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--seconds", type=int, default=15)
+    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=NETWORKS)
+    parser.add_argument("--rtx", action="store_true", help="repair by RTX on every network")
+    parser.add_argument("--json", type=Path, default=RESULTS)
+    parser.add_argument("--one", nargs=3, metavar=("KIND", "NETWORK", "SEED"))
+    options = parser.parse_args()
+    if options.one:
+        kind, network, seed = options.one
+        print(json.dumps(run(kind, network, int(seed), options.seconds, options.rtx)))
+        return
+    results = measure(options.networks, options.seeds, options.seconds, options.rtx)
+    setting = {"seeds": options.seeds, "seconds": options.seconds, "rtx_everywhere": options.rtx}
+    content = json.loads(options.json.read_text("utf-8")) if options.json.exists() else {}
+    console = Console()
+    for network in options.networks:
+        console.print(table(network, results[network], options))
+        content[network] = {**setting, **results[network]}
+    options.json.parent.mkdir(parents=True, exist_ok=True)
+    options.json.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def measure(
+    networks: Sequence[str], seeds: int, seconds: int, rtx: bool
+) -> dict[str, dict[str, dict[str, int]]]:
+    """Sums over all seeds by network, then by kind of run."""
+    results: dict[str, dict[str, dict[str, int]]] = {name: {} for name in networks}
+    jobs = [
+        (name, kind, seed)
+        for name in networks
+        for kind in ("model", "rtpsession")
+        for seed in range(1, seeds + 1)
+    ]
+    for name, kind, seed in track(jobs, description="virtual runs"):
+        command = [sys.executable, "-m", "benchmarks.experiments.feedback_model"]
+        command += ["--one", kind, name, str(seed), "--seconds", str(seconds)]
+        command += ["--rtx"] if rtx else []
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=900)
+        total = Counter(results[name].get(kind, {}))
+        total.update(json.loads(done.stdout))
+        results[name][kind] = {row: total[row] for row in ROWS}
+    return results
+
+
+def table(name: str, both: dict[str, dict[str, int]], options: argparse.Namespace) -> Table:
+    title = f"{name}: three views, {options.seeds} seeds of {options.seconds} s"
+    shown = Table("", "model", "rtpsession", title=title, box=None)
+    for row in ROWS:
+        shown.add_row(row, str(both["model"][row]), str(both["rtpsession"][row]))
+    return shown
+
+
+def run(kind: str, name: str, seed: int, seconds: int, rtx: bool) -> dict[str, int]:
+    """One run of the `model` or of `rtpsession`: the counts of all views together."""
+    config = load_config()
+    network = config.networks[name]
+    rule = repair_rule(network, config.video.pli_min_interval_ms)
+    if rtx and not rule.rtx:
+        patience_ms = round(2.4 * network.latency_ms + 2 * network.jitter_ms + 20)
+        rule = RepairRule(True, patience_ms, rule.pli_interval_ms)
+    runs = {"model": run_model, "rtpsession": run_rtpsession}
+    return dict(runs[kind](config, network, rule, seed, seconds))
+
+
+def run_model(
+    config: Config, network: Network, rule: RepairRule, seed: int, seconds: int
+) -> Counter[str]:
+    """The feedback model, as a trial in virtual time uses it."""
+    counts: Counter[str] = Counter()
+    arrivals = Arrivals(START_NS)
+
+    def note(records: list[PacketRecord]) -> None:
+        for record in records:
+            arrivals.note(record)
+
+    video = VirtualVideo(
+        config.video,
+        network,
+        rule,
+        seed,
+        START_NS,
+        _targets(config, network),
+        config.policy.allocation.source_drop_below_kbps,
+        VideoRecords(_ignore, _ignore, _ignore, note),
+        ProcessingTimes(0, 0),
+    )
+    with closing(video):
+        _drive(config, seconds, video.push, video.advance_to)
+        for view in config.video.views:
+            repair, stats = video.counts(view), video.stats(view)
+            counts.update({row: getattr(repair, row) for row in ROWS if hasattr(repair, row)})
+            counts.update(lost_after_repair=stats.packets_lost, frames_shown=stats.frames_shown)
+    counts.update(arrivals.counts())
+    return counts
+
+
+def run_rtpsession(
+    config: Config, network: Network, rule: RepairRule, seed: int, seconds: int
+) -> Counter[str]:
+    """The real sessions on the same link."""
+    gst.load().GLib.random_set_seed(seed)
+    clock, events, quiescence = SteppedClock(START_NS), EventQueue(), Quiescence()
+    clock.become_default()
+    capacity = network_capacity(network, START_NS)
+    arrivals = Arrivals(START_NS)
+    link = NotingLink(arrivals, network, capacity, config.video.views, seed)
+    targets = _targets(config, network)
+    views = {
+        view: RtpSessionView(view, config.video, rule, targets[view], link, events, clock)
+        for view in config.video.views
+    }
+
+    def settle() -> None:
+        quiescence.wait()
+        for view in views.values():
+            view.collect()
+
+    def advance_to(now_ns: int) -> None:
+        while True:
+            wait_ns, action_ns = clock.next_ns(), events.next_ns
+            due = [time for time in (wait_ns, action_ns) if time is not None and time <= now_ns]
+            if not due:
+                clock.move_to(now_ns)
+                return
+            clock.move_to(max(min(due), clock.now_ns()))
+            if wait_ns is not None and wait_ns <= clock.now_ns():
+                clock.end_next_wait()
+            else:
+                events.do_next()
+            settle()
+
+    def push(frame: Frame) -> None:
+        views[frame.view].push(frame)
+        settle()
+
+    for each in views.values():
+        each.start()
+    settle()
+    _drive(config, seconds, push, advance_to)
+    counts = Counter(arrivals.counts())
+    for each in views.values():
+        counts.update(each.counts)
+        stats = each.stats()
+        counts.update(
+            lost_after_repair=stats.packets_lost,
+            frames_shown=stats.frames_shown,
+            keyframes_forced=each.keyframes_forced(),
+        )
+        print(each.view, dict(each.report_bytes), file=sys.stderr)
+        each.close()
+    quiescence.close()
+    return counts
+
+
+def _ignore(_: object) -> None:
+    """Nothing of it is measured here."""
+
+
+def _targets(config: Config, network: Network) -> dict[str, float]:
+    """What the strategy `equal` gives each view."""
+    capacity_kbps = network.rate_kbps or config.policy.budget.max_kbps
+    budget_kbps = config.policy.budget.safety_factor * capacity_kbps
+    return dict.fromkeys(config.video.views, budget_kbps / len(config.video.views))
+
+
+def _drive(
+    config: Config,
+    seconds: int,
+    push: Callable[[Frame], None],
+    advance_to: Callable[[int], None],
+) -> None:
+    fps = config.video.fps
+    for index in range(seconds * fps):
+        now_ns = START_NS + index * NS_PER_S // fps
+        advance_to(now_ns)
+        for place, view in enumerate(config.video.views):
+            push(Frame(view, index, now_ns, image(index + 40 * place)))
+    advance_to(START_NS + seconds * NS_PER_S + AFTER_NS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""A hand recorded in virtual time without any video: that of the demo's operator.
+
+Its motion depends on neither frame nor network, so that every run that replays it
+(`rig.hand_trajectory`) is asked for the same motion. Everything between hand and arm is the
+product's. A recording takes some eight seconds of a core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from hw.sim.operator.demo import demo_controller
+from tams_app.config import Config
+from tams_app.errors import TamsError
+from tams_app.recording import read_ticks
+from tams_app.recording.direct import DirectRecorder
+from tams_app.records import Outcome, SceneTruth
+from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.session import build
+from tams_app.session.control import ControlHooks
+from tams_app.session.recorders import session_header
+from tams_app.session.signals import Signals
+from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.study.trial import TrialJudge
+from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import ArmingState
+
+_START_NS = NS_PER_S
+_AFTERWARDS_NS = 2 * NS_PER_S  # the hand rests so long after the block was placed
+_LONGEST_S = 90.0
+
+
+@dataclass(frozen=True, slots=True)
+class Waits:
+    """When the operator sees the scene, in seconds from the first reading: what a replay waits for.
+
+    From `confirm_s` for half a second, in which they begin to confirm the arming, and from
+    `squeeze_s` on.
+    """
+
+    confirm_s: float = 0.0
+    squeeze_s: float = 2.0
+
+    def sees(self, since_s: float) -> bool:
+        return self.confirm_s <= since_s < self.confirm_s + 0.5 or since_s >= self.squeeze_s
+
+
+# A live session's first frames come after its first tick, and its arm takes a second or two to
+# release the brakes.
+LIVE = Waits(confirm_s=3.0, squeeze_s=9.0)
+
+
+def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outcome:
+    """Record the demo's operator on the scene of `config.seed`; TamsError if they fail.
+
+    `waits` None: they begin at once, for replays in virtual time.
+    """
+    header = session_header(config, _START_NS, 0)
+    clock = VirtualClock(_START_NS)
+    free_mb = config.recording.min_free_mb
+    with closing(DirectRecorder(path, header, clock, free_mb)) as log:
+        recording = _Recording(config, clock, log, waits or Waits())
+        try:
+            outcome = recording.run()
+        finally:
+            recording.close()
+    if not outcome.success:
+        raise TamsError(f"seed {config.seed}: the scripted operator failed ({outcome.reason})")
+    return outcome
+
+
+class _Recording:
+    """The rig of a recording: a robot and a hand, no cameras."""
+
+    def __init__(
+        self, config: Config, clock: VirtualClock, log: DirectRecorder, waits: Waits
+    ) -> None:
+        self._clock = clock
+        self._waits = waits
+        self._period_ns = round(NS_PER_S / config.control.rate_hz)
+        self._robot = robot = VirtualRobot(config, clock, lambda _level, _text: None)
+        self._judge = TrialJudge(config.trial, build.task_geometry())
+        controller = demo_controller(config, self._see)
+        hooks = ControlHooks(
+            beat=_ignore,
+            video_age_ns=lambda *_: 0,
+            stop=robot.gate.stop,
+            request=robot.gate.request,
+            arm_ready=lambda: robot.gate.ready,
+            phase_began=log.record,
+            record=log.record,
+            output=self._on_output,
+        )
+        self._loop = build.control_loop(config, clock, controller, robot.arm, 0, Signals(), hooks)
+        robot.arm.connect()
+        controller.start()
+
+    def run(self) -> Outcome:
+        """Until the block has lain in the container for a while, or nothing comes of it."""
+        end_ns = _START_NS + round(_LONGEST_S * NS_PER_S)
+        placed_ns: int | None = None
+        while self._clock.now_ns() < end_ns:
+            self._clock.advance_ns(self._period_ns)
+            self._loop.tick(self._clock.now_ns())
+            self._robot.gate.serve()
+            now_ns, closed = self._clock.now_ns(), self._robot.gripper_closed()
+            if placed_ns is None and self._judge.step(now_ns, self._robot.truth(), closed):
+                placed_ns, end_ns = now_ns, now_ns + _AFTERWARDS_NS
+        return self._judge.outcome()
+
+    def close(self) -> None:
+        self._robot.stop()
+        self._robot.arm.close()
+
+    def _see(self) -> SceneTruth | None:
+        since_s = (self._clock.now_ns() - _START_NS) / NS_PER_S
+        return self._robot.truth() if self._waits.sees(since_s) else None
+
+    def _on_output(self, now_ns: int, output: TeleopOutput, _arm: object) -> None:
+        if output.arming is ArmingState.ENGAGED:
+            self._judge.engaged(now_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class HandSpan:
+    """When the hand first squeezes and when its recording ends [ns from the first reading]."""
+
+    squeeze_ns: int
+    end_ns: int
+
+    @staticmethod
+    def of(path: Path, engage_above: float) -> HandSpan:
+        """Of the recording at `path`; TamsError if it never squeezes."""
+        ticks = list(read_ticks(path))
+        for tick in ticks:
+            if tick.controller.trigger >= engage_above:
+                first_ns = ticks[0].started_ns
+                return HandSpan(tick.started_ns - first_ns, ticks[-1].started_ns - first_ns)
+        raise TamsError(f"{path}: the hand never squeezes")
+
+
+_ignore: Callable[..., None] = lambda *_: None  # noqa: E731

@@ -1,0 +1,201 @@
+"""Memory that the simulated rig's processes share: the world's newest state, each view's frames.
+
+The rig writes the world, which the renderer and the trial's rules read; the renderer writes frames,
+which the cameras read. A helper that was killed and started again finds its memory as it was, and
+its readers keep theirs.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from tams_app.errors import DeviceError
+from tams_app.records import Frame, Image, Pose, SceneTruth, Vector
+from tams_app.runtime.shared_block import create_block, open_block, remove_block
+from tams_app.runtime.shared_ring import RingShape, SharedRing
+
+SLOTS = 4  # frames per view: a reader has three periods to copy one before it is overwritten
+QPOS_SIZE = 15  # joints 6, fingers 2, block 7
+
+_STATE = struct.Struct(f"<q{QPOS_SIZE}d21d2d")
+_WORLD_RING = RingShape(_STATE.size, heads=4)
+_FRAME = struct.Struct("<4q")  # index, capture, grid start and period [ns]
+_WORLD, _FRAMES = "world", "frames"
+
+
+@dataclass(frozen=True, slots=True)
+class WorldState:
+    """Joint coordinates, shape (QPOS_SIZE,), and what follows from them in the base frame.
+
+    `poses`, shape (3, 7): block, container and TCP, each x y z [m] and quaternion x y z w.
+    """
+
+    qpos: Vector
+    poses: NDArray[np.float64]
+    block_speed: float  # [m/s]
+    fingers_opening: float  # [m]
+
+    def truth(self, t_ns: int) -> SceneTruth:
+        """The same as a record, stamped `t_ns`."""
+        block, container, tcp = (
+            Pose(pose[:3].copy(), Rotation.from_quat(pose[3:])) for pose in self.poses
+        )
+        return SceneTruth(t_ns, block, container, tcp, self.block_speed, self.fingers_opening)
+
+
+class WorldWriter:
+    """Publishes the world's state under `memory_name`; one writer at a time."""
+
+    def __init__(self, memory_name: str) -> None:
+        self._block = create_block(f"{memory_name}-{_WORLD}", _WORLD_RING.size)
+        self._ring = SharedRing(self._block, _WORLD_RING)
+
+    def publish(self, t_ns: int, state: WorldState) -> None:
+        """Publish `state` as that of the simulated instant `t_ns`."""
+        numbers = (*state.qpos.tolist(), *state.poses.ravel().tolist())
+        self._ring.put(_STATE.pack(t_ns, *numbers, state.block_speed, state.fingers_opening))
+
+    def close(self) -> None:
+        self._block.close()
+
+
+class WorldReader:
+    """Reads the world's state under `memory_name`; DeviceError when the rig never started."""
+
+    def __init__(self, memory_name: str) -> None:
+        self._block = _attach(f"{memory_name}-{_WORLD}", _WORLD_RING.size)
+        self._ring = SharedRing(self._block, _WORLD_RING)
+
+    def read(self) -> tuple[int, WorldState] | None:
+        """The newest simulated instant [ns] and the state then; None before the first."""
+        newest = self._ring.newest()
+        if newest is None:
+            return None
+        t_ns, *numbers, block_speed, opening = _STATE.unpack(newest[1])
+        poses = np.array(numbers[QPOS_SIZE:]).reshape(3, 7)
+        return t_ns, WorldState(np.array(numbers[:QPOS_SIZE]), poses, block_speed, opening)
+
+    def truth(self) -> SceneTruth | None:
+        """Where things are, for the trial's rules and the demo operator: not for the application.
+
+        Stamped with the simulated instant; None before the first.
+        """
+        newest = self.read()
+        return newest[1].truth(newest[0]) if newest is not None else None
+
+    def close(self) -> None:
+        self._block.close()
+
+
+@dataclass(frozen=True, slots=True)
+class FrameShape:
+    """The views and the size of their frames; writer and readers must agree on it."""
+
+    views: tuple[str, ...] = VIEWS
+    width: int = WIDTH_PX
+    height: int = HEIGHT_PX
+
+    @property
+    def ring_shape(self) -> RingShape:
+        return RingShape(_FRAME.size, SLOTS, self.width * self.height * 3, SLOTS)
+
+    @property
+    def block_bytes(self) -> int:
+        return len(self.views) * self.ring_shape.size
+
+    def ring(self, block: mmap.mmap, view: str) -> SharedRing:
+        """The ring of `view` within `block`."""
+        return SharedRing(block, self.ring_shape, self.views.index(view) * self.ring_shape.size)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameGrid:
+    """When frames are due: number n of a view at `start_ns + n * period_ns`; 0 if not known."""
+
+    start_ns: int = 0
+    period_ns: int = 0
+
+
+class FrameWriter:
+    """Publishes frames under `memory_name`; one writer at a time."""
+
+    def __init__(self, memory_name: str, shape: FrameShape) -> None:
+        self._block = create_block(f"{memory_name}-{_FRAMES}", shape.block_bytes)
+        self._rings = {view: shape.ring(self._block, view) for view in shape.views}
+
+    def grid(self, view: str) -> FrameGrid:
+        """The grid of an earlier writer of this memory."""
+        return _grid(self._rings[view])
+
+    def publish(
+        self, view: str, index: int, capture_ns: int, image: Image, grid: FrameGrid | None = None
+    ) -> None:
+        """Put a BGR image, shape (height, width, 3), in the ring of `view`."""
+        due = grid or FrameGrid()
+        head = _FRAME.pack(index, capture_ns, due.start_ns, due.period_ns)
+        self._rings[view].put(head, lambda pixels: np.copyto(pixels, image.ravel()))
+
+    def close(self) -> None:
+        self._block.close()
+
+
+class FrameReader:
+    """Reads one view's frames under `memory_name`; DeviceError when no renderer ever started."""
+
+    def __init__(self, memory_name: str, view: str, shape: FrameShape) -> None:
+        self._view = view
+        self._image_shape = (shape.height, shape.width, 3)
+        self._block = _attach(f"{memory_name}-{_FRAMES}", shape.block_bytes)
+        self._ring = shape.ring(self._block, view)
+
+    def written(self) -> int:
+        """How many frames were put so far."""
+        return self._ring.written()
+
+    def grid(self) -> FrameGrid:
+        """When the frames are due, once the first was put."""
+        return _grid(self._ring)
+
+    def newest(self) -> Frame | None:
+        """A copy of the newest frame; None before the first or if it was overwritten."""
+        number = self._ring.written() - 1
+        head = self._ring.head(number)
+        pixels = self._ring.bulk(number) if head is not None else None
+        if head is None or pixels is None:
+            return None
+        index, capture_ns, *_ = _FRAME.unpack(head)
+        return Frame(self._view, index, capture_ns, pixels.reshape(self._image_shape))
+
+    def close(self) -> None:
+        self._block.close()
+
+
+def remove_memory(name: str) -> None:
+    """Remove all memory of the rig `name`, also after its helpers were killed; may be repeated."""
+    for part in (_WORLD, _FRAMES):
+        remove_block(f"{name}-{part}")
+
+
+def _grid(ring: SharedRing) -> FrameGrid:
+    newest = ring.newest()
+    return FrameGrid(*_FRAME.unpack(newest[1])[2:]) if newest is not None else FrameGrid()
+
+
+def _attach(name: str, size: int) -> mmap.mmap:
+    try:
+        block = open_block(name)
+    except FileNotFoundError as error:
+        raise DeviceError(
+            "the simulated rig shares no memory; start its processes before this one"
+        ) from error
+    if len(block) != size:
+        block.close()
+        raise DeviceError("the simulated rig's memory has another layout; restart the session")
+    return block

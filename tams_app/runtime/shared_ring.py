@@ -1,0 +1,124 @@
+"""Ring of records in memory that processes share: one writer that never waits, any readers.
+
+A record is a small head and, where the ring has them, a bulk of pixels. Heads and bulks may be kept
+for different lengths: a reader that falls behind still learns of every record, though perhaps not
+what it held. A head carries a checksum over itself and its number; a bulk lies behind a serial
+number that is odd while it is being written. Both are checked after the copy, so a record that is
+being overwritten, or that a killed writer left half done, is never delivered.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_NUMBER = struct.Struct("<Q")  # of records put; of a bulk: 2n + 1 while n is written, then 2n + 2
+_CHECKSUM = struct.Struct("<I4x")
+_ALIGNED_BYTES = 64
+
+Bulk = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class RingShape:
+    """Size and number of a ring's heads and bulks; writer and readers must agree on it."""
+
+    head_bytes: int
+    heads: int
+    bulk_bytes: int = 0
+    bulks: int = 0
+
+    @property
+    def bulks_start(self) -> int:
+        """Offset of the first bulk from the ring's start [bytes]."""
+        return _aligned(_ALIGNED_BYTES + self.heads * (_CHECKSUM.size + self.head_bytes))
+
+    @property
+    def size(self) -> int:
+        """Bytes that the whole ring takes."""
+        return self.bulks_start + self.bulks * (_ALIGNED_BYTES + _aligned(self.bulk_bytes))
+
+
+class SharedRing:
+    """The ring of `shape` that begins at byte `start` of `memory`.
+
+    Zeroed memory is an empty ring; what an earlier writer left is carried on.
+    """
+
+    def __init__(self, memory: mmap.mmap, shape: RingShape, start: int = 0) -> None:
+        self._memory = memory
+        self._shape = shape
+        self._start = start
+
+    def written(self) -> int:
+        """How many records were put so far; they are numbered from 0."""
+        return int(_NUMBER.unpack_from(self._memory, self._start)[0])
+
+    def put(self, head: bytes, fill: Callable[[Bulk], object] | None = None) -> None:
+        """Put the next record in place of the oldest.
+
+        Args:
+            head: `head_bytes` bytes.
+            fill: Writes the bulk into the array it is given, uint8, shape (bulk_bytes,), and keeps
+                no reference to it. None in a ring without bulks.
+        """
+        number = self.written()
+        if fill is not None:
+            at = self._bulk_at(number)
+            _NUMBER.pack_into(self._memory, at, 2 * number + 1)
+            fill(self._bulk_place(at))
+            _NUMBER.pack_into(self._memory, at, 2 * number + 2)
+        at = self._head_at(number)
+        whole = _CHECKSUM.pack(_checksum(number, head)) + head
+        self._memory[at : at + len(whole)] = whole
+        _NUMBER.pack_into(self._memory, self._start, number + 1)
+
+    def head(self, number: int) -> bytes | None:
+        """The head of record `number`; None if it is not there (any more)."""
+        at = self._head_at(number)
+        copy = self._memory[at : at + _CHECKSUM.size + self._shape.head_bytes]
+        (checksum,), head = _CHECKSUM.unpack_from(copy), copy[_CHECKSUM.size :]
+        return head if checksum == _checksum(number, head) else None
+
+    def bulk(self, number: int) -> Bulk | None:
+        """A copy of the bulk of record `number`; None if it is not there (any more)."""
+        at, serial = self._bulk_at(number), 2 * number + 2
+        if _NUMBER.unpack_from(self._memory, at)[0] != serial:
+            return None
+        copy = self._bulk_place(at).copy()
+        return copy if _NUMBER.unpack_from(self._memory, at)[0] == serial else None
+
+    def newest(self) -> tuple[int, bytes] | None:
+        """Number and head of the newest record that is whole; None if there is none."""
+        written = self.written()
+        for number in range(written - 1, max(-1, written - 1 - self._shape.heads), -1):
+            head = self.head(number)
+            if head is not None:
+                return number, head
+        return None
+
+    def _head_at(self, number: int) -> int:
+        slot = number % self._shape.heads
+        return self._start + _ALIGNED_BYTES + slot * (_CHECKSUM.size + self._shape.head_bytes)
+
+    def _bulk_at(self, number: int) -> int:
+        slot, shape = number % self._shape.bulks, self._shape
+        slot_bytes = _ALIGNED_BYTES + _aligned(shape.bulk_bytes)
+        return self._start + shape.bulks_start + slot * slot_bytes
+
+    def _bulk_place(self, at: int) -> Bulk:
+        return np.frombuffer(self._memory, np.uint8, self._shape.bulk_bytes, at + _ALIGNED_BYTES)
+
+
+def _aligned(size: int) -> int:
+    return -(-size // _ALIGNED_BYTES) * _ALIGNED_BYTES
+
+
+def _checksum(number: int, head: bytes) -> int:
+    return zlib.crc32(head, number & 0xFFFFFFFF)

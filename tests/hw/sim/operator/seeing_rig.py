@@ -1,0 +1,104 @@
+"""A seeing participant at a rig in virtual time, with the images as the cameras take them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from hw.sim.operator.seeing import Reliance, SeeingParticipant
+from hw.sim.viewpoints import VIEWS
+from hw.sim.world.camera_images import CameraImages
+from tams_app.config import Config
+from tams_app.records import Image, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.session import build
+from tams_app.session.control import ControlHooks
+from tams_app.session.signals import Signals
+from tams_app.session.virtual.robot import VirtualRobot
+
+FRAME_NS = NS_PER_S // 30
+
+
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """What was known at a glance, from tool to block [m], shape (3,); the truth stays with us."""
+
+    reliance: Reliance
+    believed_gap: Vector
+    true_gap: Vector
+
+
+class SeeingRig:
+    """No codec and no link: what is taken is shown `delay_ms` later, as `distort` makes it."""
+
+    def __init__(
+        self,
+        config: Config,
+        participant: int,
+        cameras: CameraImages,
+        delay_ms: float = 0.0,
+        distort: Callable[[Image], Image] = lambda image: image,
+    ) -> None:
+        self._config = config
+        self._clock = VirtualClock()
+        self._robot = robot = VirtualRobot(config, self._clock, _ignore)
+        self._cameras = cameras
+        self._delay_ns = round(delay_ms * NS_PER_MS)
+        self._distort = distort
+        self._taken: deque[tuple[int, Vector]] = deque()
+        self.glances: list[Glance] = []
+        self._participant = SeeingParticipant(config, participant, self.images, self._note)
+        self.operator, self._eyes = self._participant.operator, self._participant.eyes
+        hooks = ControlHooks(
+            beat=_ignore,
+            video_age_ns=lambda *_: self._delay_ns,
+            request=robot.supervisor.request,
+            arm_ready=lambda: robot.supervisor.ready,
+            phase_began=_ignore,
+            record=_ignore,
+            output=_ignore,
+        )
+        controller = self._participant.controller
+        self._loop = build.control_loop(
+            config, self._clock, controller, robot.arm, self._delay_ns, Signals(), hooks
+        )
+        robot.arm.connect()
+        controller.start()
+
+    @property
+    def now_ns(self) -> int:
+        return self._clock.now_ns()
+
+    def tick(self) -> None:
+        """One control period."""
+        self._clock.advance_ns(round(NS_PER_S / self._config.control.rate_hz))
+        self._robot.catch_up()
+        if not self._taken or self.now_ns - self._taken[-1][0] >= FRAME_NS:
+            self._taken.append((self.now_ns, self._robot.qpos))
+        while len(self._taken) > 1 and self._taken[1][0] <= self.now_ns - self._delay_ns:
+            self._taken.popleft()
+        self._eyes.watch(self.now_ns)
+        self._loop.tick(self.now_ns)
+        self._robot.supervisor.serve()
+
+    def images(self) -> Mapping[str, Image | None]:
+        """What is on screen, by view: None until the first frame has arrived."""
+        t_ns, qpos = self._taken[0]
+        if t_ns > self.now_ns - self._delay_ns:
+            return dict.fromkeys(VIEWS)
+        index = t_ns // FRAME_NS
+        return {view: self._distort(self._cameras.take(view, index, qpos)) for view in VIEWS}
+
+    def close(self) -> None:
+        self._robot.arm.close()
+
+    def _note(self, reliance: Reliance) -> None:
+        truth = self._robot.truth()
+        gap = truth.block.position - truth.tcp.position
+        belief = self._eyes.belief
+        self.glances.append(Glance(reliance, belief.block - belief.tcp, gap))
+
+
+def _ignore(*_: object) -> None:
+    """For what these tests do not look at."""
