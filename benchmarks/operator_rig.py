@@ -20,9 +20,8 @@ from tams_app.config import Config
 from tams_app.records import Image, Outcome, SceneTruth, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
 
 Distort = Callable[[str, Image], Image]
@@ -107,17 +106,15 @@ class OperatorRig:
         station = seat(config, participant, self._screen.images, self._note)
         self.eyes, self.operator = station.eyes, station.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
-        hooks = ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: delay_ns,
-            request=robot.supervisor.request,
-            arm_ready=lambda: robot.supervisor.ready,
-            phase_began=_ignore,
-            record=_ignore,
-            output=_ignore,
-        )
-        self.loop = build.control_loop(
-            config, self._clock, station.controller, robot.arm, delay_ns, Signals(), hooks
+        video = SteadyVideo(delay_ns)
+        self.loop = ControlLoop(
+            config,
+            self._clock,
+            station.controller,
+            robot.arm,
+            robot.supervisor,
+            video,
+            Signals(),
         )
         robot.arm.connect()
         station.controller.start()

@@ -21,13 +21,13 @@ from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.direct import DirectRecorder
-from tams_app.records import Outcome, SceneTruth
+from tams_app.records import ArmState, Outcome, SceneTruth
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks
-from tams_app.session.recorders import session_header
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.listener import Listener
+from tams_app.session.recorders import SessionRecords, session_header
+from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
@@ -76,7 +76,7 @@ def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outco
     return outcome
 
 
-class _Recording:
+class _Recording(Listener):
     """His rig: a robot, a hand, and nobody who looks at a screen."""
 
     def __init__(
@@ -91,16 +91,16 @@ class _Recording:
         perception = TruePerception(self._see)
         operator = Operator(operator_hand(config), settings, perception, config.seed)
         controller = VirtualController(operator, settings, config.seed, rig_wiring(config))
-        hooks = ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: 0,
-            request=robot.supervisor.request,
-            arm_ready=lambda: robot.supervisor.ready,
-            phase_began=log.record,
-            record=log.record,
-            output=self._on_output,
+        self._loop = ControlLoop(
+            config,
+            clock,
+            controller,
+            robot.arm,
+            robot.supervisor,
+            SteadyVideo(),
+            Signals(),
+            (self, SessionRecords(clock, log)),
         )
-        self._loop = build.control_loop(config, clock, controller, robot.arm, 0, Signals(), hooks)
         robot.arm.connect()
         controller.start()
 
@@ -125,7 +125,7 @@ class _Recording:
         since_s = (self._clock.now_ns() - _START_NS) / NS_PER_S
         return self._robot.truth() if self._waits.sees(since_s) else None
 
-    def _on_output(self, now_ns: int, output: TeleopOutput, _arm: object) -> None:
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         if output.arming is ArmingState.ENGAGED:
             self._judge.engaged(now_ns)
 

@@ -62,11 +62,11 @@ class LiveQuality:
         process = self._client.process
         return process.pid if process is not None and self._started else None
 
-    def push_capture(self, frame: Frame) -> None:
+    def captured(self, frame: Frame) -> None:
         """Hand over a captured frame before it is sent; each view from one thread."""
         self._client.push_capture(frame)
 
-    def push_shown(self, shown: ShownFrame) -> None:
+    def shown(self, shown: ShownFrame) -> None:
         """Hand over a frame that reached the screen; each view from one thread."""
         self._client.push_shown(shown)
 

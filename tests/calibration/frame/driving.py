@@ -19,8 +19,7 @@ from tams_app.config import Config
 from tams_app.records import Outcome
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks, ControlLoop
-from tams_app.session.signals import Signals
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import TrialJudge
 
@@ -41,25 +40,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     operator = Operator(operator_hand(config), config.rig.operator, eyes, config.seed)
     controller = VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
     judge = TrialJudge(config.trial, build.task_geometry())
-    loop = ControlLoop(
-        clock,
-        config.control.rate_hz,
-        controller,
-        arm,
-        build.teleop(config, 0),
-        build.phase_tracker(config),
-        build.smoothed_speed(config),
-        Signals(),
-        ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: 0,
-            request=lambda request: supervisor.carry_out(request, 0),
-            arm_ready=lambda: supervisor.ready,
-            phase_began=_ignore,
-            record=_ignore,
-            output=_ignore,
-        ),
-    )
+    loop = ControlLoop(config, clock, controller, arm, supervisor, SteadyVideo(), Signals())
     arm.connect()
     controller.start()
     end_ns = clock.now_ns() + round(longest_s * NS_PER_S)
@@ -67,6 +48,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     while not ended and clock.now_ns() < end_ns:
         clock.advance_ns(round(NS_PER_S / config.control.rate_hz))
         output = loop.tick(clock.now_ns())
+        supervisor.serve()
         if output.deadman and output.arming.value == "engaged":
             judge.engaged(clock.now_ns())
         state = arm.state()
