@@ -1,6 +1,6 @@
 """A question and answer at the terminal that the arm's deadman key is read from.
 
-Printing may block for as long as it pleases (a terminal that nobody reads, a stalled remote shell):
+Printing may block for as long as it pleases (a terminal that is not read, a stalled remote shell):
 it is done in a thread of its own, so that reading the key goes on.
 """
 

@@ -1,4 +1,4 @@
-"""A window per view: only a consumer of the receivers' mailboxes, never in the frames' way."""
+"""A window per view: a consumer of the receivers' mailboxes that never holds up a frame."""
 
 from __future__ import annotations
 

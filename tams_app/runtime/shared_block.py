@@ -1,8 +1,8 @@
 """Memory shared by the processes of one host: a named file, mapped, in memory where there is one.
 
 Not multiprocessing.shared_memory: its resource tracker unlinks blocks that others still use.
-A block outlives the process that made it, so whoever is started again finds it as it was. Whoever
-chose the name removes it in the end.
+A block outlives the process that made it: a process that is started again finds it as it was. The
+process that chose the name removes it in the end.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 
 def new_block_name() -> str:
-    """A name for a session's shared memory that nobody else has."""
+    """A new name for a session's shared memory."""
     return f"tams-{os.getpid()}-{secrets.token_hex(6)}"
 
 
@@ -32,7 +32,7 @@ def create_block(name: str, size: int) -> mmap.mmap:
 
 
 def open_block(name: str) -> mmap.mmap:
-    """The block `name` for reading, whole; FileNotFoundError when nobody has made it."""
+    """The block `name` for reading, whole; FileNotFoundError before it is made."""
     descriptor = os.open(_path(name), os.O_RDONLY | os.O_CLOEXEC)
     try:
         return mmap.mmap(descriptor, 0, access=mmap.ACCESS_READ)

@@ -72,7 +72,7 @@ def check_views(config: Config, dry_run: bool) -> None:
 def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
-    `arm_at_once`: nobody has to confirm the arming, the rig's operator does not either.
+    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none.
     """
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation

@@ -16,6 +16,7 @@ from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Twis
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session import build
 from tams_app.session.listener import Listener
+from tams_app.session.supervisor import ArmSupervisor
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
 
@@ -73,17 +74,6 @@ class Signals:
         return pending
 
 
-class Supervisor(Protocol):
-    """Does what the arm has to be waited for, outside the control loop."""
-
-    @property
-    def ready(self) -> bool:
-        """The arm was enabled and nothing has stopped it since."""
-
-    def request(self, request: Request) -> None:
-        """Have the arm enabled, or its errors cleared; does not block."""
-
-
 class ShownVideo(Protocol):
     """What the control loop must know of the video."""
 
@@ -114,7 +104,7 @@ class ControlLoop:
         clock: Clock,
         controller: Controller,
         arm: Arm,
-        supervisor: Supervisor,
+        supervisor: ArmSupervisor,
         video: ShownVideo,
         signals: Signals,
         listeners: Sequence[Listener] = (),

@@ -19,8 +19,8 @@ from tams_app.session.video import Video
 class Engine:
     """Control, policy, observers and judge of one session; it makes no thread and no file.
 
-    Whoever builds it says when what runs: `session.Session` gives each loop a thread,
-    `virtual.trial.VirtualTrial` an event. A phase change goes from the control loop through the
+    Its owner runs the loops: `session.Session` gives each a thread, `virtual.trial.VirtualTrial`
+    events. A phase change goes from the control loop through the
     listeners straight to the policy loop, which sets the encoders' targets.
     """
 

@@ -58,4 +58,4 @@ class HardwareDevices:
         ]
 
     def close(self) -> None:
-        """The devices are closed by whoever opened them."""
+        """Each device is closed by the part that opened it."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from tams_app.session import build
 from tams_app.session.control import Signals, describe
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
+from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
@@ -28,13 +28,6 @@ _MIN_INTERVAL_S = 0.002
 _STOPPING = (ArmingState.HOLDING, ArmingState.FAULT)
 
 
-class Stopped(Protocol):
-    """Wants to know that the arm was stopped."""
-
-    def stopped(self) -> None:
-        """A stop is sent: the arm must be enabled anew before it moves."""
-
-
 class ArmingObserver(Listener):
     """Tells the supervisor of stops, and the operator of the arm's arming.
 
@@ -42,7 +35,7 @@ class ArmingObserver(Listener):
     """
 
     def __init__(
-        self, supervisor: Stopped, signals: Signals, note: Note, arm_at_once: bool
+        self, supervisor: ArmSupervisor, signals: Signals, note: Note, arm_at_once: bool
     ) -> None:
         self._supervisor = supervisor
         self._signals = signals

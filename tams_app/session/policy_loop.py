@@ -4,36 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import Protocol
 
-from tams_app.capacity import Capacity
 from tams_app.config import Config
 from tams_app.policy.engine import Policy
 from tams_app.records import Phase, PhaseChange
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.video import Video
 from tams_app.units import NS_PER_S
-
-
-class Encoders(Protocol):
-    """What the policy loop must know of the video."""
-
-    @property
-    def capacity(self) -> Capacity:
-        """Of the link's bottleneck."""
-
-    def set_targets(self, target_kbps: dict[str, int]) -> None:
-        """The wire rate each view is to meet from now on."""
-
-    def wire_bytes(self) -> int:
-        """IP datagram bytes sent so far, all views together."""
-
-
-class CapacityLog(Protocol):
-    """Keeps what the link carries."""
-
-    def capacity(self, now_ns: int, capacity: Capacity) -> None:
-        """Keep what the link has truly carried since the last call, when that has changed."""
 
 
 class PolicyLoop(Listener):
@@ -43,8 +22,8 @@ class PolicyLoop(Listener):
         self,
         config: Config,
         clock: Clock,
-        video: Encoders,
-        log: CapacityLog,
+        video: Video,
+        log: SessionRecords,
         listeners: Sequence[Listener] = (),
     ) -> None:
         """`listeners` hear of each allocation once the encoders have it."""

@@ -1,4 +1,4 @@
-"""How good the frames are while a session runs: measured beside it, never in its way."""
+"""The frames' quality while a session runs: measured beside it, without holding it up."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class LiveQuality:
         return sum(scores) / len(scores) if scores else None
 
     def close(self) -> None:
-        """Take the last results, when nobody pushes any more."""
+        """Take the last results, once no more frames are pushed."""
         try:
             self._client.close()
         except (TamsError, OSError) as failure:
