@@ -24,10 +24,10 @@ from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.guarding import Guarding
 from tams_app.session.listener import Listener
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
@@ -76,7 +76,7 @@ class SteadyHand(Controller):
 
 
 class Application(Listener):
-    """Control loop, supervisor and guard around one arm, as the session wires them."""
+    """Control loop, gate and guard around one arm, as the session wires them."""
 
     def __init__(self, config: Config, folder: Path) -> None:
         self.config = config
@@ -86,7 +86,7 @@ class Application(Listener):
         self.video_age_ns = _FRESH_NS
         self.arming = ArmingState.DISARMED
         self.arm = Lite6(config.arm, self.clock, config.control.rate_hz)
-        self.supervisor = ArmSupervisor(
+        self.gate = ArmGate(
             self.arm,
             ServoMode(config.arm.servo),
             session_boundary(config.arm, config.limits),
@@ -109,7 +109,7 @@ class Application(Listener):
             use_fifo(priority)
             loop.run(stop)  # type: ignore[arg-type]
 
-        workers = [Worker("control", control), Worker("arm-supervisor", self.supervisor.run)]
+        workers = [Worker("control", control), Worker("arm-supervisor", self.gate.run)]
         for worker in reversed(workers):
             worker.start()
         return workers
@@ -145,7 +145,7 @@ class Application(Listener):
             self.clock,
             self.hand,
             self.arm,
-            self.supervisor,
+            self.gate,
             self,
             self.signals,
             (self.guarding, self),
@@ -155,8 +155,6 @@ class Application(Listener):
         return self.video_age_ns
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if output.stop:
-            self.supervisor.stopped()
         self.arming = output.arming
 
 

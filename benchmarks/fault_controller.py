@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hw.sim.controller.codes import ErrorCode, Register, State
+from hw.lite6.codes import ErrorCode, Register, State
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from hw.sim.controller.server import ControllerServer

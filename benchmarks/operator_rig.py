@@ -112,7 +112,7 @@ class OperatorRig:
             self._clock,
             station.controller,
             robot.arm,
-            robot.supervisor,
+            robot.gate,
             video,
             Signals(),
         )
@@ -137,7 +137,7 @@ class OperatorRig:
         self._screen.take(self.now_ns, self._robot.qpos, self._robot.truth())
         self.eyes.watch(self.now_ns)
         output = self.loop.tick(self.now_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
         if output.deadman and output.arming.value == "engaged":
             self._judge.engaged(self.now_ns)
         truth, closed = self._robot.truth(), self._robot.gripper_closed()

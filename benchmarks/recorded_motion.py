@@ -96,7 +96,7 @@ class _Recording(Listener):
             clock,
             controller,
             robot.arm,
-            robot.supervisor,
+            robot.gate,
             SteadyVideo(),
             Signals(),
             (self, SessionRecords(clock, log)),
@@ -111,7 +111,7 @@ class _Recording(Listener):
         while self._clock.now_ns() < end_ns:
             self._clock.advance_ns(self._period_ns)
             self._loop.tick(self._clock.now_ns())
-            self._robot.supervisor.serve()
+            self._robot.gate.serve()
             now_ns, closed = self._clock.now_ns(), self._robot.gripper_closed()
             if placed_ns is None and self._judge.step(now_ns, self._robot.truth(), closed):
                 placed_ns, end_ns = now_ns, now_ns + _AFTERWARDS_NS

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from tams_app.recording import FrameCaptured, FrameSent, FrameShown, Header, SessionLog
 from tams_app.records import (
     IP_UDP_HEADER_BYTES,
+    Activity,
     Allocation,
     ArmState,
     CommandLink,
@@ -26,6 +27,7 @@ from tams_app.records import (
     Phase,
     PhaseChange,
     Pose,
+    ServoMode,
     StopRecord,
     SystemSample,
     Tick,
@@ -76,7 +78,13 @@ def tick(number: int, late_ns: int = 0, cost_ns: int = 400_000, skipped: int = 0
         ControllerStatus.OK, pose, due_ns, due_ns, 0.9, 0.0, False, False, False
     )
     arm = ArmState(
-        due_ns - NS_PER_MS, np.linspace(0, 1, 6) * 0.7, pose, 5, 1, 0, 0, gripper_closed=None
+        due_ns - NS_PER_MS,
+        np.linspace(0, 1, 6) * 0.7,
+        pose,
+        Activity.MOVING,
+        ServoMode.VELOCITY,
+        None,
+        gripper_closed=None,
     )
     link = CommandLink(number, due_ns - 7_000_000, 300_000 + number, 0, "")
     return Tick(

@@ -96,13 +96,13 @@ class VideolessTrial(Listener):
 
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
-        arming = ArmingObserver(robot.supervisor, signals, _say_nothing, arm_at_once=False)
+        arming = ArmingObserver(signals, _say_nothing, arm_at_once=False)
         return ControlLoop(
             config,
             self._clock,
             self._hand.controller,
             robot.arm,
-            robot.supervisor,
+            robot.gate,
             SteadyVideo(),
             signals,
             (arming, self._trial, self),
@@ -130,7 +130,7 @@ class VideolessTrial(Listener):
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
         self._control.tick(due_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
 
     def _give_up(self) -> None:
         if not self._trial.started:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
+from hw.arms import arm_kind
+
 if TYPE_CHECKING:  # the guard itself starts without the configuration's libraries
     from tams_app.config import ArmConfig
 
@@ -27,6 +29,7 @@ _MAX_ANSWERS_PER_BEAT = 8  # one is usual; a guard that was held up sends many a
 def guard_specification(config: ArmConfig) -> dict[str, Any]:
     """What the process `hw.guard.process` is started with."""
     return {
+        "stop_channel": arm_kind(config.model).stop_channel,
         "host": config.host,
         "control_port": config.control_port,
         "reply_timeout_s": config.reply_timeout_s,

@@ -8,15 +8,19 @@ stopped or stalled still stops the arm.
 
 from __future__ import annotations
 
+import importlib
 import socket
 from enum import Enum
+from typing import TYPE_CHECKING, Any
 
 from hw.guard.link import LOOPBACK, GuardMessage, Heartbeat, decode_heartbeat
-from hw.lite6.stop_channel import StopChannel
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import NS_PER_MS, Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import GUARD_PRIORITY, use_fifo
+
+if TYPE_CHECKING:  # the guard starts in milliseconds
+    from hw.arm import StopChannel
 
 POLL_S = 0.01
 FAREWELL_STOP_TIMEOUT_S = 2.0
@@ -142,12 +146,7 @@ def main() -> None:
     side = HelperSide()
     scheduler = use_fifo(GUARD_PRIORITY)
     specification = side.specification
-    arm = StopChannel(
-        specification["host"],
-        specification["control_port"],
-        specification["reply_timeout_s"],
-        name="guard-stop",
-    )
+    arm = _stop_channel(specification)
     watch = HeartbeatWatch(round(specification["heartbeat_timeout_ms"] * NS_PER_MS))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heartbeats:
         heartbeats.bind((LOOPBACK, 0))
@@ -164,6 +163,18 @@ def main() -> None:
             guard.farewell()
         finally:
             arm.close()
+
+
+def _stop_channel(specification: dict[str, Any]) -> StopChannel:
+    """The stop channel of the configured arm's kind, not connected yet."""
+    module, _, name = specification["stop_channel"].partition(":")
+    channel: StopChannel = getattr(importlib.import_module(module), name)(
+        specification["host"],
+        specification["control_port"],
+        specification["reply_timeout_s"],
+        name="guard-stop",
+    )
+    return channel
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 Threads: `arm-sender` (commands, hw/lite6/sender.py), the SDK's receiver of replies, `arm-report`
 (states, hw/lite6/report.py) and `arm-stop` (hw/lite6/stop_channel.py). Metres and radians in here,
-millimetres on the wire. What the driver drives, hardware or the simulated controller, it does not
-know: it is whatever answers at the configured host and ports.
+millimetres on the wire. The same driver drives the hardware and the simulated controller: whatever
+answers at the configured host and ports.
 """
 
 from __future__ import annotations
@@ -12,19 +12,16 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-import numpy as np
-
 from hw.arm import Arm, ServoMode
 from hw.boundary import TcpBoundary
 from hw.lite6.codes import Mode
-from hw.lite6.kinematics import within_joint_limits
+from hw.lite6.commands import MODES, arm_state, checked_goal
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
-from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, ArmConfig
+from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
 from tams_app.runtime.clock import NS_PER_S, Clock
 
-_MODES = {ServoMode.VELOCITY: Mode.CARTESIAN_VELOCITY, ServoMode.POSE: Mode.SERVO}
 _NOT_CONNECTED = "The arm is not connected; connect it first."
 _STOPPED_MEANWHILE = "The arm was stopped meanwhile; arm it again when that is wanted."
 
@@ -75,7 +72,7 @@ class Lite6(Arm):
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
         with self._stopped_on_failure():
-            connection.make_ready(_MODES[servo])
+            connection.make_ready(MODES[servo])
         motion = connection.reports.motion
         with self._stop_lock:
             if motion is not None and self._stops == stops:
@@ -85,11 +82,7 @@ class Lite6(Arm):
         raise DeviceError(_STOPPED_MEANWHILE)
 
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
-        goal = np.array(joints, dtype=np.float64)
-        if goal.shape != (6,) or not np.isfinite(goal).all() or not within_joint_limits(goal):
-            raise DeviceError("The joint angles to move to are outside the Lite 6's limits.")
-        if not 0 < speed <= LITE6_MAX_JOINT_SPEED_RAD_S:
-            raise DeviceError(f"A joint speed of {speed:g} rad/s is outside the Lite 6's limits.")
+        goal = checked_goal(joints, speed)
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
         with self._stopped_on_failure():
@@ -106,7 +99,7 @@ class Lite6(Arm):
         motion, status = connection.reports.motion, connection.reports.status
         if motion is None or status is None:
             return None
-        return ArmState(
+        return arm_state(
             received_ns=motion.received_ns,
             joints=motion.joints,
             tcp=motion.tcp,
@@ -157,7 +150,7 @@ class Lite6(Arm):
             connection.clear_errors()
 
     def close(self) -> None:
-        """Stop the arm and hang up; DeviceError, with all closed, if it acknowledged no stop."""
+        """Stop the arm and disconnect; DeviceError, with all closed, if it acknowledged no stop."""
         self.stop()
         with self._stop_lock:
             connection, self._connection = self._connection, None
@@ -173,11 +166,6 @@ class Lite6(Arm):
 
     @property
     def realtime_thread_ids(self) -> dict[str, int]:
-        """Kernel ids of the threads between the control loop and the arm, by name.
-
-        For real-time scheduling: without the SDK's receiver (`arm-replies`) a command's way back
-        is as slow as without any.
-        """
         return {} if self._connection is None else self._connection.thread_ids
 
     def _open(self) -> Lite6Connection:

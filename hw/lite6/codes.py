@@ -1,35 +1,94 @@
-"""What the numbers of the Lite 6 controller mean, and what to do about them.
+"""Numbers of the Lite 6 controller, for its driver and for the model of it.
 
-Return codes after the SDK's `x3/code.py`; the controller's errors are in tams_app/lite6_errors.py.
+Sources: `xarm/core/config/x_config.py`, `x_code.py` and `xarm/x3/code.py` of the SDK, FINDINGS 8.
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
 
-from tams_app.lite6_errors import describe_arm_error
+AXES, LITE6_TYPE = 6, 9  # as the version register and the reports tell them
+
+
+class Register(IntEnum):
+    """Command registers of the control connection."""
+
+    GET_VERSION = 1
+    GET_ROBOT_SN = 2
+    MOTION_ENABLE = 11
+    SET_STATE = 12
+    GET_STATE = 13
+    GET_COMMAND_COUNT = 14
+    GET_ERROR = 15
+    CLEAN_ERROR = 16
+    CLEAN_WARNING = 17
+    SET_MODE = 19
+    MOVE_JOINT = 23
+    MOVE_SERVO_CARTESIAN = 30
+    SET_TCP_OFFSET = 35
+    SET_LOAD = 36
+    SET_COLLISION_SENSITIVITY = 37
+    GET_TCP_POSE = 41
+    GET_JOINTS = 42
+    SET_BOUNDARY = 52
+    GET_REDUCED_STATE = 53
+    SET_FENCE = 59
+    SET_COLLISION_REBOUND = 60
+    SET_SELF_COLLISION_CHECK = 77
+    SET_SIMULATION_ROBOT = 79
+    SET_CARTESIAN_VELOCITY = 82
+    GET_TCP_POSE_AA = 91
+    MOVE_SERVO_CARTESIAN_AA = 93
+    TOOL_GPIO_WRITE = 127
+    TOOL_GPIO_READ = 128
+
+
+class ReplyBit(IntEnum):
+    """Bits of the status byte in every reply (`check_private_protocol` of the SDK)."""
+
+    INVALID = 0x08  # the request was not understood
+    NOT_READY = 0x10
+    WARNING = 0x20
+    ERROR = 0x40
 
 
 class Mode(IntEnum):
-    """The controller modes that TAMS uses."""
+    """The modes that TAMS uses, as they are commanded and reported."""
 
     POSITION = 0
     SERVO = 1
     CARTESIAN_VELOCITY = 5
 
 
-class State(IntEnum):
-    """`set_state` takes 0 (ready), 3 and 4; reports hold the others."""
+class StateCommand(IntEnum):
+    """What register 12, `set_state`, takes: other numbers than the reports hold (`State`)."""
 
-    READY = 0
+    READY = 0  # resumes what was paused
+    PAUSE = 3
+    STOP = 4
+
+
+class State(IntEnum):
+    """What the controller reports that it is doing; STOPPED and CHANGED need `READY` to move."""
+
     MOVING = 1
     STANDBY = 2
     PAUSED = 3
     STOPPED = 4
-    CHANGED = 5  # a mode or a setting was changed; needs READY
+    CHANGED = 5  # a mode or a setting was changed
 
 
-MAY_MOVE = frozenset({State.READY, State.MOVING, State.STANDBY})
+class ErrorCode(IntEnum):
+    """Controller errors that the model raises by itself; `errors.py` has them all in words."""
+
+    EMERGENCY_STOP = 2
+    KINEMATIC = 21
+    SELF_COLLISION = 22
+    JOINT_LIMIT = 23
+    JOINT_OVERSPEED = 24
+    COLLISION = 31
+    BOUNDARY = 35
+    LINEAR_OVERSPEED = 60
 
 
 class Code(IntEnum):
@@ -42,23 +101,11 @@ class Code(IntEnum):
     TIMEOUT = 3
     NOT_SENT = 8
     NOT_READY = 9
+    INVALID = 10
 
 
 # Return codes that mean: nothing gets through. The others are answers.
 NOTHING_GETS_THROUGH = frozenset({Code.DISCONNECTED, Code.NOT_SENT, Code.TIMEOUT})
-
-
-def controller_error_sentence(code: int) -> str:
-    """One sentence for controller error `code` (the number in the report's error field)."""
-    return f"The arm stopped with error {describe_arm_error(code)}."
-
-
-def standing_error_sentence(code: int) -> str:
-    """One sentence for an arm that is found in error `code`, and how to get it out of there."""
-    return (
-        f"The arm stands in error {describe_arm_error(code)}; "
-        "then run `run_tams.py home`, which clears it."
-    )
 
 
 def return_code_sentence(code: int, call: str) -> str:

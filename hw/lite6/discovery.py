@@ -9,14 +9,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from hw.lite6.codes import State, standing_error_sentence
+from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State
+from hw.lite6.errors import standing_error_sentence
 from hw.lite6.report import read_simulation_flag
-from hw.lite6.uxbus import GET_ERROR, GET_STATE, GET_VERSION, STATUS_INVALID, UxbusClient
+from hw.lite6.uxbus import UxbusClient
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 
 PROBE_TIMEOUT_S = 1.0
-AXES, LITE6_TYPE = 6, 9
 MIN_FIRMWARE = (1, 8, 0)  # older ones drop `duration`, the controller's own deadman
 
 # axes, type, serial numbers of arm and control box, firmware (SDK x3/base.py, `_check_version`)
@@ -75,16 +75,16 @@ def probe_arm(
     except DeviceError as error:
         return ArmInfo(host, reachable=False, problem=str(error))
     try:
-        version = client.request(GET_VERSION, b"", timeout_s)
-        state = client.request(GET_STATE, b"", timeout_s)
-        error_codes = client.request(GET_ERROR, b"", timeout_s)
+        version = client.request(Register.GET_VERSION, b"", timeout_s)
+        state = client.request(Register.GET_STATE, b"", timeout_s)
+        error_codes = client.request(Register.GET_ERROR, b"", timeout_s)
     except OSError:
         problem = f"Something at {host}:{control_port} answers, but not like an arm; see arm.host."
         return ArmInfo(host, reachable=True, problem=problem)
     finally:
         client.close()
     found = _VERSION.match(version.data.decode("ascii", "replace"))
-    if found is None or version.status & STATUS_INVALID or not state.data or not error_codes.data:
+    if found is None or version.status & ReplyBit.INVALID or not state.data or not error_codes.data:
         problem = f"The arm at {host} does not say what it is; update its firmware."
         return ArmInfo(host, reachable=True, problem=problem)
     axes, kind, serial, _, *numbers = found.groups()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tams_app.config import LITE6_JOINT_LOWER_DEG, LITE6_JOINT_UPPER_DEG
+from hw.lite6.commands import LIMITS
 from tams_app.records import Pose, Vector
 
 Matrix: TypeAlias = NDArray[np.float64]
@@ -28,9 +28,9 @@ _D = np.array([BASE_TO_SHOULDER_M, 0.0, 0.0, 0.2276, 0.0, 0.0615])
 _ALPHA = np.radians([0.0, -90.0, 180.0, 90.0, 90.0, -90.0])
 _A = np.array([0.0, 0.0, 0.200, 0.087, 0.0, 0.0])
 
-JOINT_LOWER: Vector = np.radians(LITE6_JOINT_LOWER_DEG)
-JOINT_UPPER: Vector = np.radians(LITE6_JOINT_UPPER_DEG)
-JOINT_SPEED_LIMITS: Vector = np.full(JOINTS, math.pi)
+JOINT_LOWER: Vector = np.radians(LIMITS.joint_lower_deg)
+JOINT_UPPER: Vector = np.radians(LIMITS.joint_upper_deg)
+JOINT_SPEED_LIMITS: Vector = np.full(JOINTS, LIMITS.joint_speed_rad_s)
 HOME_JOINTS: Vector = np.radians([0.0, 9.9, 31.8, 0.0, 21.9, 0.0])
 
 # An inverse solution is good enough when position [m] and rotation [rad] are this close.
@@ -98,7 +98,7 @@ def solve_ik(target: Pose, seed: Vector, tcp_offset: Pose | None = None) -> Vect
 
 
 class Lite6Model:
-    """The Lite 6 with a tool: satisfies the arm model that the safety limits ask for."""
+    """The Lite 6 with a tool; it satisfies `hw.arm.ArmKinematics`."""
 
     joint_speed_limits: Vector = JOINT_SPEED_LIMITS  # [rad/s]
 

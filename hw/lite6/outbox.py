@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from hw.arm import ServoMode
 from tams_app.records import Pose, Twist
 
-GRIPPER_QUEUE = 4  # when full, the oldest command gives way
+GRIPPER_QUEUE = 4  # when full, the oldest command is dropped
 
 
 @dataclass(frozen=True, slots=True)

@@ -184,7 +184,7 @@ class ReportReader:
             )
 
     def close(self) -> None:
-        """End the thread and hang up; may be called twice."""
+        """End the thread and disconnect; may be called twice."""
         self._worker.stop()
         while self._sockets:
             self._sockets.pop().close()

@@ -75,7 +75,7 @@ def connect_sdk(host: str, control_port: int) -> Any:
 
 
 def disconnect_sdk(api: Any) -> None:
-    """Hang up and end the SDK's threads."""
+    """Disconnect and end the SDK's threads."""
     if api._arm._stream is None:
         return
     api.disconnect()

@@ -11,25 +11,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from hw.arm import ServoMode
-from hw.lite6.codes import (
-    NOTHING_GETS_THROUGH,
-    Code,
-    controller_error_sentence,
-    return_code_sentence,
-)
+from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
+from hw.lite6.commands import pose_refusal, twist_refusal
+from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, reply_thread_id
-from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, LITE6_MAX_TCP_SPEED_MM_S
 from tams_app.records import CommandLink, LinkFault, Pose, Twist
 from tams_app.runtime.clock import NS_PER_MS, Clock
 from tams_app.runtime.worker import Worker
 
 KEEPALIVE_PERIOD_S = 0.25
 MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then
-MAX_POSE_STEP_MM = 10.0  # mode 1 runs every step at full speed, with no profile of its own
 GRIPPER_ATTEMPTS = 3
 READ_BACK_AFTER_NS = 50 * NS_PER_MS
 _OUTPUTS_OPEN, _OUTPUTS_CLOSED = (1, 0), (0, 1)
@@ -119,7 +112,7 @@ class CommandSender:
 
     @property
     def thread_ids(self) -> dict[str, int | None]:
-        """Kernel ids of the threads on a command's way, for real-time scheduling."""
+        """Kernel ids of the threads between the control loop and the arm, by name."""
         return {"arm-sender": self.native_id, "arm-replies": reply_thread_id(self._api)}
 
     def _run(self, stop: threading.Event) -> None:
@@ -140,10 +133,10 @@ class CommandSender:
 
     def _send_motion(self, opening: int, motion: Twist | Pose) -> None:
         if isinstance(motion, Twist):
-            refusal = self._twist_refusal(motion)
+            refusal = twist_refusal(motion, self._outbox.servo)
             send = self._velocity_call(motion)
         else:
-            refusal = self._pose_refusal(motion)
+            refusal = pose_refusal(motion, self._outbox.servo, self._last_pose)
             send = self._pose_call(motion)
         if refusal:
             self._fail(opening, refusal, LinkFault.REFUSED)
@@ -163,34 +156,6 @@ class CommandSender:
     def _pose_call(self, pose: Pose) -> Callable[[], int]:
         axis_angle = [*(pose.position * _MM_PER_M).tolist(), *pose.rotation.as_rotvec().tolist()]
         return lambda: int(self._api.set_servo_cartesian_aa(axis_angle, is_radian=True))
-
-    def _twist_refusal(self, twist: Twist) -> str:
-        """Why this twist is not sent, "" if it may be."""
-        speed_mm_s = float(np.linalg.norm(twist.linear)) * _MM_PER_M
-        turn_rad_s = float(np.linalg.norm(twist.angular))
-        if self._outbox.servo is ServoMode.POSE:
-            return "The arm is in the pose servo and takes no velocities; enable it anew."
-        if not speed_mm_s <= LITE6_MAX_TCP_SPEED_MM_S:  # also true for NaN
-            return f"A velocity of {speed_mm_s:g} mm/s was refused; please report this error."
-        if not turn_rad_s <= LITE6_MAX_JOINT_SPEED_RAD_S:
-            return f"A turn of {turn_rad_s:g} rad/s was refused; please report this error."
-        return ""
-
-    def _pose_refusal(self, pose: Pose) -> str:
-        """Why this pose is not sent, "" if it may be."""
-        if self._outbox.servo is ServoMode.VELOCITY:
-            return "The arm is in the velocity servo and takes no poses; enable it anew."
-        if not np.isfinite(pose.rotation.as_quat()).all():
-            return "A pose without a rotation was refused; please report this error."
-        if self._last_pose is None:
-            return ""
-        step_mm = float(np.linalg.norm(pose.position - self._last_pose.position)) * _MM_PER_M
-        if not step_mm <= MAX_POSE_STEP_MM:
-            return (
-                f"The arm answered too late to be led on (a step of {step_mm:.0f} mm was refused); "
-                "check the network to the arm, then confirm."
-            )
-        return ""
 
     # --- gripper --------------------------------------------------------------------------------
 
@@ -290,7 +255,7 @@ class CommandSender:
         if code != Code.OK or not codes[0]:
             return ""
         self._on_error(codes[0], codes[1])
-        return controller_error_sentence(codes[0])
+        return error_sentence(codes[0])
 
     def _fail(self, opening: int, sentence: str, fault: LinkFault) -> None:
         """Keep the first failure; a reply to something older than the last stop is none."""

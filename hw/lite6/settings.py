@@ -7,6 +7,7 @@ from typing import Any
 
 from hw.boundary import TcpBoundary
 from hw.lite6.codes import Code, return_code_sentence
+from hw.lite6.commands import boundary_edges
 from hw.lite6.report import StatusReport
 from hw.lite6.sdk import set_collision_sensitivity
 from tams_app.config import ArmConfig
@@ -35,7 +36,7 @@ class Lite6Settings:
         """
         if self._boundary is None:
             return
-        edges = self._api.set_reduced_tcp_boundary(self._boundary.on_the_wire)
+        edges = self._api.set_reduced_tcp_boundary(boundary_edges(self._boundary))
         accept(edges, "the safety boundary", but=Code.ERROR)
         switched = self._api.set_fence_mode(True)  # a list, but a number if not connected
         code = switched[0] if isinstance(switched, list) else switched
@@ -66,7 +67,7 @@ class Lite6Settings:
         code, states = self._api.get_reduced_states()
         accept(code, "reading the safety boundary")
         edges, fence = list(states[1]), states[5]
-        if edges != self._boundary.on_the_wire or not fence:
+        if edges != boundary_edges(self._boundary) or not fence:
             raise DeviceError(
                 "The arm did not take its safety boundary; restart its control box, and arm again."
             )

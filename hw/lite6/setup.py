@@ -8,22 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 from hw.boundary import TcpBoundary
-from hw.lite6.codes import (
-    MAY_MOVE,
-    Code,
-    Mode,
-    State,
-    controller_error_sentence,
-    standing_error_sentence,
-)
+from hw.lite6.codes import Code, Mode, StateCommand
+from hw.lite6.commands import activity_of
 from hw.lite6.discovery import unfitness
+from hw.lite6.errors import error_sentence, standing_error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.report import STATUS_STALE_NS, ReportReader, read_simulation_flag
-from hw.lite6.sdk import (
-    connect_sdk,
-    disconnect_sdk,
-    note_mode,
-)
+from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode
 from hw.lite6.sender import CommandSender
 from hw.lite6.settings import Lite6Settings, accept
 from hw.lite6.stop_channel import StopChannel
@@ -48,11 +39,11 @@ class Lite6Connection:
     ) -> None:
         """Open them all and stop the arm; DeviceError, with nothing left open, if one fails.
 
-        The stop comes first so that no motion somebody left in the queue can go on when a setting
-        makes the controller ready.
+        The stop comes first so that no motion that another program left in the queue can go on
+        when a setting makes the controller ready.
         """
         self._config, self._clock = config, clock
-        self._hung_up = False
+        self._closed = False
         self.outbox = Outbox()
         with contextlib.ExitStack() as opened:
             self.stop = StopChannel(
@@ -97,12 +88,12 @@ class Lite6Connection:
 
     def disconnect(self) -> None:
         """Close all but the stop's connection; from then on the link counts as lost."""
-        self._hung_up = True
+        self._closed = True
         self.outbox.shut()
         self._others.close()
 
     def close(self) -> None:
-        """Hang up and end the threads; may be called twice."""
+        """Disconnect and end the threads; may be called twice."""
         self.disconnect()
         self.stop.close()
 
@@ -110,7 +101,7 @@ class Lite6Connection:
     def link(self) -> CommandLink:
         link = self.sender.link
         lost = self.stop.failure or self.reports.failure
-        if link.fault is LinkFault.LOST or not (self._hung_up or lost):
+        if link.fault is LinkFault.LOST or not (self._closed or lost):
             return link
         sentence = lost or link.failure or "The arm's connection is closed; connect it anew."
         return replace(link, failure=sentence, fault=LinkFault.LOST)
@@ -119,7 +110,7 @@ class Lite6Connection:
     def thread_ids(self) -> dict[str, int]:
         """Kernel ids of the threads between the control loop and the arm, by name.
 
-        Without the SDK's receiver (`arm-replies`) a command's way back is as slow as without any.
+        Without the SDK's receiver (`arm-replies`) replies are as slow as without any.
         """
         ids = {
             **self.sender.thread_ids,
@@ -136,7 +127,7 @@ class Lite6Connection:
     @property
     def broken(self) -> bool:
         """Whether only new connections will help; the stop's mends itself."""
-        return self._hung_up or self.sender.link.fault is LinkFault.LOST or not self._reports_come
+        return self._closed or self.sender.link.fault is LinkFault.LOST or not self._reports_come
 
     @property
     def _reports_come(self) -> bool:
@@ -145,7 +136,7 @@ class Lite6Connection:
         return not self.reports.failure and age_ns is not None and age_ns < STATUS_STALE_NS
 
     @contextlib.contextmanager
-    def patiently(self) -> Iterator[None]:
+    def with_setup_timeout(self) -> Iterator[None]:
         """Inside, calls may take as long as setting up takes; a servo may not wait that long."""
         self.api.set_timeout(SETUP_REPLY_TIMEOUT_S)
         try:
@@ -160,12 +151,12 @@ class Lite6Connection:
             raise DeviceError(
                 reports.failure or "The arm sends no reports; restart its control box."
             )
-        with self.patiently():
+        with self.with_setup_timeout():
             self._settings.set_boundary()
         self._raise_standing_error()
-        with self.patiently():
+        with self.with_setup_timeout():
             self._settings.set()
-            accept(self.api.set_state(State.STOPPED), "a stop")
+            accept(self.api.set_state(StateCommand.STOP), "a stop")
         asked_ns = self._clock.now_ns()
         if not reports.wait_for(lambda: self._settings_are_back(asked_ns), REPORT_TIMEOUT_S):
             raise DeviceError(
@@ -180,7 +171,7 @@ class Lite6Connection:
         if link.fault is LinkFault.LOST:  # the SDK would wait five seconds for a reply
             raise DeviceError(link.failure)
         self.raise_error()
-        with self.patiently():
+        with self.with_setup_timeout():
             self._settings.check_boundary()
             accept(self.api.motion_enable(True), "the release of the brakes")
             if not self._settings.load_is_set:
@@ -198,7 +189,7 @@ class Lite6Connection:
 
     def begin_move(self, goal: Vector, speed: float) -> None:
         """Move the joints to `goal` [rad] at `speed` [rad/s], without waiting; when ready."""
-        with self.patiently():
+        with self.with_setup_timeout():
             code = self.api.set_servo_angle(
                 angle=goal.tolist(),
                 speed=speed,
@@ -211,11 +202,11 @@ class Lite6Connection:
     def clear_errors(self) -> None:
         """Clear the controller's error and the link's failure; DeviceError if it persists."""
         self.outbox.shut()
-        with self.patiently():
+        with self.with_setup_timeout():
             # the reply to these still tells of the error: whether it went is seen in the reports
             accept(self.api.clean_error(), "clearing the error", but=Code.ERROR)
             accept(self.api.clean_warn(), "clearing the warning", but=Code.ERROR)
-            accept(self.api.set_state(State.STOPPED), "a stop")
+            accept(self.api.set_state(StateCommand.STOP), "a stop")
         asked_ns = self._clock.now_ns()
         reports = self.reports
 
@@ -232,7 +223,7 @@ class Lite6Connection:
         """DeviceError if the controller reports one, with what to do about it."""
         status = self.reports.status
         if status is not None and status.error_code:
-            raise DeviceError(controller_error_sentence(status.error_code))
+            raise DeviceError(error_sentence(status.error_code))
 
     def _raise_standing_error(self) -> None:
         status = self.reports.status
@@ -251,7 +242,7 @@ class Lite6Connection:
     def _enter(self, mode: Mode) -> None:
         accept(self.api.set_mode(mode), f"mode {mode.value}")
         note_mode(self.api, mode)
-        accept(self.api.set_state(State.READY), "getting ready")
+        accept(self.api.set_state(StateCommand.READY), "getting ready")
 
     def _is_ready(self, mode: Mode, since_ns: int) -> bool:
         motion, status = self.reports.motion, self.reports.status
@@ -260,7 +251,7 @@ class Lite6Connection:
             and status is not None
             and min(motion.received_ns, status.received_ns) > since_ns
             and motion.mode == mode
-            and motion.state in MAY_MOVE
+            and not activity_of(motion.state).is_halted
             and status.motors_enabled
             and self._settings_are_back(since_ns)
         )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 import threading
 
-from hw.lite6.codes import State
-from hw.lite6.uxbus import GET_STATE, SET_STATE, STATUS_INVALID, UxbusClient
+from hw.lite6.codes import Register, ReplyBit, StateCommand
+from hw.lite6.uxbus import UxbusClient
 from tams_app.errors import DeviceError
 from tams_app.runtime.worker import Worker
 
 RETRY_PAUSE_S = 0.01
 # A lost request to connect is repeated by the kernel after a second, by a new attempt at once;
-# every fourth is patient, for a network that is merely slow.
+# every fourth waits longer, for a network that is merely slow.
 RECONNECT_TIMEOUTS_S = (0.05, 0.05, 0.05, 0.2)
 KEEPALIVE_PERIOD_S = 0.5  # also how long a dead connection may go unnoticed
 KEEPALIVE_MISSES = 2
@@ -43,7 +43,7 @@ class StopChannel:
         """Connect and start the thread; DeviceError if the arm does not answer."""
         self._client.connect()
         try:
-            self._client.request(GET_STATE, b"", timeout_s=1.0)
+            self._client.request(Register.GET_STATE, b"", timeout_s=1.0)
         except OSError as error:
             self._client.close()
             raise DeviceError(
@@ -79,7 +79,7 @@ class StopChannel:
             return self._wake.wait_for(lambda: not self.pending, timeout_s)
 
     def close(self) -> None:
-        """End the thread and hang up; may be called twice."""
+        """End the thread and disconnect; may be called twice."""
         self._worker.request_stop()
         with self._wake:
             self._wake.notify_all()
@@ -95,7 +95,8 @@ class StopChannel:
             if self.pending:
                 self._stop_until_acknowledged(stop)
             elif not stop.is_set():
-                misses = 0 if self._answers(GET_STATE, b"", self._reply_timeout_s) else misses + 1
+                answers = self._answers(Register.GET_STATE, b"", self._reply_timeout_s)
+                misses = 0 if answers else misses + 1
                 self._failure = self._sentence() if misses >= KEEPALIVE_MISSES else ""
                 if misses >= KEEPALIVE_MISSES:
                     self._client.close()
@@ -103,7 +104,7 @@ class StopChannel:
     def _stop_until_acknowledged(self, stop: threading.Event) -> None:
         requested = self._requested
         timeout_s = self._reply_timeout_s
-        while not self._answers(SET_STATE, bytes([State.STOPPED]), timeout_s):
+        while not self._answers(Register.SET_STATE, bytes([StateCommand.STOP]), timeout_s):
             self._failure = self._sentence()
             self._client.close()  # it may be open and dead: only a new one gets through
             timeout_s = min(2 * timeout_s, LONGEST_REPLY_TIMEOUT_S)  # or alive and slow
@@ -122,7 +123,7 @@ class StopChannel:
             reply = self._client.request(register, payload, timeout_s)
         except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
             return False
-        return not reply.status & STATUS_INVALID
+        return not reply.status & ReplyBit.INVALID
 
     def _sentence(self) -> str:
         return (

@@ -15,13 +15,6 @@ from dataclasses import dataclass
 
 from tams_app.errors import DeviceError
 
-GET_VERSION = 1
-SET_STATE = 12
-GET_STATE = 13
-GET_ERROR = 15
-
-STATUS_INVALID = 0x08  # the request was not understood
-
 CONNECT_TIMEOUT_S = 1.0
 _PROTOCOL = 2  # the private protocol; 0 would be Modbus TCP
 _HEADER = struct.Struct(">HHH")
@@ -50,7 +43,7 @@ class UxbusClient:
         return self._socket is not None
 
     def connect(self, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
-        """Connect anew, closing an older connection; DeviceError if nobody answers."""
+        """Connect anew, closing an older connection; DeviceError if nothing answers."""
         self.close()
         host, port = self._address
         try:
@@ -88,7 +81,7 @@ class UxbusClient:
             raise ConnectionError(str(error)) from error
 
     def close(self) -> None:
-        """Hang up; may be called twice."""
+        """Disconnect; may be called twice."""
         self._received.clear()
         if self._socket is not None:
             self._socket.close()

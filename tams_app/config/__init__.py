@@ -2,10 +2,6 @@
 
 from tams_app.config.devices import CameraConfig, ControllerConfig, MappingConfig
 from tams_app.config.motion import (
-    LITE6_JOINT_LOWER_DEG,
-    LITE6_JOINT_UPPER_DEG,
-    LITE6_MAX_JOINT_SPEED_RAD_S,
-    LITE6_MAX_TCP_SPEED_MM_S,
     ArmConfig,
     ClutchConfig,
     HandConfig,
@@ -27,10 +23,6 @@ from tams_app.config.whole import Config, OperatorConfig, StudyConfig, TrialConf
 __all__ = [
     "CONFIG_DIRECTORY",
     "DEFAULT_CONFIG",
-    "LITE6_JOINT_LOWER_DEG",
-    "LITE6_JOINT_UPPER_DEG",
-    "LITE6_MAX_JOINT_SPEED_RAD_S",
-    "LITE6_MAX_TCP_SPEED_MM_S",
     "ArmConfig",
     "BudgetConfig",
     "CameraConfig",

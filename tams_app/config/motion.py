@@ -1,6 +1,6 @@
 """The arm, the hand that moves it, and the limits of both.
 
-Hard limits of the Lite 6 are those of UFACTORY's user manual.
+What the arm itself allows at most is checked against its model (`hw.arms.check_limits`).
 """
 
 from __future__ import annotations
@@ -22,15 +22,8 @@ from tams_app.config.section import (
     Triple,
 )
 
-LITE6_MAX_TCP_SPEED_MM_S = 500.0
-LITE6_MAX_ACCELERATION_MM_S2 = 50_000.0
-LITE6_MAX_JOINT_SPEED_RAD_S = math.pi
-LITE6_REACH_MM = 440.0
-# The SDK's table for axis 6, type 9 (xarm/core/config/x_config.py).
-LITE6_JOINT_LOWER_DEG = (-360.0, -150.0, -3.5, -360.0, -124.0, -360.0)
-LITE6_JOINT_UPPER_DEG = (360.0, 150.0, 300.0, 360.0, 124.0, 360.0)
 MAX_STOP_TIME_S = 0.1
-MAX_TOOL_LENGTH_MM = 300.0  # the arm itself reaches 440
+MAX_TOOL_LENGTH_MM = 300.0
 
 
 def stop_time_s(speed: float, acceleration: float, jerk: float) -> float:
@@ -45,8 +38,8 @@ def longest_stop_s(speed: float, gained: float, acceleration: float, jerk: float
 
     A release may come while the arm still speeds up, so that acceleration has to go first; what it
     adds meanwhile stays within `speed`, because the shaping lets no acceleration grow that could
-    not die out below it. Then the arm stops from full speed at worst. (teleop/plan.py is never
-    slower than this order.)
+    not die out below it. Then the arm stops from full speed at worst. (`teleop/trajectory.py` is
+    never slower than this order.)
     """
     return gained / jerk + stop_time_s(speed, acceleration, jerk)
 
@@ -70,8 +63,9 @@ class GuardConfig(Section):
 
 
 class ArmConfig(Section):
-    """The Lite 6 and how it is reached."""
+    """The arm and how it is reached."""
 
+    model: str = "lite6"  # a word of `hw.arms.ARM_KINDS`
     host: str = "127.0.0.1"  # name or address of the control box
     control_port: Port = 502
     report_port: Port = 30001  # the normal report; the real-time one is two above
@@ -81,7 +75,7 @@ class ArmConfig(Section):
     # Two in a row are a fault: within 100 ms of the first that is not answered, tick and all.
     reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.04
     tcp_offset_mm_deg: Six = (0, 0, 82, 0, 0, 0)
-    tcp_load_kg: Annotated[float, Field(ge=0, le=1)] = 0.35  # the Lite 6 carries 0.6
+    tcp_load_kg: Annotated[float, Field(ge=0, le=1)] = 0.35
     tcp_load_centre_mm: Triple = (0, 0, 40)
     collision_sensitivity: Annotated[int, Field(ge=1, le=5)] = 3
     # the controller's own fence stands this far outside limits.box
@@ -114,14 +108,6 @@ class ArmConfig(Section):
             raise ValueError(
                 f"tcp_load_centre_mm must be within {MAX_TOOL_LENGTH_MM:g} mm of the flange"
             )
-        ranges = zip(LITE6_JOINT_LOWER_DEG, LITE6_JOINT_UPPER_DEG, strict=True)
-        joints = zip(self.ready_joints_deg, ranges, strict=True)
-        for number, (joint, (lower, upper)) in enumerate(joints, start=1):
-            if not lower <= joint <= upper:
-                raise ValueError(
-                    f"ready_joints_deg: joint {number} turns from {lower:g} to {upper:g} degrees, "
-                    f"not to {joint:g}"
-                )
         return self
 
 
@@ -169,14 +155,6 @@ class ProfileConfig(Section):
     acceleration_rad_s2: Positive
     jerk_rad_s3: Positive
 
-    @model_validator(mode="after")
-    def _hard_limit(self) -> Self:
-        if self.acceleration_m_s2 * 1000 > LITE6_MAX_ACCELERATION_MM_S2:
-            raise ValueError(
-                f"acceleration_m_s2 exceeds the Lite 6's {LITE6_MAX_ACCELERATION_MM_S2 / 1000:g}"
-            )
-        return self
-
 
 class MotionProfileConfig(ProfileConfig):
     """While engaged."""
@@ -199,14 +177,14 @@ class StopProfileConfig(ProfileConfig):
 class LimitsConfig(Section):
     """Speed, acceleration, jerk and space the arm never leaves."""
 
-    max_speed_mm_s: Annotated[float, Field(gt=0, le=LITE6_MAX_TCP_SPEED_MM_S)] = 250.0
-    max_rotation_rad_s: Annotated[float, Field(gt=0, le=LITE6_MAX_JOINT_SPEED_RAD_S)] = 0.5
+    max_speed_mm_s: Positive = 250.0
+    max_rotation_rad_s: Positive = 0.5
     motion: MotionProfileConfig = MotionProfileConfig()
     stop: StopProfileConfig = StopProfileConfig()
     box_min_mm: Triple = (150, -330, 5)
     box_max_mm: Triple = (420, 330, 400)
     radius_min_mm: NonNegative = 180.0  # from the base axis
-    radius_max_mm: Annotated[float, Field(gt=0, le=LITE6_REACH_MM)] = 425.0
+    radius_max_mm: Positive = 425.0
     floor_mm: Finite = 5.0  # the lowest of the TCP, on the way to the ready pose too
     slow_down_mm: Positive = 30.0  # the outward speed shrinks to zero over this distance
     cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0  # about the ready orientation

@@ -10,12 +10,12 @@ from tams_app.errors import TamsError
 
 
 def arm(config: Config) -> Iterator[Finding]:
-    """The Lite 6 at the configured address."""
+    """The arm at the configured address."""
     if config.rig.enabled:
         return
-    from hw.lite6.discovery import find_arm
+    from hw.arms import arm_kind
 
-    info = find_arm(config.arm)
+    info = arm_kind(config.arm.model).find(config.arm)
     if info.problem:
         yield Finding("Arm", False, config.arm.host, info.problem)
     else:

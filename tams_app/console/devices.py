@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from rich.console import Console
 
-from hw.lite6.discovery import find_arm
+from hw.arms import arm_kind
 from hw.openvr.devices import ControllerInfo, list_controllers
 from hw.v4l2.devices import CameraInfo, choose_camera, list_cameras
 from tams_app.config import CameraConfig, Config
@@ -21,7 +21,7 @@ def show_devices(config: Config, console: Console | None = None) -> int:
     """
     console = console or Console()
     for title, lines in (
-        ("Arm", [find_arm(config.arm).description]),
+        ("Arm", [arm_kind(config.arm.model).find(config.arm).description]),
         ("Controllers", _controllers()),
         ("Cameras", camera_lines(list_cameras(), config.cameras)),
     ):

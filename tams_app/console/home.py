@@ -1,4 +1,4 @@
-"""`home` as a person meets it: the arm's way to its ready pose, while Enter is held."""
+"""The `home` command: moves the arm to its ready pose while the operator holds Enter."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from types import TracebackType
 from rich.console import Console
 
 from hw.arm import Arm
+from hw.arms import arm_kind
 from hw.boundary import reach_boundary
 from hw.guard.link import GuardLink, guard_specification
-from hw.lite6.arm import Lite6
-from hw.lite6.codes import controller_error_sentence
 from tams_app.config import Config
 from tams_app.console.dialogue import Dialogue
 from tams_app.console.signals import handled_signals
@@ -39,7 +38,7 @@ class _EndRequest:
         self._reason = self._reason or reason
 
     def check(self) -> None:
-        """TamsError if somebody asked."""
+        """TamsError if one did."""
         if self._reason:
             raise TamsError(f"{self._reason} before the arm was in its ready pose")
 
@@ -69,7 +68,8 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         process = HelperProcess("guard", "hw.guard.process", guard_specification(config.arm), None)
         stack.callback(process.stop)
         boundary = reach_boundary(config.arm, config.limits)
-        arm = Lite6(config.arm, clock, config.control.rate_hz, boundary)
+        kind = arm_kind(config.arm.model)
+        arm = kind.make_arm(config.arm, clock, config.control.rate_hz, boundary)
         stack.push(_closing(arm))
         dialogue.say(f"Connecting to the arm at {config.arm.host} ...")
         connect_with_consent(arm, dialogue.confirms)
@@ -100,10 +100,9 @@ def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
         arm.connect()
     except DeviceError:
         state = arm.state()
-        if state is None or not state.error_code:
+        if state is None or state.fault is None:
             raise
-        error = controller_error_sentence(state.error_code)
-        if not confirms(f"{error}\nEnter clears the error, any other key ends."):
+        if not confirms(f"{state.fault.sentence}\nEnter clears the error, any other key ends."):
             raise
         arm.clear_errors()
         arm.connect()

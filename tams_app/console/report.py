@@ -59,7 +59,7 @@ def _session_folder(given: Path) -> Path:
 def _gap(log: SessionLog) -> str:
     """What the log lacks, in one sentence; empty if it is whole."""
     if log.damaged:
-        return "The log is incomplete: part of the session is missing from these figures."
+        return "The log is damaged: part of the session is missing from these figures."
     if log.truncated:
         return (
             "The log ends early (the session was killed, the disk was full, or the file was cut): "

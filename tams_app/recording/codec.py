@@ -18,6 +18,8 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tams_app.recording.upgrades import UPGRADES
+
 T = TypeVar("T")
 Convert = Callable[[Any], Any]
 
@@ -178,8 +180,11 @@ def _decode_rotation(tree: list[float | None]) -> Rotation:
 
 def _record_decoder(record_type: type) -> Convert:
     plan = [(name, _decoder(hint)) for name, hint in _hints(record_type)]
+    upgrade = UPGRADES.get(record_type)
 
     def decode(tree: dict[str, Any]) -> Any:
+        if upgrade is not None:
+            tree = upgrade(tree)
         # a field added since the log was written takes its default
         return record_type(
             **{

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from hw.arm import Arm
+from hw.arms import arm_kind, check_limits
 from hw.boundary import session_boundary
-from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg, tcp_pose
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
 from tams_app.errors import ConfigError
@@ -42,8 +42,12 @@ def check_names(config: Config) -> None:
 
 
 def check_ready_pose(config: Config) -> None:
-    """ConfigError if the arm could not work from its ready pose: outside the box or the ring."""
+    """ConfigError unless the arm can do what is configured, beginning at its ready pose.
+
+    Its model is known, the limits are within its own, and the ready pose is in the workspace.
+    """
     limits = config.limits
+    check_limits(config.arm, limits)
     ready = _ready_pose(config).position
     workspace = Workspace(limits, linear_profile(limits.motion), config.arm.velocity_deadman_s)
     beyond = workspace.excess(ready[np.newaxis])[0]
@@ -93,14 +97,14 @@ def dry_run(arm: Arm, config: Config, clock: Clock) -> Arm:
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:
-    """Clutch to limits, for the Lite 6 with the configured tool; `delay_ns` of the frames."""
-    model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
-    return Teleop(config, model, _ready_pose(config).rotation, delay_ns)
+    """Clutch to limits, for the arm with the configured tool; `delay_ns` of the frames."""
+    kinematics = arm_kind(config.arm.model).kinematics(config.arm)
+    return Teleop(config, kinematics, _ready_pose(config).rotation, delay_ns)
 
 
 def _ready_pose(config: Config) -> Pose:
     joints = np.radians(np.array(config.arm.ready_joints_deg))
-    return tcp_pose(joints, offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
+    return arm_kind(config.arm.model).kinematics(config.arm).tcp_pose(joints)
 
 
 def task_geometry() -> TaskGeometry:

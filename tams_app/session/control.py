@@ -15,8 +15,8 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Twist
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.listener import Listener
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
 
@@ -104,7 +104,7 @@ class ControlLoop:
         clock: Clock,
         controller: Controller,
         arm: Arm,
-        supervisor: ArmSupervisor,
+        gate: ArmGate,
         video: ShownVideo,
         signals: Signals,
         listeners: Sequence[Listener] = (),
@@ -113,7 +113,7 @@ class ControlLoop:
         self._rate_hz = config.control.rate_hz
         self._controller = controller
         self._arm = arm
-        self._supervisor = supervisor
+        self._gate = gate
         self._video = video
         self._signals = signals
         self._listeners = tuple(listeners)
@@ -177,7 +177,7 @@ class ControlLoop:
             sample=sample,
             arm=arm,
             link=link,
-            arm_ready=self._supervisor.ready,
+            arm_ready=self._gate.ready,
             video_age_ns=ENDLESS_NS if age_ns is None else age_ns,
             confirm=pending.confirm,
             estop=pending.estop,
@@ -185,8 +185,8 @@ class ControlLoop:
         )
 
     def _act(self, output: TeleopOutput) -> None:
-        if output.stop:  # state 4 ends every motion; a zero twist would only queue up behind it
-            self._arm.stop()
+        if output.stop:  # ends every motion; a zero twist would only queue up behind it
+            self._gate.stop()
         elif output.twist is not None:
             self._arm.send_twist(output.twist)
         elif output.pose is not None:
@@ -196,7 +196,7 @@ class ControlLoop:
         if output.haptic is not None:
             self._controller.pulse(output.haptic)
         if output.request is not Request.NONE:
-            self._supervisor.request(output.request)
+            self._gate.request(output.request)
 
 
 def describe(output: TeleopOutput) -> str:

@@ -12,8 +12,8 @@ from hw.controller import Controller
 from tams_app.config import ArmConfig
 from tams_app.records import SceneTruth
 from tams_app.runtime.process import HelperProcess
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.listener import Listener
-from tams_app.session.supervisor import ArmSupervisor
 
 Note = Callable[[str, str], None]  # level and sentence, for the log and the console
 
@@ -56,7 +56,7 @@ class ConnectedDevices:
     """The devices that a session's engine works with, once they are there."""
 
     arm: Arm
-    supervisor: ArmSupervisor
+    gate: ArmGate
     controller: Controller
     truth: Callable[[], SceneTruth | None] | None
     guard: Listener | None = None  # in virtual time there is none: no control loop falls silent

@@ -6,13 +6,9 @@ import threading
 from contextlib import ExitStack
 from dataclasses import replace
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm, ServoMode, SimulatedArm
+from hw.arms import arm_kind
 from hw.boundary import TcpBoundary
-from hw.lite6.codes import controller_error_sentence
-from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
-from hw.sim.controller.settings import outputs_for
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
@@ -26,11 +22,11 @@ _SILENT = "The arm has stopped reporting; check its power and network cable, the
 
 
 class DryRunArm(Arm):
-    """`real` behind a pane of glass: it is connected, checked, watched and stopped, never moved.
+    """Connects, checks, watches and stops the arm `real`, and never moves it.
 
-    A model of its controller, which begins where the real arm stands, takes the commands, and
-    `state` is the model's. A failing link and an error of the real arm show as they would in
-    earnest. From any thread: one lock guards the model.
+    A simulation of it, which begins where the real arm stands, takes the commands, and `state` is
+    the simulation's. A failing link and an error of the real arm show as in a real run. From any
+    thread: one lock guards the simulation.
     """
 
     def __init__(
@@ -40,7 +36,7 @@ class DryRunArm(Arm):
         self._real = real
         self._config, self._clock, self._boundary = config, clock, boundary
         self._lock = threading.Lock()
-        self._model: InProcessArm | None = None
+        self._model: SimulatedArm | None = None
 
     def connect(self) -> None:
         """Connect the real arm with all its checks, and begin the model where it stands."""
@@ -48,9 +44,13 @@ class DryRunArm(Arm):
         state = self._real.state()
         if state is None:
             raise DeviceError(_SILENT)
-        controller = ControllerModel(IdealPlant(), start_joints=state.joints)
-        controller.settings.tool_outputs = outputs_for(state.gripper_closed)
-        model = InProcessArm(self._config, self._clock, controller, self._boundary)
+        model = arm_kind(self._config.model).simulate(
+            self._config,
+            self._clock,
+            state.joints,
+            self._boundary,
+            gripper_closed=state.gripper_closed,
+        )
         model.connect()
         with self._lock:
             self._model = model
@@ -71,9 +71,9 @@ class DryRunArm(Arm):
         with self._lock:
             model = self._caught_up()
             state = model.state() if model is not None else None
-        if state is None or real is None or not real.error_code:
+        if state is None or real is None or real.fault is None:
             return state
-        return replace(state, error_code=real.error_code)
+        return replace(state, fault=real.fault)
 
     def link(self) -> CommandLink:
         """The model's link; the real arm's failure if it has one, or has fallen silent."""
@@ -105,7 +105,7 @@ class DryRunArm(Arm):
                 model.set_gripper(closed)
 
     def stop(self) -> None:
-        """Stop the model, and the real arm too, whoever may be moving it."""
+        """Stop the model, and the real arm too, whatever program may be moving it."""
         self._real.stop()
         with self._lock:
             if (model := self._caught_up()) is not None:
@@ -129,13 +129,13 @@ class DryRunArm(Arm):
     def realtime_thread_ids(self) -> dict[str, int]:
         return self._real.realtime_thread_ids
 
-    def _caught_up(self) -> InProcessArm | None:
+    def _caught_up(self) -> SimulatedArm | None:
         """The model; after a standstill of the process it does not relive all of it."""
         if self._model is not None:
             self._model.skip_standstill(LONGEST_STANDSTILL_NS)
         return self._model
 
-    def _required(self) -> InProcessArm:
+    def _required(self) -> SimulatedArm:
         model = self._caught_up()
         if model is None:
             raise DeviceError(_NOT_CONNECTED)
@@ -148,8 +148,8 @@ class DryRunArm(Arm):
             raise DeviceError(link.failure)
         if state is None or self._real_is_silent():
             raise DeviceError(_SILENT)
-        if state.error_code:
-            raise DeviceError(controller_error_sentence(state.error_code))
+        if state.fault is not None:
+            raise DeviceError(state.fault.sentence)
 
     def _real_is_silent(self) -> bool:
         state = self._real.state()

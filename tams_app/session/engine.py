@@ -44,14 +44,14 @@ class Engine:
             config.trial, clock, devices.arm, devices.truth, log.record, ended
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
-        arming = ArmingObserver(devices.supervisor, signals, log.note, arm_at_once)
+        arming = ArmingObserver(signals, log.note, arm_at_once)
         guard = () if devices.guard is None else (devices.guard,)
         self.control = ControlLoop(
             config,
             clock,
             devices.controller,
             devices.arm,
-            devices.supervisor,
+            devices.gate,
             video,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before it is told

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from hw.arm import Arm
+from hw.arms import arm_kind
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
-from hw.lite6.arm import Lite6
 from hw.make_camera import make_camera
 from hw.openvr.controller import OpenVrController
 from tams_app.config import ArmConfig, Config
@@ -19,7 +19,7 @@ from tams_app.session.devices import Note
 
 
 class HardwareDevices:
-    """A Lite 6, an OpenVR controller and one camera for each view."""
+    """The configured arm, an OpenVR controller and one camera for each view."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self._config = config
@@ -45,7 +45,8 @@ class HardwareDevices:
     def make_arm(self) -> Arm:
         config = self._config
         boundary = session_boundary(config.arm, config.limits)
-        return Lite6(config.arm, self._clock, config.control.rate_hz, boundary)
+        kind = arm_kind(config.arm.model)
+        return kind.make_arm(config.arm, self._clock, config.control.rate_hz, boundary)
 
     def make_controller(self, note: Note) -> Controller:
         return OpenVrController(self._config.controller, self._clock, note)
@@ -58,4 +59,4 @@ class HardwareDevices:
         ]
 
     def close(self) -> None:
-        """Each device is closed by the part that opened it."""
+        """The devices are closed by the session, which opened them."""

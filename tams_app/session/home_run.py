@@ -52,7 +52,7 @@ class Guard(Protocol):
 
 
 class HomeRun:
-    """One way home: the loop around `Homing`, for the main thread.
+    """One motion to the ready pose: the loop around `Homing`, for the main thread.
 
     `read_keys(timeout_s)` returns what the terminal sent meanwhile. Starting the move may wait for
     the arm, which the key and the heartbeat cannot: it is done in `executor`. Nor can they wait for
@@ -200,7 +200,7 @@ def describe_path(path: HomingPath, speed_rad_s: float) -> str:
     rows = [
         f"joints now    {_degrees(path.start)}",
         f"ready pose    {_degrees(path.goal)}",
-        f"on the way    {math.degrees(path.travel_rad):.0f}° of the joint that turns most, "
+        f"on its path   {math.degrees(path.travel_rad):.0f}° of the joint that turns most, "
         f"{path.tcp_path_m * 1000:.0f} mm of the gripper, lowest {path.lowest_m * 1000:.0f} mm; "
         f"{path.duration_s(speed_rad_s):.0f} s",
     ]

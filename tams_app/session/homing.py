@@ -1,4 +1,4 @@
-"""The way to the ready pose, and only while the operator holds a key: the decisions of it.
+"""The decisions of moving to the ready pose, which happens only while the operator holds a key.
 
 Pure: time, key presses and the arm's state come in, ARM, START and STOP come out; `home_run.py`
 acts.
@@ -12,11 +12,10 @@ from enum import Enum, StrEnum
 
 import numpy as np
 
-from hw.lite6.codes import State, controller_error_sentence
-from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
+from hw.arms import arm_kind
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, Vector
+from tams_app.records import Activity, ArmState, CommandLink, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 # A key that is held repeats: after up to 0.66 s (X11's default), then every 25 to 100 ms.
@@ -68,7 +67,7 @@ class HomingPath:
 
     start: Vector  # [rad], shape (6,)
     goal: Vector  # [rad], shape (6,)
-    travel_rad: float  # of the joint with the longest way
+    travel_rad: float  # of the joint that turns furthest
     tcp_path_m: float
     lowest_m: float  # height of the TCP
 
@@ -78,19 +77,21 @@ class HomingPath:
 
     def passes(self, joints: Vector) -> bool:
         """Whether `joints` [rad] lie on it: from there the rest of it is the same path."""
-        way = self.goal - self.start
-        length = float(way @ way)
-        fraction = float((joints - self.start) @ way) / length if length > 0.0 else 0.0
-        nearest = self.start + min(max(fraction, 0.0), 1.0) * way
+        change = self.goal - self.start
+        length = float(change @ change)
+        fraction = float((joints - self.start) @ change) / length if length > 0.0 else 0.0
+        nearest = self.start + min(max(fraction, 0.0), 1.0) * change
         return float(np.abs(joints - nearest).max()) <= OFF_PATH_RAD
 
 
 def plan_path(config: Config, joints: Vector) -> HomingPath:
     """The path from `joints` [rad]; DeviceError if the gripper would dip under the floor."""
     goal = np.radians(np.array(config.arm.ready_joints_deg))
-    model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
+    kinematics = arm_kind(config.arm.model).kinematics(config.arm)
     fractions = np.linspace(0.0, 1.0, _SAMPLES)
-    points = np.array([model.tcp_matrix(joints + f * (goal - joints))[:3, 3] for f in fractions])
+    points = np.array(
+        [kinematics.tcp_pose(joints + f * (goal - joints)).position for f in fractions]
+    )
     path = HomingPath(
         start=joints,
         goal=goal,
@@ -117,7 +118,7 @@ class Action(Enum):
 
 
 class HomingState(StrEnum):
-    """Where the way to the ready pose stands."""
+    """How far the motion to the ready pose has come."""
 
     WAITING = "waiting"  # for the key
     ARMING = "arming"  # until the guard has said that it watches
@@ -224,13 +225,13 @@ class Homing:
         arm = tick.arm
         if arm is None or arm.received_ns <= self._began_ns:
             return Action.NONE  # a report from before the start says nothing
-        if arm.state >= State.PAUSED:
+        if arm.activity.is_halted:
             return self._finish(
                 HomingState.FAILED, "The arm was stopped from elsewhere; find out why, then again."
             )
-        if arm.state == State.STANDBY and self._is_there(arm):
+        if arm.activity is Activity.IDLE and self._is_there(arm):
             return self._finish(HomingState.DONE)
-        if arm.state == State.STANDBY and tick.now_ns - self._began_ns > NO_MOTION_NS:
+        if arm.activity is Activity.IDLE and tick.now_ns - self._began_ns > NO_MOTION_NS:
             return self._finish(
                 HomingState.FAILED, "The arm stands still on its way; look for what holds it."
             )
@@ -241,8 +242,8 @@ class Homing:
         if tick.refused and self.state is not HomingState.CANCELLING:
             return tick.refused
         arm = tick.arm
-        if arm is not None and arm.error_code:
-            return controller_error_sentence(arm.error_code)
+        if arm is not None and arm.fault is not None:
+            return arm.fault.sentence
         if tick.link.failure or tick.guard:
             return tick.link.failure or tick.guard
         if arm is None or tick.now_ns - arm.received_ns > SILENT_NS:

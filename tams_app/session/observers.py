@@ -15,7 +15,6 @@ from tams_app.session import build
 from tams_app.session.control import Signals, describe
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
@@ -29,15 +28,12 @@ _STOPPING = (ArmingState.HOLDING, ArmingState.FAULT)
 
 
 class ArmingObserver(Listener):
-    """Tells the supervisor of stops, and the operator of the arm's arming.
+    """Tells the operator of the arm's arming, and of confirmations that do not count.
 
     `arm_at_once` confirms in the operator's place, once a second until the arm was armed once.
     """
 
-    def __init__(
-        self, supervisor: ArmSupervisor, signals: Signals, note: Note, arm_at_once: bool
-    ) -> None:
-        self._supervisor = supervisor
+    def __init__(self, signals: Signals, note: Note, arm_at_once: bool) -> None:
         self._signals = signals
         self._note = note
         self._confirms = arm_at_once
@@ -45,8 +41,6 @@ class ArmingObserver(Listener):
         self._arming = ArmingState.DISARMED
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if output.stop:
-            self._supervisor.stopped()
         if output.arming is not self._arming:
             self._arming = output.arming
             self._note_arming(output)

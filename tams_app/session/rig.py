@@ -7,10 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from hw.arm import Arm
+from hw.arms import arm_kind
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
-from hw.lite6.arm import Lite6
 from hw.sim.operator.operator import Operator
 from hw.sim.operator.operator_hand import operator_hand
 from hw.sim.operator.perception import TruePerception
@@ -21,6 +21,7 @@ from hw.sim.world.shared_block import new_memory_name, remove_memory
 from hw.sim.world.truth import TruthReader
 from hw.sim.world.world_memory import WorldWriter
 from tams_app.config import ArmConfig, Config
+from tams_app.errors import ConfigError
 from tams_app.records import SceneTruth
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
@@ -37,6 +38,12 @@ class SimulatedRig:
         self, config: Config, clock: Clock, log_directory: Path, operator_confirms: bool
     ) -> None:
         """`operator_confirms`: the scripted operator arms the arm by the menu button."""
+        self._kind = arm_kind(config.arm.model)
+        if not self._kind.rig:
+            raise ConfigError(
+                f"arm.model: there is no simulated rig with a {self._kind.title}; "
+                "set rig.enabled to false"
+            )
         self._operator_confirms = operator_confirms
         self._config = config
         self._clock = clock
@@ -59,13 +66,13 @@ class SimulatedRig:
             "noise_sigma": config.rig.camera_noise_sigma,
         }
         self.helpers = {
-            "rig": HelperProcess("rig", "hw.sim.rig", world, log_directory),
+            "rig": HelperProcess("rig", self._kind.rig, world, log_directory),
             "renderer": HelperProcess("renderer", "hw.sim.world.renderer", renderer, log_directory),
         }
 
     def start(self) -> None:
         """Start the processes without waiting; see `wait_ready`."""
-        WorldWriter(self._memory_name).close()  # there before anybody reads: no order of starting
+        WorldWriter(self._memory_name).close()  # there before any reader: no order of starting
         for helper in self.helpers.values():
             helper.start()
 
@@ -88,7 +95,7 @@ class SimulatedRig:
         """The real driver; only the address is the rig's."""
         config = self._config
         boundary = session_boundary(config.arm, config.limits)
-        return Lite6(self.arm_config(), self._clock, config.control.rate_hz, boundary)
+        return self._kind.make_arm(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
     def make_controller(self, note: Note) -> Controller:
         """The virtual controller in the scripted operator's hand, or a recorded hand's."""

@@ -11,16 +11,16 @@ from pathlib import Path
 
 from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
-from hw.lite6.codes import State
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import PacketRecord, ShownFrame
+from tams_app.records import Activity, PacketRecord, ShownFrame
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.worker import Worker
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.engine import Engine
@@ -28,7 +28,6 @@ from tams_app.session.guarding import Guarding
 from tams_app.session.quality import LiveQuality
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import Reason
 from tams_app.video.networks import resolve_network
@@ -67,7 +66,7 @@ class Session:
         self._weights = WeightMatrix(config.policy.weights.matrix)
         self._started_ns = clock.now_ns()
         self._arm: Arm | None = None
-        self._supervisor: ArmSupervisor | None = None
+        self._gate: ArmGate | None = None
         self._control: Worker | None = None
         self.board = StatusBoard(config.video.views)
 
@@ -152,15 +151,15 @@ class Session:
         arm.connect()
         self._hurry(arm.realtime_thread_ids)
         boundary = session_boundary(self.config.arm, self.config.limits)
-        supervisor = ArmSupervisor(arm, ServoMode(self.config.arm.servo), boundary, self.note)
-        self._arm, self._supervisor = arm, supervisor
+        gate = ArmGate(arm, ServoMode(self.config.arm.servo), boundary, self.note)
+        self._arm, self._gate = arm, gate
         guard.wait_ready()
         self._helpers["guard"] = guard.process
         controller = self._devices.make_controller(self.note)
         self._stack.callback(controller.close)
         controller.start()
         self._hurry(controller.realtime_thread_ids)
-        return ConnectedDevices(arm, supervisor, controller, self._devices.truth, guard)
+        return ConnectedDevices(arm, gate, controller, self._devices.truth, guard)
 
     def _hurry(self, thread_ids: Mapping[str, int]) -> None:
         """Real-time priority, just below the control loop's, for what it waits for."""
@@ -170,7 +169,7 @@ class Session:
 
     def _start_workers(self, connected: ConnectedDevices, cameras: ExitStack) -> None:
         engine = self._engine
-        self._run("arm-supervisor", connected.supervisor.run, SUPERVISOR_TIMEOUT_S)
+        self._run("arm-supervisor", connected.gate.run, SUPERVISOR_TIMEOUT_S)
         self._run("policy", engine.policy.run)
         for camera in self._devices.make_cameras(self.note):
             camera.start()
@@ -232,9 +231,8 @@ class Session:
     def fail(self, sentence: str) -> None:
         """The job has failed: stop the arm, let the session end with exit code 1."""
         self.signals.fault(Reason.SESSION_FAILED)
-        if self._arm is not None and self._supervisor is not None:
-            self._supervisor.stopped()
-            self._arm.stop()
+        if self._gate is not None:
+            self._gate.stop()
         if not self.failure:
             self.failure = sentence
             self.note("error", sentence)
@@ -262,16 +260,15 @@ class Session:
         The control loop ends before, or it would take our stop for a fault; if it hangs, the stop
         is sent all the same.
         """
-        arm, supervisor, control = self._arm, self._supervisor, self._control
-        if arm is None or supervisor is None:
+        arm, gate, control = self._arm, self._gate, self._control
+        if arm is None or gate is None:
             return
         if control is not None:
             if self.failure:
                 self._await_stop(arm, control)  # so that the log shows how the arm stopped
             control.request_stop()
             control.join(CONTROL_TIMEOUT_S)
-        supervisor.stopped()
-        arm.stop()
+        gate.stop()
 
     def close(self) -> None:
         """Stop the arm, then everything else in the reverse order of its start.
@@ -295,7 +292,7 @@ class Session:
         deadline_ns = self._clock.now_ns() + STOP_TIMEOUT_NS
         while control.alive and self._clock.now_ns() < deadline_ns:
             state = arm.state()
-            if state is not None and state.state == State.STOPPED:
+            if state is not None and state.activity is Activity.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
 

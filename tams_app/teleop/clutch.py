@@ -1,4 +1,4 @@
-"""What the operator's fingers say: deadman and clutch, mode button, gripper buttons, menu."""
+"""The controller's buttons as edges: deadman and clutch, mode, gripper and menu button."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NO_BUTTONS = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Fingers:
+class Buttons:
     """One tick's reading; the last six are edges and true for one tick only."""
 
     pressed: bool  # the trigger is held, with hysteresis, and this is known
@@ -53,7 +53,7 @@ class Clutch:
         self._b: bool | None = None
         self._menu = _Menu()
 
-    def update(self, sample: ControllerSample, now_ns: int) -> Fingers:
+    def update(self, sample: ControllerSample, now_ns: int) -> Buttons:
         """Take in the newest sample at `now_ns`."""
         fresh = is_fresh(sample.buttons_ns, now_ns, self._limit_ns)
         known = fresh and sample.status is ControllerStatus.OK
@@ -66,7 +66,7 @@ class Clutch:
         closes, opens = _edge(was_a, self._a), _edge(was_b, self._b)
         menu_known = fresh and sample.status not in _NO_BUTTONS
         down, click, hold = self._menu.update(sample.menu if menu_known else None, now_ns)
-        return Fingers(
+        return Buttons(
             pressed=self._trigger is True,
             released=self._trigger is False,
             press=was_up and self._trigger is True,

@@ -1,4 +1,4 @@
-"""The engaged hand's way to a command: clutch anchor, target, P-loop, limits, shaping."""
+"""From the engaged hand to a command: clutch anchor, target, P-loop, limits, shaping."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config
-from tams_app.records import ArmState, ControllerSample, Pose, Twist, Vector
+from tams_app.records import ArmState, ControllerSample, Pose, Twist
 from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.motion import HandMotion
@@ -14,6 +14,7 @@ from tams_app.teleop.quaternion import turn_between
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import MAX_POSE_STEP_M, Target, Tcp, TcpPredictor
+from tams_app.teleop.trajectory import norm
 
 _LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
 
@@ -181,10 +182,10 @@ class Drive:
     # --- pose servo -----------------------------------------------------------------------------
 
     def _carry_pose(self, interval_s: float) -> None:
-        """Move the commanded pose with the twist, at most one step that mode 1 takes."""
+        """Move the commanded pose with the twist, at most one step that the arm takes."""
         if self.commanded_pose is None:
             return
-        speed = _norm(self.twist.linear)
+        speed = norm(self.twist.linear)
         step_s = min(interval_s, MAX_POSE_STEP_M / speed) if speed > 0.0 else interval_s
         self._target.advance(self.twist.linear, self.twist.angular, step_s)
         self.commanded_pose = self._target.tcp.to_pose()
@@ -197,10 +198,6 @@ class Drive:
         if self._follows_velocity:
             return
         held = self.commanded_pose
-        if held is None or _norm(held.position - measured.position) > self._leash_m:
+        if held is None or norm(held.position - measured.position) > self._leash_m:
             self._target.anchor(Tcp.of(measured))
             self.commanded_pose = measured
-
-
-def _norm(vector: Vector) -> float:
-    return float(np.sqrt(vector @ vector))

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config, ProfileConfig
 from tams_app.records import Twist, Vector
-from tams_app.teleop.plan import Profile
 from tams_app.teleop.quaternion import Quaternion
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
 from tams_app.teleop.shaping import Admissible, VelocityShaper
+from tams_app.teleop.trajectory import Profile, norm
 from tams_app.teleop.workspace import RotationCone, Workspace
 
 _DEMAND_M_S = 0.005  # below this the hand is at rest
@@ -111,7 +111,7 @@ class Limits:
             reach = self.linear.braking_reach(velocity, acceleration, self._deadman_s)
             if self._workspace.is_far(position, reach):
                 return True
-            braking = self.linear.braking_plan(velocity, acceleration)
+            braking = self.linear.braking_trajectory(velocity, acceleration)
             return self._workspace.admits(position, velocity, braking)
 
         return admissible
@@ -122,7 +122,7 @@ class Limits:
             reach = self.angular.braking_reach(angular, acceleration, self._deadman_s)
             if self._cone.is_far(offset, reach):
                 return True
-            braking = self.angular.braking_plan(angular, acceleration)
+            braking = self.angular.braking_trajectory(angular, acceleration)
             return self._cone.admits(offset, angular, braking)
 
         return admissible
@@ -145,7 +145,7 @@ class Limits:
 
 def clamp_norm(vector: Vector, bound: float) -> Vector:
     """`vector` shortened to the norm `bound`, direction kept."""
-    size = math.sqrt(float(vector @ vector))
+    size = norm(vector)
     return vector if size <= bound else vector * (bound / size)
 
 

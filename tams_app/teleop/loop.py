@@ -5,12 +5,10 @@ from __future__ import annotations
 from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config
-from tams_app.lite6_errors import describe_arm_error
-from tams_app.records import Haptic, Twist
+from tams_app.records import Activity, Haptic, Twist
 from tams_app.runtime.clock import NS_PER_S
-from tams_app.teleop.clutch import Clutch, Fingers
+from tams_app.teleop.clutch import Buttons, Clutch
 from tams_app.teleop.drive import Drive
-from tams_app.teleop.plan import TrajectoryError
 from tams_app.teleop.records import ArmModel, TeleopInput, TeleopOutput
 from tams_app.teleop.safety import (
     Arming,
@@ -19,7 +17,8 @@ from tams_app.teleop.safety import (
     Reason,
     Request,
 )
-from tams_app.teleop.watch import STOPPED_STATE, Watch
+from tams_app.teleop.trajectory import TrajectoryError
+from tams_app.teleop.watch import Watch
 
 _TOLD_BY_THE_LINK = (Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED)
 _PRECEDENCE = {reason: rank for rank, reason in enumerate(Reason)}
@@ -57,11 +56,11 @@ class Teleop:
     def step(self, tick: TeleopInput) -> TeleopOutput:
         """Take one tick in; never raises for what a device or an operator may do."""
         interval_s = self._interval(tick.now_ns)
-        fingers = self._clutch.update(tick.sample, tick.now_ns)
+        buttons = self._clutch.update(tick.sample, tick.now_ns)
         before = self._arming.state
         self._drive.note_interval(tick.now_ns, interval_s)
-        faults, holds = self._judge(tick, fingers, interval_s)
-        confirm = tick.confirm or self._menu_confirms(fingers)
+        faults, holds = self._judge(tick, buttons, interval_s)
+        confirm = tick.confirm or self._menu_confirms(buttons)
         request = self._arming.step(
             ArmingEvents(
                 now_ns=tick.now_ns,
@@ -69,20 +68,20 @@ class Teleop:
                 holds=holds,
                 arm_ready=tick.arm_ready and self._watch.servo_ready(tick.arm),
                 confirm=confirm,
-                press=fingers.press,
-                pressed=fingers.pressed,
-                released=fingers.released,
+                press=buttons.press,
+                pressed=buttons.pressed,
+                released=buttons.released,
             )
         )
         counts = request is not Request.NONE or self._arming.state is not before
         refusal = self._in_the_way() if confirm and not counts else ""
         scale = self._watch.video_scale(tick.video_age_ns)
         try:
-            self._move(tick, fingers, before, holds, scale, interval_s)
+            self._move(tick, buttons, before, holds, scale, interval_s)
         except TrajectoryError:
             self._arming.trip(Reason.TRAJECTORY_ERROR)
             self._drive.reset()
-        return self._output(tick, fingers, before, faults, request, scale, refusal)
+        return self._output(tick, buttons, before, faults, request, scale, refusal)
 
     def _interval(self, now_ns: int) -> float:
         """Seconds since the last tick; 0 at the first and if time went back."""
@@ -90,13 +89,13 @@ class Teleop:
         return 0.0 if last_ns is None else max(0, now_ns - last_ns) / NS_PER_S
 
     def _judge(
-        self, tick: TeleopInput, fingers: Fingers, interval_s: float
+        self, tick: TeleopInput, buttons: Buttons, interval_s: float
     ) -> tuple[tuple[Reason, ...], tuple[Reason, ...]]:
         """Faults and holds of this tick, most important first."""
         state = self._arming.state
         faults = self._watch.faults(tick, state)
         holds = self._watch.holds(tick, state)
-        if tick.estop or self._menu_stops(fingers):
+        if tick.estop or self._menu_stops(buttons):
             faults.append(Reason.EMERGENCY_STOP)
         if state is ArmingState.ENGAGED:
             if tick.arm is not None and Reason.ARM_STATE_INVALID not in holds:
@@ -109,21 +108,21 @@ class Teleop:
                 holds.append(Reason.CONTROL_STALLED)
         return _ranked(faults), _ranked(holds)
 
-    def _menu_stops(self, fingers: Fingers) -> bool:
+    def _menu_stops(self, buttons: Buttons) -> bool:
         if self._arming.state.is_armed:
-            self._menu_is_void = self._menu_is_void or fingers.menu_down
-            return fingers.menu_down or fingers.menu_click
-        if fingers.menu_down:
+            self._menu_is_void = self._menu_is_void or buttons.menu_down
+            return buttons.menu_down or buttons.menu_click
+        if buttons.menu_down:
             self._menu_is_void = False
-        return fingers.menu_click and not self._menu_is_void
+        return buttons.menu_click and not self._menu_is_void
 
-    def _menu_confirms(self, fingers: Fingers) -> bool:
-        return fingers.menu_hold and not self._menu_is_void
+    def _menu_confirms(self, buttons: Buttons) -> bool:
+        return buttons.menu_hold and not self._menu_is_void
 
     def _move(
         self,
         tick: TeleopInput,
-        fingers: Fingers,
+        buttons: Buttons,
         before: ArmingState,
         holds: tuple[Reason, ...],
         scale: float,
@@ -137,7 +136,7 @@ class Teleop:
             self._drive.halt()
         if state is not before and state is ArmingState.ENGAGED:
             self._drive.engage()
-        if fingers.toggle_mode:
+        if buttons.toggle_mode:
             self._drive.toggle_mode()
         trusted = None if holds else tick.arm
         if state is ArmingState.ENGAGED and trusted is not None:
@@ -150,7 +149,7 @@ class Teleop:
     def _output(
         self,
         tick: TeleopInput,
-        fingers: Fingers,
+        buttons: Buttons,
         before: ArmingState,
         faults: tuple[Reason, ...],
         request: Request,
@@ -165,8 +164,8 @@ class Teleop:
         elif state is ArmingState.FAULT and before.is_armed and self._sends_velocity:
             twist = Twist.zero()
         gripper = None
-        if state is ArmingState.ENGAGED and (fingers.close_gripper or fingers.open_gripper):
-            gripper = fingers.close_gripper
+        if state is ArmingState.ENGAGED and (buttons.close_gripper or buttons.open_gripper):
+            gripper = buttons.close_gripper
         return TeleopOutput(
             twist=twist,
             pose=pose,
@@ -176,7 +175,7 @@ class Teleop:
             arming=state,
             reason=self._arming.reason,
             detail=self._detail(tick),
-            deadman=fingers.pressed,
+            deadman=buttons.pressed,
             orientation_mode=self._drive.orientation_mode,
             speed_scale=scale * self._drive.joint_scale,
             braking=self._drive.braking,
@@ -205,7 +204,7 @@ class Teleop:
         if before is not ArmingState.FAULT or Reason.EMERGENCY_STOP in faults:
             self._fault_ns = tick.now_ns
         elif self._fault_ns is not None and tick.arm is not None:
-            stopped = tick.arm.state >= STOPPED_STATE
+            stopped = tick.arm.activity is Activity.STOPPED
             if stopped and tick.arm.received_ns > self._fault_ns:
                 self._fault_ns = None
         return self._fault_ns is not None
@@ -215,8 +214,8 @@ class Teleop:
         told = []
         # the state that follows from an error may be reported before the error itself
         told_by_the_arm = reason in (Reason.ARM_ERROR, Reason.ARM_STOPPED)
-        if told_by_the_arm and tick.arm is not None and tick.arm.error_code:
-            told.append(describe_arm_error(tick.arm.error_code))
+        if told_by_the_arm and tick.arm is not None and tick.arm.fault is not None:
+            told.append(tick.arm.fault.text)
         elif reason in _TOLD_BY_THE_LINK and tick.link.failure:
             told.append(tick.link.failure)
         if blocked_by is not None and blocked_by is not reason:

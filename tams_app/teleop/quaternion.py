@@ -1,7 +1,7 @@
 """Rotations inside a tick, as unit quaternions (x, y, z, w) of plain floats.
 
-scipy's Rotation is the type between rooms; it costs 8–14 µs for each product or inverse (measured,
-scipy 1.17), and one tick needs a dozen. These cost one.
+scipy's Rotation is the type between packages; it costs 8–14 µs for each product or inverse
+(measured, scipy 1.17), and one tick needs a dozen. These cost 1 µs each.
 """
 
 from __future__ import annotations

@@ -45,11 +45,11 @@ class TeleopOutput:
     twist: Twist | None  # None: send nothing
     pose: Pose | None
     gripper: bool | None  # close (True) or open (False) now
-    stop: bool  # send state 4 now; every tick of a fault until the arm reports that it stopped
+    stop: bool  # stop the arm now; every tick of a fault until the arm reports that it stopped
     request: Request
     arming: ArmingState
     reason: Reason | None
-    detail: str  # beside the reason: the arm's error code, the link's failure, what else is lost
+    detail: str  # beside the reason: the arm's fault, the link's failure, what else is lost
     deadman: bool
     orientation_mode: bool
     speed_scale: float  # 1 unless stale video or a singularity slows the arm

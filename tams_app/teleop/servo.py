@@ -1,13 +1,12 @@
 """The target pose that the twist is integrated to, and how the arm is kept at it.
 
 Velocity servo: the arm gets velocities, and a P-loop on the reported pose takes away what drifts.
-The report is older than the commands that are under way, so the loop compares with the *predicted*
-TCP: the reported pose plus all that was commanded since. Pose servo: the arm gets the target.
+The report is older than the last commands, so the loop compares with the *predicted* TCP: the
+reported pose plus all that was commanded since. Pose servo: the arm gets the target.
 """
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -24,8 +23,9 @@ from tams_app.teleop.quaternion import (
     turn_between,
     turned,
 )
+from tams_app.teleop.trajectory import norm
 
-MAX_POSE_STEP_M = 0.0099  # mode 1 takes 10 mm (FINDINGS 8), and rounding must not pass that
+MAX_POSE_STEP_M = 0.0099  # arms take 10 mm (FINDINGS 8), and rounding must not pass that
 _MEMORY_NS = NS_PER_S // 2
 _TINY = 1e-12
 
@@ -68,7 +68,7 @@ class TcpPredictor:
         return Tcp(measured.position + self._linear - linear, turned(measured.rotation, turn))
 
     def _travelled_until(self, t_ns: int) -> tuple[Vector, Vector]:
-        """Way and turn that were commanded until `t_ns`, linear between ticks."""
+        """Displacement and turn that were commanded until `t_ns`, linear between ticks."""
         later_ns, linear, angular = t_ns, self._linear, self._angular
         for past_ns, past_linear, past_angular in reversed(self._travelled):
             if past_ns <= t_ns:
@@ -111,12 +111,12 @@ class Target:
     def watch(self, measured: Tcp) -> None:
         """Measure the following error [m]."""
         offset = self.tcp.position - measured.position
-        self.following_error_m = _norm(offset) + self._withheld_m
+        self.following_error_m = norm(offset) + self._withheld_m
 
     def pull_back(self, measured: Tcp) -> None:
         """The target waits for the arm: never further from it than the leash."""
         offset = self.tcp.position - measured.position
-        distance = _norm(offset)
+        distance = norm(offset)
         position = self.tcp.position
         if distance > self._leash_m:
             position = measured.position + offset * (self._leash_m / distance)
@@ -124,7 +124,7 @@ class Target:
         else:
             self._withheld_m = 0.0
         turn = turn_between(measured.rotation, self.tcp.rotation)
-        angle = _norm(turn)
+        angle = norm(turn)
         rotation = self.tcp.rotation
         if angle > self._leash_rad:
             rotation = turned(measured.rotation, turn * (self._leash_rad / angle))
@@ -141,12 +141,8 @@ class Target:
 
 
 def _without_beyond(velocity: Vector, offset: Vector, leash: float) -> Vector:
-    distance = _norm(offset)
+    distance = norm(offset)
     if distance <= max(leash, _TINY):
         return velocity
     normal = offset / distance
     return velocity - max(0.0, float(velocity @ normal)) * normal
-
-
-def _norm(vector: Vector) -> float:
-    return math.sqrt(float(vector @ vector))

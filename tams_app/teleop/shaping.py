@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from tams_app.records import Vector
-from tams_app.teleop.plan import (
+from tams_app.teleop.trajectory import (
     MotionState,
     Profile,
-    VelocityPlan,
+    VelocityTrajectory,
     coasting,
     norm,
     one_by_one_s,
@@ -33,7 +33,7 @@ class VelocityShaper:
         self._max_speed = max_speed
         self._motion = motion
         self._stop = stop
-        self._braking: VelocityPlan | None = None
+        self._braking: VelocityTrajectory | None = None
         self._braking_for_s = 0.0
         self.used_stop_profile = False  # in the last step
         self.velocity: Vector = np.zeros(3)
@@ -41,7 +41,7 @@ class VelocityShaper:
 
     @property
     def braking(self) -> bool:
-        """Whether it is on its way to rest and will not follow a target before."""
+        """Whether it is coming to rest and will not follow a target before."""
         return self._braking is not None
 
     @property
@@ -58,14 +58,14 @@ class VelocityShaper:
         if self._braking is None and not self.at_rest:
             self._begin_braking()
 
-    def braking_plan(self, velocity: Vector, acceleration: Vector) -> VelocityPlan:
+    def braking_trajectory(self, velocity: Vector, acceleration: Vector) -> VelocityTrajectory:
         """How `brake` would come to rest from that state."""
-        return VelocityPlan(velocity, acceleration, np.zeros(3), self._stop)
+        return VelocityTrajectory(velocity, acceleration, np.zeros(3), self._stop)
 
     def braking_reach(self, velocity: Vector, acceleration: Vector, held_s: float) -> float:
-        """An upper bound of the way of `held_s` at that velocity, then braking [m, rad].
+        """An upper bound of the distance [m, rad] of `held_s` at that velocity, then braking.
 
-        No plan is slower than `one_by_one_s` (plan.py) or accelerates harder than the profile: the
+        No trajectory is slower than `one_by_one_s` or accelerates harder than the profile: the
         speed never exceeds what can both be gained from the start and be lost until the end.
         """
         stop, speed = self._stop, norm(velocity)
@@ -89,8 +89,8 @@ class VelocityShaper:
         return self.velocity
 
     def _advance(self, target: Vector, interval_s: float, admissible: Admissible | None) -> None:
-        plan = VelocityPlan(self.velocity, self.acceleration, target, self._motion)
-        towards = plan.at(interval_s)
+        trajectory = VelocityTrajectory(self.velocity, self.acceleration, target, self._motion)
+        towards = trajectory.at(interval_s)
         present = MotionState.moving(self.velocity, self.acceleration)
         for state in (towards, coasting(present, self._motion.jerk, interval_s)):
             if self._keeps_profile(state) and (
@@ -101,16 +101,16 @@ class VelocityShaper:
         self.used_stop_profile = True
         self._advance_braking(self._begin_braking(), interval_s)
 
-    def _begin_braking(self) -> VelocityPlan:
-        self._braking = self.braking_plan(self.velocity, self.acceleration)
+    def _begin_braking(self) -> VelocityTrajectory:
+        self._braking = self.braking_trajectory(self.velocity, self.acceleration)
         self._braking_for_s = 0.0
         return self._braking
 
-    def _advance_braking(self, plan: VelocityPlan, interval_s: float) -> None:
+    def _advance_braking(self, trajectory: VelocityTrajectory, interval_s: float) -> None:
         self._braking_for_s += interval_s
-        state = plan.at(self._braking_for_s)
+        state = trajectory.at(self._braking_for_s)
         self.velocity, self.acceleration = state.velocity, state.acceleration
-        if self._braking_for_s >= plan.duration_s:
+        if self._braking_for_s >= trajectory.duration_s:
             self.reset()
 
     def _keeps_profile(self, state: MotionState) -> bool:

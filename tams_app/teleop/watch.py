@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tams_app.config import Config
-from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault
+from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault, ServoMode
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.clutch import is_fresh
 from tams_app.teleop.motion import is_frozen
@@ -13,9 +13,6 @@ from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import ArmingState, Reason
 
 ARM_SILENT_NS = NS_PER_S
-_VELOCITY_MODE, _POSE_MODE = 5, 1  # xArm modes: Cartesian velocity, servo motion
-_FIRST_HALTED_STATE = 3  # xArm states: 1 moving, 2 ready, 3 paused, 4 stopped, 5 mode changed
-STOPPED_STATE = 4
 _VIDEO_FLOOR_FACTOR = 3
 _MOST_SANE = 100.0  # [m, rad]: nothing tracked or reported is that far away
 
@@ -44,7 +41,7 @@ class Watch:
         fresh = config.freshness
         floor_ns = _VIDEO_FLOOR_FACTOR * video_floor_ns
         self._fresh = fresh
-        self._servo_mode = _VELOCITY_MODE if config.arm.servo == "velocity" else _POSE_MODE
+        self._servo = ServoMode(config.arm.servo)
         self._video_slow_ns = max(fresh.video_slow_ms * NS_PER_MS, floor_ns)
         self._video_hold_ns = max(fresh.video_hold_ms * NS_PER_MS, floor_ns)
 
@@ -74,7 +71,7 @@ class Watch:
 
     def servo_ready(self, arm: ArmState | None) -> bool:
         """Whether the arm reports the servo's mode and a state in which it follows commands."""
-        return arm is not None and self._in_servo_mode(arm) and not _is_halted(arm)
+        return arm is not None and arm.servo is self._servo and not arm.activity.is_halted
 
     def video_scale(self, age_ns: int | None) -> float:
         """1 for a fresh frame, falling to 0 at the age at which the arm holds; None: no video."""
@@ -92,18 +89,15 @@ class Watch:
 
     def _arm_faults(self, arm: ArmState, now_ns: int, state: ArmingState) -> list[Reason]:
         found = []
-        if arm.error_code != 0:
+        if arm.fault is not None:
             found.append(Reason.ARM_ERROR)
         if now_ns - arm.received_ns > ARM_SILENT_NS:
             found.append(Reason.ARM_SILENT)
-        if state.is_armed and _is_halted(arm):
+        if state.is_armed and arm.activity.is_halted:
             found.append(Reason.ARM_STOPPED)
-        elif state.is_armed and not self._in_servo_mode(arm):
+        elif state.is_armed and arm.servo is not self._servo:
             found.append(Reason.ARM_MODE)
         return found
-
-    def _in_servo_mode(self, arm: ArmState) -> bool:
-        return arm.mode == self._servo_mode
 
     def _sample_holds(self, sample: ControllerSample, now_ns: int) -> list[Reason]:
         if sample.status in _AWAY:
@@ -134,10 +128,6 @@ class Watch:
         if state.is_armed and waited_ns > reply_limit_ns:
             found.append(Reason.ARM_REPLY_LATE)
         return found
-
-
-def _is_halted(arm: ArmState) -> bool:
-    return arm.state >= _FIRST_HALTED_STATE
 
 
 def _is_sane(sample: ControllerSample, now_ns: int) -> bool:

@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Vector
-from tams_app.teleop.plan import Profile, VelocityPlan
 from tams_app.teleop.quaternion import Quaternion, of_rotation, turn_between
+from tams_app.teleop.trajectory import Profile, VelocityTrajectory
 
 _INSET_M = 5e-4  # the cap's bounds lie inside the hard ones: room for rounding and sampling
 _INSET_RAD = 2e-3
@@ -100,16 +100,16 @@ class Workspace:
         """Whether `position` is further than `reach` [m] from every bound, inside."""
         return bool(self.excess(position[np.newaxis]).max() < -reach)
 
-    def admits(self, position: Vector, velocity: Vector, braking: VelocityPlan) -> bool:
+    def admits(self, position: Vector, velocity: Vector, braking: VelocityTrajectory) -> bool:
         """Whether a TCP at `position` that got `velocity` stays in bounds while it brakes."""
         held = velocity * self._deadman_s
         now = self.excess(position[np.newaxis])[0]
         travelled = position + _displacements(braking)
         # Braking may begin at once or when the deadman time is over: for plane bounds the two
         # cover all between, for the ring the inset does.
-        ways = np.stack((self.excess(travelled), self.excess(travelled + held)))
-        stays_in = ways.max(axis=(0, 1)) <= np.maximum(now, 0.0) + _TOLERANCE
-        never_outward = np.diff(ways, axis=1).max(axis=(0, 1)) <= _TOLERANCE
+        excess = np.stack((self.excess(travelled), self.excess(travelled + held)))
+        stays_in = excess.max(axis=(0, 1)) <= np.maximum(now, 0.0) + _TOLERANCE
+        never_outward = np.diff(excess, axis=1).max(axis=(0, 1)) <= _TOLERANCE
         return bool((stays_in & (never_outward | (now <= 0.0))).all())
 
 
@@ -146,7 +146,7 @@ class RotationCone:
         """Whether turning by `reach` [rad] stays inside, whatever the axis."""
         return math.sqrt(float(offset @ offset)) + reach < self._angle
 
-    def admits(self, offset: Vector, angular: Vector, braking: VelocityPlan) -> bool:
+    def admits(self, offset: Vector, angular: Vector, braking: VelocityTrajectory) -> bool:
         """Whether a TCP that is turned by `offset` and got `angular` stays in while it brakes."""
         held = angular * self._deadman_s
         now = math.sqrt(float(offset @ offset))
@@ -158,7 +158,7 @@ class RotationCone:
         return True
 
 
-def _displacements(braking: VelocityPlan) -> NDArray[np.float64]:
+def _displacements(braking: VelocityTrajectory) -> NDArray[np.float64]:
     """Where braking leads, relative to its start, (samples, 3)."""
     samples = range(_BRAKING_SAMPLES + 1)
     times_s = [braking.duration_s * sample / _BRAKING_SAMPLES for sample in samples]

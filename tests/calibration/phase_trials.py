@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calibration.phases.labels import Geometry
 from calibration.phases.trials import Motion, StepInput
 from tams_app.recording import Recorder
-from tams_app.records import ArmState, Pose, SceneTruth, Tick
+from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
 from tams_app.runtime.clock import VirtualClock
 from tests.synthetic_session import START_NS, header, tick
 
@@ -106,7 +106,13 @@ def session(
         base = tick(number)
         pose = Pose(path.tool[at], NO_TURN)
         arm = ArmState(
-            base.started_ns, np.zeros(6), pose, 5, 1, 0, 0, gripper_closed=bool(path.closed[at])
+            base.started_ns,
+            np.zeros(6),
+            pose,
+            Activity.MOVING,
+            ServoMode.VELOCITY,
+            None,
+            gripper_closed=bool(path.closed[at]),
         )
         engaged = number >= lead
         ticks.append(

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from hw.lite6.codes import ErrorCode, Register, State
 from hw.lite6.kinematics import HOME_JOINTS
-from hw.sim.controller.codes import ErrorCode, Register, State
 from hw.sim.controller.plant import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config

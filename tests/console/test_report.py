@@ -63,7 +63,7 @@ def test_a_damaged_log_says_so_in_one_line_after_the_table(folder: Path) -> None
     data[len(data) // 2] ^= 4
     log.write_bytes(data)
     lines = reported(folder).splitlines()
-    (at,) = (number for number, line in enumerate(lines) if line.startswith("The log is incomplete"))
+    (at,) = (number for number, line in enumerate(lines) if line.startswith("The log is damaged"))
     assert any("ticks" in line for line in lines[:at])
 
 

@@ -1,4 +1,4 @@
-"""One rig per kind of arm: the driver over TCP in real time, the in-process arm in virtual time."""
+"""One rig per arm: the driver over TCP in real time; in this process, the model and a toy."""
 
 from __future__ import annotations
 
@@ -6,20 +6,24 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hw.arm import Arm, ServoMode
+from hw.arms import ARM_KINDS, arm_kind
 from hw.boundary import TcpBoundary, session_boundary
 from hw.lite6.arm import Lite6
+from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, ReportKind
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.plant import GripperDrive, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.records import ArmState, Twist
 from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())
 READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
@@ -28,10 +32,10 @@ WITHIN_S = 10.0  # generous: the machine may be busy
 
 
 class ArmRig(ABC):
-    """An arm that stands at the ready pose, the model behind it, and a way to let time pass."""
+    """An arm that stands at the ready pose, a way to let time pass, and to let things go wrong."""
 
-    def __init__(self) -> None:
-        self.model = ControllerModel(IdealPlant(), start_joints=READY_JOINTS)
+    collision: str  # how the arm's controller names it
+    gripper_attempts: int  # at a command that the controller refuses
 
     @abstractmethod
     def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
@@ -41,14 +45,41 @@ class ArmRig(ABC):
     def advance(self, seconds: float) -> None:
         """Let time pass for the arm."""
 
-    @property
-    @abstractmethod
-    def model_lock(self) -> AbstractContextManager[object]:
-        """To be held while the test does something to the model."""
-
     @abstractmethod
     def elapsed_s(self) -> float:
         """Of the time that `advance` lets pass."""
+
+    @abstractmethod
+    def is_stopped(self) -> bool:
+        """Whether the controller itself has stopped."""
+
+    @abstractmethod
+    def gripper_driven(self) -> bool | None:
+        """Whether the controller drives the gripper closed or open; None: neither."""
+
+    @abstractmethod
+    def collide(self) -> None:
+        """Let the arm meet an obstacle."""
+
+    @abstractmethod
+    def press_emergency_stop(self, pressed: bool = True) -> None:
+        """Press or release the button."""
+
+    @abstractmethod
+    def freeze_reports(self) -> None:
+        """Let no report leave the controller from now on."""
+
+    @abstractmethod
+    def raise_floor_mm(self, height_mm: float) -> None:
+        """Let the controller's own boundary end below `height_mm`."""
+
+    @abstractmethod
+    def spoil_gripper(self, how: str) -> None:
+        """Gripper commands are refused ("refuses"), or acknowledged and not done ("ignores")."""
+
+    @abstractmethod
+    def mend_gripper(self) -> None:
+        """Gripper commands are done again."""
 
     def until(self, condition: Callable[[], bool]) -> bool:
         """Let time pass until `condition` holds; False if it does not in good time."""
@@ -84,7 +115,64 @@ class ArmRig(ABC):
         assert self.until(newer), "the arm's reports have stopped"
 
 
-class TcpRig(ArmRig):
+class Lite6Rig(ArmRig):
+    """The Lite 6's controller model, whatever drives it."""
+
+    collision = "C31"
+    gripper_attempts = 3
+
+    def __init__(self) -> None:
+        self.model = ControllerModel(IdealPlant(), start_joints=READY_JOINTS)
+        self._handle = self.model.handle
+
+    @property
+    @abstractmethod
+    def model_lock(self) -> AbstractContextManager[object]:
+        """To be held while the test does something to the model."""
+
+    def is_stopped(self) -> bool:
+        with self.model_lock:
+            return self.model.state is State.STOPPED
+
+    def gripper_driven(self) -> bool | None:
+        driven = {GripperDrive.CLOSE: True, GripperDrive.OPEN: False}
+        with self.model_lock:
+            return driven.get(self.model.gripper)
+
+    def collide(self) -> None:
+        with self.model_lock:
+            self.model.raise_error(ErrorCode.COLLISION)
+
+    def press_emergency_stop(self, pressed: bool = True) -> None:
+        with self.model_lock:
+            if pressed:
+                self.model.press_emergency_stop()
+            else:
+                self.model.release_emergency_stop()
+
+    def freeze_reports(self) -> None:
+        with self.model_lock:
+            self.model.reports_frozen = True
+
+    def raise_floor_mm(self, height_mm: float) -> None:
+        with self.model_lock:
+            self.model.settings.boundary.lower_mm[2] = height_mm
+
+    def spoil_gripper(self, how: str) -> None:
+        answer = bytes([ReplyBit.INVALID]) if how == "refuses" else bytes(1)
+
+        def deaf(register: int, payload: bytes, now_ns: int) -> bytes:
+            if register != Register.TOOL_GPIO_WRITE:
+                return self._handle(register, payload, now_ns)
+            return answer
+
+        self.model.handle = deaf  # type: ignore[method-assign]
+
+    def mend_gripper(self) -> None:
+        self.model.handle = self._handle  # type: ignore[method-assign]
+
+
+class TcpRig(Lite6Rig):
     """The real driver and SDK against the controller model on loopback, in real time."""
 
     def __init__(self) -> None:
@@ -115,7 +203,7 @@ class TcpRig(ArmRig):
         self.server.close()
 
 
-class VirtualRig(ArmRig):
+class VirtualRig(Lite6Rig):
     """The in-process arm; time passes only when the test says so."""
 
     def __init__(self) -> None:
@@ -139,17 +227,80 @@ class VirtualRig(ArmRig):
         return nullcontext()
 
 
-@pytest.fixture(params=["tcp", "virtual"])
+class ToyRig(ArmRig):
+    """The second arm, by its word in the configuration."""
+
+    collision = "T7"
+    gripper_attempts = 1
+
+    def __init__(self) -> None:
+        self._clock = VirtualClock()
+        self._box: ToyBox | None = None
+        self._arm: Arm | None = None
+
+    def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
+        config = ArmConfig(model="toy")
+        arm = arm_kind(config.model).make_arm(config, self._clock, CONTROL_RATE_HZ, boundary)
+        assert isinstance(arm, ToyArm)
+        self._box = arm.box = self._box or arm.box
+        self._arm = arm
+        return arm
+
+    @property
+    def box(self) -> ToyBox:
+        assert self._box is not None
+        return self._box
+
+    def advance(self, seconds: float) -> None:
+        assert self._arm is not None
+        self._clock.advance_ns(round(seconds * NS_PER_S))
+        self._arm.state()
+
+    def elapsed_s(self) -> float:
+        return self._clock.now_ns() / NS_PER_S
+
+    def is_stopped(self) -> bool:
+        return self.box.word == "off"
+
+    def gripper_driven(self) -> bool | None:
+        return self.box.gripper_closed
+
+    def collide(self) -> None:
+        self.box.halt(BUMPED)
+
+    def press_emergency_stop(self, pressed: bool = True) -> None:
+        self.box.button_pressed = pressed
+        if pressed:
+            self.box.halt(BUTTON)
+
+    def freeze_reports(self) -> None:
+        self.box.reports_frozen = True
+
+    def raise_floor_mm(self, height_mm: float) -> None:
+        assert self.box.boundary is not None
+        x, y, _ = self.box.boundary.lower_mm
+        lower = (x, y, round(height_mm))
+        self.box.boundary = replace(self.box.boundary, lower_mm=lower)
+
+    def spoil_gripper(self, how: str) -> None:
+        self.box.gripper_works = how
+
+    def mend_gripper(self) -> None:
+        self.box.gripper_works = "yes"
+
+
+@pytest.fixture(params=["tcp", "virtual", "toy"])
 def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[ArmRig]:
     # setting up waits for the 5 Hz report several times; tests/hw/lite6/test_arm.py has its rate
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
     with ExitStack() as cleaning:
         if request.param == "tcp":
             tcp = TcpRig()
             cleaning.callback(tcp.close)
             yield tcp
         else:
-            yield VirtualRig()
+            yield VirtualRig() if request.param == "virtual" else ToyRig()
 
 
 @pytest.fixture

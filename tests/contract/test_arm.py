@@ -1,4 +1,4 @@
-"""What every arm keeps to: the driver with the real SDK over TCP, and the in-process arm."""
+"""What every arm keeps to: the Lite 6's driver over TCP and in this process, and a second arm."""
 
 from __future__ import annotations
 
@@ -8,18 +8,14 @@ from scipy.spatial.transform import Rotation
 
 from hw.arm import Arm, ServoMode
 from hw.lite6.kinematics import offset_from_mm_deg, tcp_pose
-from hw.sim.controller.codes import Register
-from hw.sim.controller.plant import GripperDrive
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import LinkFault, Pose, Twist
-from tests.contract.conftest import READY_JOINTS, ArmRig
+from tams_app.records import Activity, LinkFault, Pose, Twist
+from tests.contract.conftest import READY_JOINTS, ArmRig, Lite6Rig
 
 pytestmark = pytest.mark.waiting
 
-COLLISION = 31
-BOUNDARY = 35
-STANDBY, STOPPED = 2, 4
+LITE6_ONLY = pytest.mark.parametrize("rig", ["tcp", "virtual"], indirect=True)
 SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
 
 
@@ -48,8 +44,8 @@ def test_before_connecting_nothing_moves_and_nothing_breaks(unconnected: Arm) ->
 
 def test_connecting_leaves_the_arm_stopped_where_it_is(rig: ArmRig, arm: Arm) -> None:
     state = rig.next_state(arm)
-    assert state.state >= STOPPED
-    assert state.error_code == 0
+    assert state.activity is Activity.STOPPED
+    assert state.fault is None
     np.testing.assert_allclose(state.joints, READY_JOINTS, atol=1e-6)
     assert arm.link().failure == ""
     assert arm.link().fault is LinkFault.NONE
@@ -67,17 +63,17 @@ def test_the_reported_tcp_is_the_tool_centre_point_of_the_configuration(
 def test_connecting_to_an_arm_in_an_error_says_what_it_is_and_lets_it_be_cleared(
     rig: ArmRig, unconnected: Arm
 ) -> None:
-    with rig.model_lock:
-        rig.model.raise_error(COLLISION)
-    with pytest.raises(DeviceError, match="C31"):
+    rig.collide()
+    with pytest.raises(DeviceError, match=rig.collision):
         unconnected.connect()
     unconnected.clear_errors()
     unconnected.connect()
-    assert rig.next_state(unconnected).error_code == 0
+    assert rig.next_state(unconnected).fault is None
 
 
+@LITE6_ONLY
 def test_connecting_refuses_a_controller_that_only_pretends_to_move(
-    rig: ArmRig, unconnected: Arm
+    rig: Lite6Rig, unconnected: Arm
 ) -> None:
     with rig.model_lock:
         rig.model.set_simulation_robot(True)
@@ -90,8 +86,7 @@ def test_closing_twice_is_fine_and_one_may_connect_again(rig: ArmRig, enabled: A
     enabled.close()
     enabled.close()
     assert enabled.state() is None
-    with rig.model_lock:
-        assert rig.model.state == STOPPED
+    assert rig.is_stopped()
     enabled.connect()
     enabled.enable(ServoMode.VELOCITY)
     before = position_of(rig, enabled)
@@ -219,10 +214,10 @@ def test_moving_to_joints_arrives_and_leaves_no_servo_enabled(rig: ArmRig, arm: 
 
     def arrived() -> bool:
         state = rig.next_state(arm)
-        return state.state == STANDBY and float(np.abs(state.joints - goal).max()) < 0.002
+        return state.activity is Activity.IDLE and float(np.abs(state.joints - goal).max()) < 0.002
 
     assert rig.until(arrived)
-    assert rig.next_state(arm).mode == 0
+    assert rig.next_state(arm).servo is None
     sent = arm.link().sent
     rig.stream(arm, SIDEWAYS, 0.1)
     assert arm.link().sent == sent
@@ -256,7 +251,7 @@ def test_a_move_is_ended_by_a_stop_and_not_taken_up_again(rig: ArmRig, arm: Arm)
     arm.begin_move_to_joints(goal.tolist(), 0.5)
     rig.advance(0.3)
     arm.stop()
-    assert rig.until(lambda: rig.next_state(arm).state == STOPPED)
+    assert rig.until(lambda: rig.next_state(arm).activity is Activity.STOPPED)
     rig.advance(0.3)
     at_rest = rig.next_state(arm).joints
     assert at_rest[0] > 0.01
@@ -268,8 +263,9 @@ def test_a_move_is_ended_by_a_stop_and_not_taken_up_again(rig: ArmRig, arm: Arm)
 # --- the controller's own boundary --------------------------------------------------------------
 
 
+@LITE6_ONLY
 def test_connecting_sets_the_controllers_own_boundary_outside_the_workspace(
-    rig: ArmRig, arm: Arm
+    rig: Lite6Rig, arm: Arm
 ) -> None:
     settings, limits = rig.model.settings, LimitsConfig()
     margin = ArmConfig().boundary_margin_mm
@@ -280,22 +276,22 @@ def test_connecting_sets_the_controllers_own_boundary_outside_the_workspace(
 
 def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, enabled: Arm) -> None:
     height_mm = rig.next_state(enabled).tcp.position[2] * 1000.0
-    with rig.model_lock:  # a fence just below the gripper: no need to travel far
-        rig.model.settings.boundary.lower_mm[2] = height_mm - 5.0
+    rig.raise_floor_mm(height_mm - 5.0)  # just below the gripper: no need to travel far
     down = Twist(np.array([0.0, 0.0, -0.05]), np.zeros(3))
 
     def refused() -> bool:
         enabled.send_twist(down)
         state = enabled.state()
-        return state is not None and state.error_code == BOUNDARY
+        fault = state.fault if state is not None else None
+        return fault is not None and fault.text in enabled.link().failure
 
     assert rig.until(refused)
-    assert rig.until(lambda: "C35" in enabled.link().failure)
     assert enabled.link().fault is LinkFault.REFUSED
     assert position_of(rig, enabled).position[2] * 1000.0 > height_mm - 5.5
 
 
-def test_without_a_boundary_the_controllers_own_is_left_alone(rig: ArmRig, arm: Arm) -> None:
+@LITE6_ONLY
+def test_without_a_boundary_the_controllers_own_is_left_alone(rig: Lite6Rig, arm: Arm) -> None:
     arm.close()
     with rig.model_lock:
         rig.model.settings.boundary.upper_mm[:] = 600.0
@@ -313,11 +309,10 @@ def test_without_a_boundary_the_controllers_own_is_left_alone(rig: ArmRig, arm: 
 
 def test_gripper_commands_are_done_acknowledged_and_reported(rig: ArmRig, enabled: Arm) -> None:
     assert rig.next_state(enabled).gripper_closed is None
-    for closed, drive in ((True, GripperDrive.CLOSE), (False, GripperDrive.OPEN)):
+    for closed in (True, False):
         enabled.set_gripper(closed)
         assert rig.until(lambda closed=closed: rig.next_state(enabled).gripper_closed is closed)
-        with rig.model_lock:
-            assert rig.model.gripper is drive
+        assert rig.gripper_driven() is closed
     rig.advance(0.4)
     assert enabled.link().failure == ""
 
@@ -328,26 +323,23 @@ def test_connecting_reads_the_gripper_back_and_leaves_it_alone(rig: ArmRig, enab
     enabled.close()
     enabled.connect()
     assert rig.next_state(enabled).gripper_closed is True
-    with rig.model_lock:
-        assert rig.model.gripper is GripperDrive.CLOSE
+    assert rig.gripper_driven() is True
 
 
-def test_a_gripper_command_that_is_refused_is_a_gripper_fault_after_three_attempts(
-    rig: ArmRig, enabled: Arm
-) -> None:
+def test_a_gripper_command_that_is_refused_is_a_gripper_fault(rig: ArmRig, enabled: Arm) -> None:
     sent = enabled.link().sent
-    answer_gripper_writes(rig, bytes([0x08]))
+    rig.spoil_gripper("refuses")
     enabled.set_gripper(True)
     assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
     assert enabled.link().failure
-    assert enabled.link().sent == sent + 3
+    assert enabled.link().sent == sent + rig.gripper_attempts
     assert rig.next_state(enabled).gripper_closed is None
 
 
 def test_outputs_that_differ_from_the_command_are_a_gripper_fault(
     rig: ArmRig, enabled: Arm
 ) -> None:
-    answer_gripper_writes(rig, bytes(1))
+    rig.spoil_gripper("ignores")
     enabled.set_gripper(True)
     assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
     assert "outputs" in enabled.link().failure
@@ -355,28 +347,15 @@ def test_outputs_that_differ_from_the_command_are_a_gripper_fault(
 
 
 def test_enabling_anew_ends_a_gripper_fault(rig: ArmRig, enabled: Arm) -> None:
-    handle = rig.model.handle
-    answer_gripper_writes(rig, bytes([0x08]))
+    rig.spoil_gripper("refuses")
     enabled.set_gripper(True)
     assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
-    rig.model.handle = handle  # type: ignore[method-assign]
+    rig.mend_gripper()
     enabled.clear_errors()
     assert enabled.link().fault is LinkFault.NONE
     enabled.enable(ServoMode.VELOCITY)
     enabled.set_gripper(True)
     assert rig.until(lambda: rig.next_state(enabled).gripper_closed is True)
-
-
-def answer_gripper_writes(rig: ArmRig, answer: bytes) -> None:
-    """Let the controller answer so to writes of the tool's outputs, and do nothing."""
-    handle = rig.model.handle
-
-    def deaf(register: int, payload: bytes, now_ns: int) -> bytes:
-        if register != Register.TOOL_GPIO_WRITE:
-            return handle(register, payload, now_ns)
-        return answer
-
-    rig.model.handle = deaf  # type: ignore[method-assign]
 
 
 # --- stopping and errors ------------------------------------------------------------------------
@@ -386,7 +365,7 @@ def test_stop_stops_and_nothing_moves_until_enabled(rig: ArmRig, enabled: Arm) -
     rig.stream(enabled, SIDEWAYS, 0.2)
     enabled.stop()
     enabled.stop()
-    assert rig.until(lambda: rig.next_state(enabled).state == STOPPED)
+    assert rig.until(lambda: rig.next_state(enabled).activity is Activity.STOPPED)
     rig.advance(0.2)
     at_rest = position_of(rig, enabled)
     sent = enabled.link().sent
@@ -404,26 +383,24 @@ def test_stop_stops_and_nothing_moves_until_enabled(rig: ArmRig, enabled: Arm) -
 
 def test_an_error_shows_in_state_and_link_with_its_code(rig: ArmRig, enabled: Arm) -> None:
     rig.stream(enabled, SIDEWAYS, 0.1)
-    with rig.model_lock:
-        rig.model.raise_error(COLLISION)
-    assert rig.until(lambda: rig.next_state(enabled).error_code == COLLISION)
+    rig.collide()
+    assert rig.until(lambda: rig.next_state(enabled).fault is not None)
     rig.stream(enabled, SIDEWAYS, 0.1)
-    assert rig.until(lambda: "C31" in enabled.link().failure)
+    assert rig.until(lambda: rig.collision in enabled.link().failure)
     assert enabled.link().fault is LinkFault.REFUSED
-    with pytest.raises(DeviceError, match="C31"):
+    with pytest.raises(DeviceError, match=rig.collision):
         enabled.enable(ServoMode.VELOCITY)
 
 
 def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> None:
-    with rig.model_lock:
-        rig.model.raise_error(COLLISION)
+    rig.collide()
     rig.stream(enabled, SIDEWAYS, 0.1)
-    assert rig.until(lambda: rig.next_state(enabled).error_code == COLLISION)
+    assert rig.until(lambda: rig.next_state(enabled).fault is not None)
     before = position_of(rig, enabled)
     enabled.clear_errors()
     state = rig.next_state(enabled)
-    assert state.error_code == 0
-    assert state.state == STOPPED
+    assert state.fault is None
+    assert state.activity is Activity.STOPPED
     assert enabled.link().failure == ""
     assert enabled.link().fault is LinkFault.NONE
     rig.stream(enabled, SIDEWAYS, 0.2)
@@ -434,21 +411,18 @@ def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> No
 
 
 def test_a_pressed_emergency_stop_cannot_be_cleared(rig: ArmRig, enabled: Arm) -> None:
-    with rig.model_lock:
-        rig.model.press_emergency_stop()
-    assert rig.until(lambda: rig.next_state(enabled).error_code == 2)
+    rig.press_emergency_stop()
+    assert rig.until(lambda: rig.next_state(enabled).fault is not None)
     with pytest.raises(DeviceError, match="release the emergency stop"):
         enabled.clear_errors()
-    with rig.model_lock:
-        rig.model.release_emergency_stop()
+    rig.press_emergency_stop(False)
     enabled.clear_errors()
     enabled.enable(ServoMode.VELOCITY)
 
 
 def test_frozen_reports_show_as_a_state_that_ages(rig: ArmRig, enabled: Arm) -> None:
     rig.next_state(enabled)
-    with rig.model_lock:
-        rig.model.reports_frozen = True
+    rig.freeze_reports()
     rig.stream(enabled, Twist.zero(), 0.1)
     frozen = enabled.state()
     rig.stream(enabled, Twist.zero(), 0.3)

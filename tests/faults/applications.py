@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from hw.lite6.arm import Lite6
-from hw.sim.controller.codes import Register, State
+from hw.lite6.codes import Register, State
 from tams_app.config import DEFAULT_CONFIG, Config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector

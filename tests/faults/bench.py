@@ -22,11 +22,11 @@ from tams_app.config import Config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
 from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.listener import Listener
 from tams_app.session.observers import StopWatch
 from tams_app.session.recorders import LOG_NAME, Recorders
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
@@ -87,7 +87,7 @@ class Bench(Listener, ABC):
         self.stops: list[StopRecord] = []
         self.positions: list[Vector] = []  # of the TCP as it truly is, at the end of each tick
         self.beats: list[int] = []
-        self.supervisor = ArmSupervisor(
+        self.gate = ArmGate(
             arm,
             self.servo,
             session_boundary(config.arm, config.limits),
@@ -242,7 +242,10 @@ class Bench(Listener, ABC):
 
     @property
     def ready(self) -> bool:
-        return self.supervisor.ready
+        return self.gate.ready
+
+    def stop(self) -> None:
+        self.gate.stop()
 
     @abstractmethod
     def request(self, request: ArmRequest) -> None: ...
@@ -254,8 +257,6 @@ class Bench(Listener, ABC):
         self.beats.append(now_ns)
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if output.stop:  # as session.observers does
-            self.supervisor.stopped()
         self._stop_watch.on_output(now_ns, output, arm)
 
     def on_phase(self, change: PhaseChange) -> None:

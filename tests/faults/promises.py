@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hw.sim.controller.codes import State
-from tams_app.records import Tick
+from tams_app.records import Activity, Tick
 from tams_app.session.control import describe
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.bench import Bench
@@ -37,7 +36,7 @@ def is_stopped(bench: Bench, seen: int, reason: Reason, detail: str = "") -> Non
     stands(bench)
     state = bench.arm.state()
     assert state is not None
-    assert state.state == State.STOPPED
+    assert state.activity is Activity.STOPPED
 
 
 def only_stops(bench: Bench, seen: int) -> list[Request]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hw.sim.controller.codes import ErrorCode, State
-from tams_app.records import ArmState, Tick
+from hw.lite6.codes import ErrorCode, StateCommand
+from tams_app.records import Activity, ArmState, Tick
 from tams_app.teleop.safety import Reason
 from tests.faults.bench import Bench
 from tests.faults.promises import is_logged, is_stopped, only_stops, recovers_from_fault
@@ -32,7 +32,7 @@ def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
     either_bench: Bench, code: ErrorCode
 ) -> None:
     def shows(state: ArmState) -> bool:
-        return state.error_code == code
+        return state.fault is not None and state.fault.code == code
 
     bench = either_bench
     bench.engage_and_move()
@@ -57,11 +57,11 @@ def test_an_error_that_the_state_told_of_first_is_named_as_soon_as_it_is_known(
         bench.quiesce()
         with bench.lock:
             bench.model.raise_error(ErrorCode.COLLISION)
-        bench.until_seen(lambda state: state.state == State.STOPPED)
+        bench.until_seen(lambda state: state.activity is Activity.STOPPED)
         seen = bench.next
         bench.run_ticks(1)
         assert bench.outputs[seen].reason in (Reason.ARM_STOPPED, Reason.ARM_ERROR)
-        bench.until_seen(lambda state: state.error_code == ErrorCode.COLLISION)
+        bench.until_seen(lambda state: state.fault is not None)
         assert bench.run_ticks(1).detail.startswith("C31 (collision): remove what it hit")
         bench.run_until(lambda output: not output.stop)
         only_stops(bench, seen)
@@ -71,11 +71,11 @@ def test_an_error_that_the_state_told_of_first_is_named_as_soon_as_it_is_known(
 
 
 def pause(bench: Bench) -> None:
-    bench.model.set_state(State.PAUSED)
+    bench.model.set_state(StateCommand.PAUSE)
 
 
 def stop(bench: Bench) -> None:
-    bench.model.set_state(State.STOPPED)
+    bench.model.set_state(StateCommand.STOP)
 
 
 def change(bench: Bench) -> None:
@@ -83,26 +83,26 @@ def change(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    ("elsewhere", "state"),
-    [(pause, State.PAUSED), (stop, State.STOPPED), (change, State.CHANGED)],
+    ("elsewhere", "activity"),
+    [(pause, Activity.PAUSED), (stop, Activity.STOPPED), (change, Activity.STOPPED)],
     ids=["state 3", "state 4", "state 5"],
 )
 def test_an_arm_that_was_halted_from_elsewhere_is_stopped_in_the_tick_that_sees_it(
-    any_bench: Bench, elsewhere: Callable[[Bench], None], state: State
+    any_bench: Bench, elsewhere: Callable[[Bench], None], activity: Activity
 ) -> None:
     bench = any_bench
     bench.engage_and_move()
     bench.quiesce()
     with bench.lock:
         elsewhere(bench)
-    bench.until_seen(lambda arm: arm.state == state)
+    bench.until_seen(lambda arm: arm.activity is activity)
     seen = bench.next
     bench.run_ticks(1)
-    assert sees_state(bench.ticks[seen], state)
+    assert sees(bench.ticks[seen], activity)
     is_stopped(bench, seen, Reason.ARM_STOPPED)
     recovers_from_fault(bench)
     is_logged(bench, Reason.ARM_STOPPED)
 
 
-def sees_state(tick: Tick, state: State) -> bool:
-    return tick.arm is not None and tick.arm.state == state
+def sees(tick: Tick, activity: Activity) -> bool:
+    return tick.arm is not None and tick.arm.activity is activity

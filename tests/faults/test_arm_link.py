@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hw.lite6.codes import Register
 from hw.lite6.sender import MISSES_UNTIL_FAILURE
-from hw.sim.controller.codes import Register
 from tams_app.config import ArmConfig
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason

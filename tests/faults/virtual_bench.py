@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hw.sim.controller.codes import Register
+from hw.lite6.codes import Register
 from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.records import ArmState, Vector
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
@@ -86,8 +86,8 @@ class VirtualBench(Bench):
         raise AssertionError("the arm does not report it")
 
     def request(self, request: ArmRequest) -> None:
-        self.supervisor.request(request)
-        self.supervisor.carry_out(request, self._stops)
+        self.gate.request(request)
+        self.gate.carry_out(request, self._stops)
 
 
 def _velocity(request: Request, before: Request | None) -> Vector:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.sim.controller.codes import Register, State
+from hw.lite6.codes import Register, State
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from hw.sim.controller.settings import ControllerSettings

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.boundary import reach_boundary, session_boundary
+from hw.lite6.commands import boundary_edges
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 
@@ -41,7 +42,7 @@ def test_the_floor_counts_where_it_is_above_the_box() -> None:
 def test_the_wire_wants_the_upper_edge_of_each_axis_first() -> None:
     made = session_boundary(ARM, LIMITS)
     margin = round(ARM.boundary_margin_mm)
-    assert made.on_the_wire == [
+    assert boundary_edges(made) == [
         420 + margin,
         150 - margin,
         330 + margin,
@@ -53,7 +54,7 @@ def test_the_wire_wants_the_upper_edge_of_each_axis_first() -> None:
 
 def test_a_boxs_edges_fit_the_register_however_far_they_are_configured() -> None:
     limits = LIMITS.model_copy(update={"box_max_mm": (1e9, 1e9, 1e9)})
-    assert max(session_boundary(ARM, limits).upper_mm) == 9999
+    assert max(boundary_edges(session_boundary(ARM, limits))) == 9999
 
 
 def test_the_boundary_for_the_way_home_holds_every_pose_above_the_floor() -> None:

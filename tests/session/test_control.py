@@ -11,7 +11,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from tams_app.config import load_config
-from tams_app.records import ControllerSample, ControllerStatus, Phase, Pose
+from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.listener import Listener
@@ -57,7 +57,7 @@ class HeldController(Controller):
 
 
 class Bench(Listener):
-    """The control loop on a bench: supervisor, video and listener at the test's disposal."""
+    """The control loop on a bench: gate, video and listener at the test's disposal."""
 
     def __init__(self):
         self.clock = VirtualClock()
@@ -89,6 +89,9 @@ class Bench(Listener):
 
     def on_tick(self, tick):
         self.ticks.append(tick)
+
+    def stop(self):
+        self.arm.stop()
 
     def request(self, request):
         if request is Request.ENABLE:
@@ -190,7 +193,7 @@ def test_an_emergency_stop_latches_and_stops_the_controller_itself(bench):
     bench.engage()
     bench.signals.estop()
     assert bench.run(0.2).arming is ArmingState.FAULT
-    assert bench.arm.state().state == 4
+    assert bench.arm.state().activity is Activity.STOPPED
     bench.hand.trigger = 0.0
     bench.run(0.2)
     bench.signals.confirm()

@@ -10,14 +10,14 @@ import pytest
 from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
-from hw.sim.controller.codes import Register, State
+from hw.lite6.codes import Register, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
 from hw.sim.controller.plant import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import LinkFault, Twist
+from tams_app.records import Activity, LinkFault, Twist
 from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
 from tams_app.session.dry_run import DryRunArm
 from tests.faults.wire import TappedModel
@@ -72,6 +72,16 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[TappedRig]:
     made.server.close()
 
 
+def activity(arm: DryRunArm) -> Activity | None:
+    state = arm.state()
+    return None if state is None else state.activity
+
+
+def fault_code(arm: DryRunArm) -> int | None:
+    state = arm.state()
+    return None if state is None or state.fault is None else state.fault.code
+
+
 def moved_mm(arm: DryRunArm, start: np.ndarray) -> float:
     state = arm.state()
     assert state is not None
@@ -119,7 +129,7 @@ def test_a_stop_reaches_the_real_arm_too(rig: TappedRig) -> None:
         rig.model.wire.clear()
     rig.arm.stop()
     assert until(lambda: any(request.is_stop for request in rig.model.wire))
-    assert until(lambda: (state := rig.arm.state()) is not None and state.state == State.STOPPED)
+    assert until(lambda: activity(rig.arm) is Activity.STOPPED)
 
 
 def test_a_lost_link_of_the_real_arm_is_a_lost_link_and_clearing_errors_mends_it(
@@ -147,7 +157,7 @@ def test_an_error_of_the_real_arm_shows_and_keeps_it_from_being_enabled(rig: Tap
     rig.arm.connect()
     with rig.server.lock:
         rig.model.press_emergency_stop()
-    assert until(lambda: (state := rig.arm.state()) is not None and state.error_code == 2)
+    assert until(lambda: fault_code(rig.arm) == 2)
     with pytest.raises(DeviceError, match="C2"):
         rig.arm.enable(ServoMode.VELOCITY)
 

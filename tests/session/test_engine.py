@@ -13,12 +13,12 @@ from hw.sim.controller.plant import IdealPlant
 from tams_app.config import load_config
 from tams_app.records import Allocation, Frame, Phase, PhaseChange, ShownFrame, Tick
 from tams_app.runtime.clock import VirtualClock
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.engine import Engine
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.session.video import Video
 from tams_app.video.networks import resolve_network
 from tests.session.test_control import PERIOD_NS, HeldController
@@ -111,11 +111,11 @@ class Bench:
         self.video = Mirror(records, self.quality)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
         servo = ServoMode(CONFIG.arm.servo)
-        self.supervisor = ArmSupervisor(self.arm, servo, boundary, records.note)
+        self.gate = ArmGate(self.arm, servo, boundary, records.note)
         self.engine = Engine(
             CONFIG,
             self.clock,
-            ConnectedDevices(self.arm, self.supervisor, self.hand, None, Guard(self.heard)),
+            ConnectedDevices(self.arm, self.gate, self.hand, None, Guard(self.heard)),
             self.video,
             records,
             self.signals,
@@ -129,7 +129,7 @@ class Bench:
                 image = np.zeros((2, 2, 3), np.uint8)
                 self.video.push(Frame(view, 0, self.clock.now_ns(), image))
             self.engine.control.tick(self.clock.now_ns())
-            self.supervisor.serve()
+            self.gate.serve()
 
     def engage(self):
         self.tick(24)

@@ -12,8 +12,8 @@ import pytest
 
 from hw.arm import Arm
 from hw.boundary import reach_boundary, session_boundary
+from hw.lite6.codes import ErrorCode, State
 from hw.lite6.kinematics import HOME_JOINTS
-from hw.sim.controller.codes import ErrorCode, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from hw.lite6.kinematics import HOME_JOINTS
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose
+from tams_app.records import Activity, ArmFault, ArmState, CommandLink, LinkFault, Pose
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.homing import (
     Action,
@@ -85,17 +85,16 @@ class Bench:
         self.homing = Homing(GOAL)
         self.now_ns = NS_PER_S
         self.joints = AWAY
-        self.controller_state = 2
+        self.activity = Activity.IDLE
 
-    def arm(self, error_code: int = 0) -> ArmState:
+    def arm(self, fault: ArmFault | None = None) -> ArmState:
         return ArmState(
             received_ns=self.now_ns,
             joints=self.joints,
             tcp=Pose(np.zeros(3), Rotation.identity()),
-            mode=0,
-            state=self.controller_state,
-            error_code=error_code,
-            warning_code=0,
+            activity=self.activity,
+            servo=None,
+            fault=fault,
             gripper_closed=None,
         )
 
@@ -118,7 +117,7 @@ class Bench:
 
     def moving(self) -> Bench:
         self.starting()
-        self.controller_state = 1
+        self.activity = Activity.MOVING
         assert self.step(began=True) is Action.NONE
         assert self.homing.state is HomingState.MOVING
         return self
@@ -161,7 +160,7 @@ def test_letting_go_stops_within_a_quarter_second_and_holding_again_goes_on() ->
         steps += 1
     assert steps * 20 <= 250
     assert bench.homing.state is HomingState.WAITING
-    bench.controller_state = 4
+    bench.activity = Activity.STOPPED
     bench.starting()
 
 
@@ -187,7 +186,7 @@ def test_it_is_done_when_the_arm_stands_at_the_goal() -> None:
     bench = Bench().moving()
     bench.joints = GOAL
     assert bench.step() is Action.NONE  # there, but still moving
-    bench.controller_state = 2
+    bench.activity = Activity.IDLE
     assert bench.step() is Action.STOP
     assert bench.homing.state is HomingState.DONE
     assert bench.step() is Action.NONE
@@ -227,7 +226,7 @@ def test_what_goes_wrong_stops_the_arm_and_is_told(changes: dict[str, Any], reas
 
 def test_an_error_of_the_controller_is_told_with_its_number() -> None:
     bench = Bench().moving()
-    assert bench.step(arm=bench.arm(error_code=31)) is Action.STOP
+    assert bench.step(arm=bench.arm(ArmFault(31, "C31 (collision): remove it"))) is Action.STOP
     assert "C31" in bench.homing.reason
 
 
@@ -241,14 +240,14 @@ def test_reports_that_freeze_stop_the_arm() -> None:
 
 def test_an_arm_that_was_stopped_from_elsewhere_is_not_started_again() -> None:
     bench = Bench().moving()
-    bench.controller_state = 4
+    bench.activity = Activity.STOPPED
     assert bench.step() is Action.STOP
     assert "from elsewhere" in bench.homing.reason
 
 
 def test_a_report_from_before_the_start_is_not_taken_for_a_stop() -> None:
     bench = Bench()
-    bench.controller_state = 4
+    bench.activity = Activity.STOPPED
     bench.starting()
     old = bench.arm()
     bench.step(began=True)
@@ -257,7 +256,7 @@ def test_a_report_from_before_the_start_is_not_taken_for_a_stop() -> None:
 
 def test_an_arm_that_stands_still_on_its_way_is_a_failure() -> None:
     bench = Bench().moving()
-    bench.controller_state = 2
+    bench.activity = Activity.IDLE
     actions = [bench.step() for _ in range(60)]
     assert Action.STOP in actions
     assert "stands still" in bench.homing.reason

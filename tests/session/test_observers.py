@@ -1,4 +1,4 @@
-"""What the operator reads when the arming changes, who hears of a stop, and who judges a trial."""
+"""What the operator reads when the arming changes, and who judges a trial."""
 
 from dataclasses import replace
 
@@ -15,26 +15,16 @@ from tests.session.test_parts import output
 pytestmark = pytest.mark.untimed
 
 
-class Stopped:
-    """Stands for the supervisor."""
-
-    def __init__(self):
-        self.stops = 0
-
-    def stopped(self):
-        self.stops += 1
-
-
 @pytest.fixture
 def notes():
     return []
 
 
-def observer(notes, arm_at_once=False, supervisor=None):
+def observer(notes, arm_at_once=False):
     def note(level, text):
         notes.append(text)
 
-    return ArmingObserver(supervisor or Stopped(), Signals(), note, arm_at_once)
+    return ArmingObserver(Signals(), note, arm_at_once)
 
 
 @pytest.mark.parametrize(
@@ -79,14 +69,6 @@ def test_nobody_is_told_where_nobody_confirmed(notes):
     refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
     observer(notes, arm_at_once=True).on_output(0, refused, None)
     assert notes == []
-
-
-def test_every_stop_outdates_what_the_supervisor_knows(notes):
-    supervisor, stopping = Stopped(), replace(output(ArmingState.FAULT), stop=True)
-    watching = observer(notes, supervisor=supervisor)
-    for tick in (output(ArmingState.ENGAGED), stopping, stopping):
-        watching.on_output(0, tick, None)
-    assert supervisor.stops == 2
 
 
 def test_where_the_truth_is_not_known_the_trial_is_not_judged():

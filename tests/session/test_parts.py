@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from hw.camera import Camera
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.records import ArmState, Frame, Pose, Twist
+from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.realtime import use_fifo
 from tams_app.session import build
@@ -135,7 +135,7 @@ def test_only_the_last_seconds_of_capture_times_are_kept():
 
 def arm_at(x_m, received_ns):
     pose = Pose(np.array([x_m, 0.0, 0.2]), Rotation.identity())
-    return ArmState(received_ns, np.zeros(6), pose, 5, 1, 0, 0, None)
+    return ArmState(received_ns, np.zeros(6), pose, Activity.MOVING, ServoMode.VELOCITY, None, None)
 
 
 def output(arming, reason=None):

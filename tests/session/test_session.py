@@ -15,7 +15,7 @@ pytestmark = pytest.mark.waiting
 
 
 class Noted:
-    """An arm and its supervisor: notes what is asked of them."""
+    """A gate that notes what is asked of it."""
 
     def __init__(self, order: list[str]) -> None:
         self._order = order
@@ -23,20 +23,17 @@ class Noted:
     def stop(self) -> None:
         self._order.append("stop")
 
-    def stopped(self) -> None:
-        self._order.append("not ready")
-
 
 def test_a_failure_stops_the_arm_before_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = Session(load_config(None), VirtualClock(), tmp_path)
     order: list[str] = []
-    parts: Any = Noted(order)
-    session._arm = session._supervisor = parts
+    gate: Any = Noted(order)
+    session._gate = gate
     monkeypatch.setattr(session, "note", lambda level, text: order.append(text))
     session.fail("the relay has ended")
     session.fail("so has the log")
-    assert order == ["not ready", "stop", "the relay has ended", "not ready", "stop"]
+    assert order == ["stop", "the relay has ended", "stop"]
     assert session.failure == "the relay has ended"
     assert session.ended.is_set()

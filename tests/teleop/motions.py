@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from tams_app.config.motion import MAX_STOP_TIME_S, longest_stop_s
-from tams_app.teleop.plan import Profile
+from tams_app.teleop.trajectory import Profile
 
 unit = st.lists(st.floats(-1, 1), min_size=3, max_size=3).map(np.array)
 

@@ -11,11 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config, load_config
 from tams_app.records import (
+    Activity,
+    ArmFault,
     ArmState,
     CommandLink,
     ControllerSample,
     ControllerStatus,
     Pose,
+    ServoMode,
     Twist,
 )
 from tams_app.teleop.loop import Teleop
@@ -45,17 +48,22 @@ class IntegratingArm:
     """Follows twists (or poses) exactly, `delay_ticks` late, and reports at once."""
 
     def __init__(
-        self, position: tuple[float, ...] = READY_POSITION, delay_ticks: int = 0, mode: int = 5
+        self,
+        position: tuple[float, ...] = READY_POSITION,
+        delay_ticks: int = 0,
+        servo: ServoMode = ServoMode.VELOCITY,
     ) -> None:
         self.pose = Pose(np.array(position), READY_ROTATION)
-        self.mode, self.state, self.error_code = mode, 2, 0
+        self.servo: ServoMode | None = servo
+        self.activity = Activity.IDLE
+        self.fault: ArmFault | None = None
         self._queue: deque[Twist] = deque([Twist.zero()] * delay_ticks)
         self.trail = [self.pose]
 
     def follow(self, output: TeleopOutput, interval_s: float) -> None:
         """Do for `interval_s` what `output` commands."""
         if output.stop:
-            self.state = 4
+            self.activity = Activity.STOPPED
         if output.pose is not None:
             self.pose = output.pose
         self._queue.append(output.twist if output.twist is not None else Twist.zero())
@@ -68,9 +76,7 @@ class IntegratingArm:
         self.trail.append(self.pose)
 
     def report(self, now_ns: int) -> ArmState:
-        return ArmState(
-            now_ns, np.zeros(6), self.pose, self.mode, self.state, self.error_code, 0, None
-        )
+        return ArmState(now_ns, np.zeros(6), self.pose, self.activity, self.servo, self.fault, None)
 
 
 @dataclass

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tams_app.config import ClutchConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
-from tams_app.teleop.clutch import MENU_HOLD_NS, Clutch, Fingers, is_fresh
+from tams_app.teleop.clutch import MENU_HOLD_NS, Buttons, Clutch, is_fresh
 
 pytestmark = pytest.mark.waiting
 
@@ -23,7 +23,7 @@ class Finger:
         self.clutch = Clutch(ClutchConfig(), 100 * NS_PER_MS)
         self.now_ns = 0
 
-    def read(self, after_ms: float = 8, age_ms: float = 0, **sample: object) -> Fingers:
+    def read(self, after_ms: float = 8, age_ms: float = 0, **sample: object) -> Buttons:
         self.now_ns += round(after_ms * NS_PER_MS)
         stamp = self.now_ns - round(age_ms * NS_PER_MS)
         return self.clutch.update(replace(IDLE, buttons_ns=stamp, **sample), self.now_ns)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tams_app.records import ServoMode
 from tams_app.teleop import drive as drive_module
-from tams_app.teleop.plan import TrajectoryError
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.teleop.trajectory import TrajectoryError
 from tests.teleop.rig import (
     PERIOD_NS,
     READY_POSITION,
@@ -211,7 +212,7 @@ def test_a_rotation_of_the_ready_pose_is_the_axis_of_the_cone() -> None:
 
 
 def pose_bench() -> Bench:
-    bench = Bench(make_config(arm__servo="pose"), IntegratingArm(mode=1))
+    bench = Bench(make_config(arm__servo="pose"), IntegratingArm(servo=ServoMode.POSE))
     bench.engage()
     return bench
 

@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 import tams_app.teleop
-from tams_app.lite6_errors import describe_arm_error
-from tams_app.records import CommandLink, ControllerStatus, Haptic, LinkFault
+from tams_app.records import (
+    Activity,
+    ArmFault,
+    CommandLink,
+    ControllerStatus,
+    Haptic,
+    LinkFault,
+    ServoMode,
+)
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tests.teleop.rig import (
     PERIOD_NS,
@@ -23,6 +30,9 @@ pytestmark = pytest.mark.waiting
 
 DISARMED, READY, ENGAGED, HOLDING, FAULT = ArmingState
 MS = 1_000_000
+
+COLLISION = ArmFault(31, "C31 (collision): remove what it hit")
+SELF_COLLISION = ArmFault(22, "C22 (self-collision): move the arm clear")
 
 
 @pytest.fixture
@@ -58,11 +68,11 @@ def test_disarmed_sends_nothing_and_asks_to_enable_when_confirmed(bench: Bench) 
 
 
 def test_an_arm_in_the_wrong_mode_does_not_get_ready(bench: Bench) -> None:
-    bench.arm.mode = 0
+    bench.arm.servo = None
     bench.arm_ready = True
     bench.tick()
     assert bench.tick(confirm=True).arming is DISARMED
-    bench.arm.mode = 5
+    bench.arm.servo = ServoMode.VELOCITY
     assert bench.tick().arming is READY
 
 
@@ -114,11 +124,11 @@ def test_a_fault_sends_zero_and_stop_at_once_and_stop_until_the_arm_stopped(
     assert output.twist is not None
     assert output.twist.is_zero
     assert output.haptic is Haptic.FAULT
-    engaged.arm.state = 1
-    reports = [replace(engaged.arm.report(engaged.now_ns), state=1)] * 5
+    engaged.arm.activity = Activity.MOVING
+    reports = [replace(engaged.arm.report(engaged.now_ns), activity=Activity.MOVING)] * 5
     assert all(engaged.tick(arm=report).stop for report in reports)
     after = engaged.tick()  # the arm followed state 4
-    assert engaged.arm.state == 4
+    assert engaged.arm.activity is Activity.STOPPED
     assert (after.stop, after.twist) == (False, None)
 
 
@@ -129,27 +139,27 @@ def test_an_arm_without_reports_is_told_to_stop_again_and_again(engaged: Bench) 
 
 def test_an_arm_that_only_paused_has_not_stopped(engaged: Bench) -> None:
     engaged.tick(estop=True)
-    for state, stops in ((3, True), (4, False)):
+    for activity, stops in ((Activity.PAUSED, True), (Activity.STOPPED, False)):
         report = engaged.arm.report(engaged.now_ns + PERIOD_NS)
-        assert engaged.tick(arm=replace(report, state=state)).stop is stops
+        assert engaged.tick(arm=replace(report, activity=activity)).stop is stops
 
 
 def test_a_report_from_before_the_fault_does_not_confirm_the_stop(engaged: Bench) -> None:
-    old = replace(engaged.arm.report(engaged.now_ns), state=4)
+    old = replace(engaged.arm.report(engaged.now_ns), activity=Activity.STOPPED)
     engaged.tick(estop=True)
     assert engaged.tick(arm=old).stop
 
 
 def test_leaving_a_fault_takes_a_confirmation_with_the_trigger_up(engaged: Bench) -> None:
-    engaged.arm.error_code = 31
+    engaged.arm.fault = COLLISION
     output = engaged.tick()
-    assert (output.reason, output.detail) == (Reason.ARM_ERROR, describe_arm_error(31))
+    assert (output.reason, output.detail) == (Reason.ARM_ERROR, COLLISION.text)
     assert engaged.tick(confirm=True).request is Request.NONE
     engaged.hand.trigger = 0.0
     engaged.tick()
     assert engaged.tick(confirm=True).request is Request.CLEAR_ERRORS
     assert engaged.tick().arming is FAULT
-    engaged.arm.error_code = 0
+    engaged.arm.fault = None
     output = engaged.tick()
     assert (output.arming, output.twist, output.stop) == (DISARMED, None, False)
     assert engaged.run(100).arming is DISARMED
@@ -179,23 +189,23 @@ def test_a_failed_link_is_confirmed_away_once_it_works_again(
 
 
 def test_an_arm_that_stopped_by_an_error_says_which(engaged: Bench) -> None:
-    engaged.arm.state = 4
+    engaged.arm.activity = Activity.STOPPED
     assert engaged.tick().detail == ""
-    engaged.arm.error_code = 22
+    engaged.arm.fault = SELF_COLLISION
     output = engaged.tick()
-    assert (output.reason, output.detail) == (Reason.ARM_STOPPED, describe_arm_error(22))
+    assert (output.reason, output.detail) == (Reason.ARM_STOPPED, SELF_COLLISION.text)
 
 
 def test_a_fault_names_what_else_is_in_the_way_of_confirming_it(engaged: Bench) -> None:
-    engaged.arm.error_code = 31
+    engaged.arm.fault = COLLISION
     engaged.tick()
     engaged.hand.status = ControllerStatus.DISCONNECTED
     output = engaged.tick()
     assert output.reason is Reason.ARM_ERROR
-    assert output.detail == f"{describe_arm_error(31)}, and controller disconnected"
+    assert output.detail == f"{COLLISION.text}, and controller disconnected"
     engaged.hand.status = ControllerStatus.OK
-    assert engaged.tick().detail == describe_arm_error(31)
-    engaged.arm.error_code = 0
+    assert engaged.tick().detail == COLLISION.text
+    engaged.arm.fault = None
     engaged.hand.status = ControllerStatus.ROLE_SWAPPED
     assert engaged.tick().detail == "and controller swapped"
 
@@ -271,7 +281,7 @@ def test_a_controller_switched_on_after_the_start_takes_two_confirmations_to_rea
     assert bench.tick(confirm=True).arming is FAULT
     bench.hand.status = ControllerStatus.OK
     bench.hand.trigger = 0.0
-    bench.arm.state = 2  # enabled again after the stop
+    bench.arm.activity = Activity.IDLE  # enabled again after the stop
     assert bench.run(3).arming is FAULT  # the confirmation before it was back counts nothing
     assert bench.tick(confirm=True).arming is DISARMED
     assert bench.run(3).arming is DISARMED
@@ -312,7 +322,7 @@ def test_the_menu_held_for_a_second_confirms_a_fault_and_then_arms(bench: Bench)
     assert bench.run(3).arming is DISARMED
     assert bench.run(300).arming is DISARMED  # one hold is one confirmation
     bench.hand.menu = False
-    bench.arm.state = 2
+    bench.arm.activity = Activity.IDLE
     bench.run(2)
     bench.hand.menu = True
     assert bench.run(123).arming is READY

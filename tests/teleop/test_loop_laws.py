@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tams_app.records import ArmState, CommandLink, ControllerStatus, Pose
+from tams_app.records import Activity, ArmFault, ArmState, CommandLink, ControllerStatus, Pose
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.teleop.laws import (
     CONFIG,
@@ -137,9 +137,9 @@ def mad_input(bench: Bench, mad: dict[str, Any]) -> dict[str, Any]:
     elif mad["arm"] == "nan":
         arm = replace(arm, tcp=replace(arm.tcp, position=mad["hand"] * math.nan))
     elif mad["arm"] == "error":
-        arm = replace(arm, error_code=24)
+        arm = replace(arm, fault=ArmFault(24, "C24"))
     elif mad["arm"] == "mode":
-        arm = replace(arm, mode=0)
+        arm = replace(arm, servo=None)
     return {
         "sample": sample,
         "arm": arm,
@@ -161,7 +161,7 @@ def test_no_input_makes_it_raise_or_command_what_is_not_finite_or_too_fast(
     for mad in ticks:
         before = bench.outputs[-1].arming
         output = bench.tick(period_ns=mad["period_ns"], **mad_input(bench, mad))
-        bench.arm.state = 2
+        bench.arm.activity = Activity.IDLE
         if output.twist is not None:
             speed = float(np.linalg.norm(output.twist.linear))
             assert speed <= LIMITS.max_speed_mm_s / 1000 * SLACK

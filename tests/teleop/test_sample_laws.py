@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tams_app.records import ControllerSample, Pose
+from tams_app.records import Activity, ControllerSample, Pose, ServoMode
 from tams_app.teleop.safety import ArmingState
 from tests.teleop.laws import (
     MS,
@@ -28,7 +28,6 @@ from tests.teleop.rig import PERIOD_NS, Bench, IntegratingArm, make_config
 pytestmark = pytest.mark.waiting
 
 CONFIGS = {servo: make_config(arm__servo=servo) for servo in ("velocity", "pose")}
-MODES = {"velocity": 5, "pose": 1}
 many = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 # What a tracking runtime has been seen to send instead of a new, good sample.
@@ -119,11 +118,11 @@ def play(bench: Bench, stream: list[dict[str, Any]]) -> None:
                 sample = tricked(sample, last, stretch["trick"])
             last = sample
             bench.tick(period_ns=period_ns, sample=sample, confirm=True)
-            bench.arm.state = 2
+            bench.arm.activity = Activity.IDLE
 
 
 def bench_for(servo: str, start: tuple[float, ...] = (0.35, 0.0, 0.18)) -> Bench:
-    return Bench(CONFIGS[servo], IntegratingArm(start, mode=MODES[servo]))
+    return Bench(CONFIGS[servo], IntegratingArm(start, servo=ServoMode(servo)))
 
 
 @pytest.mark.parametrize("servo", ["velocity", "pose"])

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tams_app.teleop.plan import Profile, TrajectoryError
 from tams_app.teleop.shaping import VelocityShaper
+from tams_app.teleop.trajectory import Profile, TrajectoryError
 from tests.teleop.motions import Case, plans, within
 
 pytestmark = pytest.mark.waiting
@@ -26,7 +26,7 @@ def norms(rows: list[np.ndarray]) -> np.ndarray:
 @given(plans(), st.floats(0, 0.1))
 def test_braking_never_goes_further_than_its_reach(case: Case, held_s: float) -> None:
     shaper = VelocityShaper(case.top, case.motion, case.stop)
-    plan = shaper.braking_plan(case.velocity, case.acceleration)
+    plan = shaper.braking_trajectory(case.velocity, case.acceleration)
     reach = shaper.braking_reach(case.velocity, case.acceleration, held_s)
     for t_s in np.linspace(0, plan.duration_s, 8):
         way = case.velocity * held_s + plan.at(float(t_s)).displacement
@@ -36,7 +36,7 @@ def test_braking_never_goes_further_than_its_reach(case: Case, held_s: float) ->
 def test_the_reach_is_no_idle_bound() -> None:
     shaper = VelocityShaper(V, MOTION, STOP)
     fast = np.array([0, V, 0])
-    way = shaper.braking_plan(fast, np.zeros(3)).at(1.0).displacement[1]
+    way = shaper.braking_trajectory(fast, np.zeros(3)).at(1.0).displacement[1]
     assert shaper.braking_reach(fast, np.zeros(3), 0.0) < 2 * way
     assert shaper.braking_reach(np.zeros(3), np.zeros(3), 0.1) == 0.0
 
@@ -116,7 +116,7 @@ def test_braking_goes_on_as_it_began_however_often_it_is_asked_for() -> None:
         shaper.step(np.array([0.2, 0.1, 0]), PERIOD_S)
     for _ in range(3):
         shaper.step(np.array([0.1, 0.2, 0]), PERIOD_S)
-    plan = shaper.braking_plan(shaper.velocity, shaper.acceleration)
+    plan = shaper.braking_trajectory(shaper.velocity, shaper.acceleration)
     for k in range(1, 14):
         shaper.brake()
         velocity = shaper.step(np.array([0, 0.2, 0]) if k < 5 else np.zeros(3), PERIOD_S)

@@ -7,12 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tams_app.records import (
+    Activity,
+    ArmFault,
     ArmState,
     CommandLink,
     ControllerSample,
     ControllerStatus,
     LinkFault,
     Pose,
+    ServoMode,
 )
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.records import TeleopInput
@@ -26,10 +29,11 @@ NOW = 10 * NS_PER_S
 MS = NS_PER_MS
 POSE = Pose(np.zeros(3), Rotation.identity())
 SAMPLE = ControllerSample(ControllerStatus.OK, POSE, NOW, NOW, 0.0, 0.0, False, False, False)
-ARM = ArmState(NOW, np.zeros(6), POSE, 5, 2, 0, 0, None)
+ARM = ArmState(NOW, np.zeros(6), POSE, Activity.IDLE, ServoMode.VELOCITY, None, None)
 LINK = CommandLink(0, NOW, MS, 0, "")
 FINE = TeleopInput(NOW, SAMPLE, ARM, LINK, True, 0, False, False)
 WATCH = Watch(make_config(), 0)
+HALTED = (Activity.PAUSED, Activity.STOPPED)
 ENGAGED, READY, DISARMED = ArmingState.ENGAGED, ArmingState.READY, ArmingState.DISARMED
 
 
@@ -109,7 +113,7 @@ def test_what_is_just_fresh_enough_does_not_hold(tick: TeleopInput) -> None:
     [
         (with_sample(status=ControllerStatus.DISCONNECTED), Reason.CONTROLLER_DISCONNECTED),
         (with_sample(status=ControllerStatus.RUNTIME_QUIT), Reason.RUNTIME_QUIT),
-        (with_arm(error_code=24), Reason.ARM_ERROR),
+        (with_arm(fault=ArmFault(24, "C24")), Reason.ARM_ERROR),
         (with_arm(received_ns=NOW - 1001 * MS), Reason.ARM_SILENT),
         (with_sample(status=ControllerStatus.ROLE_SWAPPED), Reason.ROLE_SWAPPED),
         (
@@ -134,8 +138,8 @@ def test_errors_and_lost_devices_are_faults_in_any_state(
 @pytest.mark.parametrize(
     ("tick", "fault"),
     [
-        *((with_arm(state=state), Reason.ARM_STOPPED) for state in (3, 4, 5)),
-        *((with_arm(mode=mode), Reason.ARM_MODE) for mode in (0, 1, 2)),
+        *((with_arm(activity=halted), Reason.ARM_STOPPED) for halted in HALTED),
+        *((with_arm(servo=servo), Reason.ARM_MODE) for servo in (None, ServoMode.POSE)),
     ],
 )
 def test_an_arm_that_left_the_servo_is_a_fault_only_while_armed(
@@ -148,7 +152,7 @@ def test_an_arm_that_left_the_servo_is_a_fault_only_while_armed(
 
 def test_the_pose_servo_has_its_own_mode() -> None:
     watch = Watch(make_config(arm__servo="pose"), 0)
-    assert watch.servo_ready(replace(ARM, mode=1))
+    assert watch.servo_ready(replace(ARM, servo=ServoMode.POSE))
     assert not watch.servo_ready(ARM)
     assert not watch.servo_ready(None)
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tams_app.config import LimitsConfig
-from tams_app.teleop.plan import Profile, VelocityPlan
 from tams_app.teleop.quaternion import of_rotation, to_rotation, turned
+from tams_app.teleop.trajectory import Profile, VelocityTrajectory
 from tams_app.teleop.workspace import OutwardCap, RotationCone, Workspace
 from tests.teleop.motions import within
 
@@ -113,7 +113,7 @@ def test_the_floor_counts_when_it_is_above_the_box() -> None:
 def test_what_is_admitted_brakes_inside_even_after_the_deadman_time(
     position: np.ndarray, velocity: np.ndarray, late: int
 ) -> None:
-    plan = VelocityPlan(velocity, np.zeros(3), np.zeros(3), STOP)
+    plan = VelocityTrajectory(velocity, np.zeros(3), np.zeros(3), STOP)
     if not SPACE.admits(position, velocity, plan):
         return
     now = SPACE.excess(position[np.newaxis])[0]
@@ -126,7 +126,7 @@ def test_what_is_admitted_brakes_inside_even_after_the_deadman_time(
 def test_a_slow_state_is_admitted_and_one_that_cannot_stop_is_not() -> None:
     at, along = np.array([0.33, 0, 0.02]), np.array([0, 0, -1.0])
     for speed, fits in ((0.05, True), (0.2, False)):
-        plan = VelocityPlan(speed * along, np.zeros(3), np.zeros(3), STOP)
+        plan = VelocityTrajectory(speed * along, np.zeros(3), np.zeros(3), STOP)
         assert SPACE.admits(at, speed * along, plan) is fits
 
 
@@ -219,7 +219,7 @@ def leaves(excess_now: np.ndarray, way: np.ndarray) -> float:
 def test_exactly_what_brakes_by_the_law_is_admitted(
     position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, stop: Profile
 ) -> None:
-    plan = VelocityPlan(velocity, acceleration, np.zeros(3), stop)
+    plan = VelocityTrajectory(velocity, acceleration, np.zeros(3), stop)
     now = SPACE.excess(position[np.newaxis])[0]
     times = np.linspace(0, plan.duration_s, 9)
     braked = position + np.array([plan.at(float(t)).displacement for t in times])
@@ -235,7 +235,7 @@ COLUMN = np.array([0.33, 0.0, 0.0])
 
 def admits(height: float, speed: float, acceleration: float, stop: Profile) -> bool:
     """Whether a TCP at `height` [m], with motion along z, is admitted."""
-    plan = VelocityPlan(speed * UP, acceleration * UP, np.zeros(3), stop)
+    plan = VelocityTrajectory(speed * UP, acceleration * UP, np.zeros(3), stop)
     return SPACE.admits(COLUMN + height * UP, speed * UP, plan)
 
 
@@ -245,7 +245,7 @@ def test_a_way_that_leaves_and_comes_back_is_not_admitted() -> None:
 
 
 def test_the_last_of_the_way_counts() -> None:
-    plan = VelocityPlan(0.1 * UP, np.zeros(3), np.zeros(3), STOP)
+    plan = VelocityTrajectory(0.1 * UP, np.zeros(3), np.zeros(3), STOP)
     way = 0.1 * DEADMAN_S + plan.at(1.0).displacement[2]
     assert admits(0.4 - 0.999 * way, 0.1, 0.0, STOP) is False
     assert admits(0.4 - 1.001 * way, 0.1, 0.0, STOP) is True
@@ -287,7 +287,7 @@ def test_turning_out_is_capped_at_the_cone_and_back_is_free() -> None:
     st.lists(st.floats(-0.28, 0.28), min_size=3, max_size=3).map(np.array),
 )
 def test_what_the_cone_admits_brakes_inside(offset: np.ndarray, angular: np.ndarray) -> None:
-    plan = VelocityPlan(angular, np.zeros(3), np.zeros(3), TURN_STOP)
+    plan = VelocityTrajectory(angular, np.zeros(3), np.zeros(3), TURN_STOP)
     if not CONE.admits(offset, angular, plan):
         return
     start = turned(of_rotation(READY), offset)
@@ -300,7 +300,7 @@ def test_what_the_cone_admits_brakes_inside(offset: np.ndarray, angular: np.ndar
 
 def test_the_cone_admits_slow_turning_and_refuses_what_cannot_stop() -> None:
     for speed, fits in ((0.05, True), (0.5, False)):
-        plan = VelocityPlan(np.array([0, speed, 0]), np.zeros(3), np.zeros(3), TURN_STOP)
+        plan = VelocityTrajectory(np.array([0, speed, 0]), np.zeros(3), np.zeros(3), TURN_STOP)
         assert CONE.admits(offset_of(33), np.array([0, speed, 0]), plan) is fits
     assert CONE.is_far(offset_of(10), math.radians(24))
     assert not CONE.is_far(offset_of(10), math.radians(26))
@@ -327,7 +327,7 @@ def test_far_outside_the_cone_the_way_is_still_turned_inward() -> None:
 def test_exactly_what_turns_and_brakes_inside_the_cone_is_admitted(
     offset: np.ndarray, angular: np.ndarray, acceleration: np.ndarray
 ) -> None:
-    plan = VelocityPlan(angular, acceleration, np.zeros(3), TURN_STOP)
+    plan = VelocityTrajectory(angular, acceleration, np.zeros(3), TURN_STOP)
     start = turned(of_rotation(READY), offset)
     angles = []
     for t_s in np.linspace(0, plan.duration_s, 9):
@@ -344,21 +344,21 @@ def test_without_an_offset_or_without_a_turn_the_angle_is_the_other(
     angle: float, speed: float
 ) -> None:
     offset, angular = np.array([0, angle, 0]), np.array([0, speed, 0])
-    plan = VelocityPlan(angular, np.zeros(3), np.zeros(3), TURN_STOP)
+    plan = VelocityTrajectory(angular, np.zeros(3), np.zeros(3), TURN_STOP)
     assert CONE.admits(offset, angular, plan)  # standing outside is admitted, too
 
 
 def test_from_ready_a_turn_longer_than_the_cone_is_not_admitted() -> None:
     narrow = RotationCone(LIMITS.model_copy(update={"cone_deg": 3}), TURN, DEADMAN_S, READY)
     for speed, fits in ((0.1, True), (0.5, False)):
-        plan = VelocityPlan(np.array([speed, 0, 0]), np.zeros(3), np.zeros(3), TURN_STOP)
+        plan = VelocityTrajectory(np.array([speed, 0, 0]), np.zeros(3), np.zeros(3), TURN_STOP)
         assert narrow.admits(np.zeros(3), np.array([speed, 0, 0]), plan) is fits
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
 def test_turning_across_the_edge_of_the_cone_counts_what_it_adds_to_the_angle(speed: float) -> None:
     angular = np.array([speed, 0, 0])
-    plan = VelocityPlan(angular, np.zeros(3), np.zeros(3), TURN_STOP)
+    plan = VelocityTrajectory(angular, np.zeros(3), np.zeros(3), TURN_STOP)
     turn = speed * DEADMAN_S + plan.at(1.0).displacement[0]
     edge = 2 * math.acos(math.cos(math.radians(35) / 2) / math.cos(turn / 2))  # Pythagoras
     assert CONE.admits(np.array([0, edge - 1e-5, 0]), angular, plan)
@@ -368,5 +368,5 @@ def test_turning_across_the_edge_of_the_cone_counts_what_it_adds_to_the_angle(sp
 def test_a_turn_that_leads_straight_back_to_ready_is_admitted_from_anywhere() -> None:
     for angle in np.linspace(0.0005, 0.05, 1000):  # rounding may make a cosine larger than 1
         angular = np.array([0, -angle / DEADMAN_S, 0])
-        plan = VelocityPlan(angular, np.zeros(3), np.zeros(3), TURN_STOP)
+        plan = VelocityTrajectory(angular, np.zeros(3), np.zeros(3), TURN_STOP)
         assert CONE.admits(np.array([0, angle, 0]), angular, plan)

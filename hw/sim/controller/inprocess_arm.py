@@ -9,28 +9,42 @@ from __future__ import annotations
 import math
 import struct
 
-import numpy as np
-
-from hw.arm import Arm, ServoMode
+from hw.arm import ServoMode, SimulatedArm
 from hw.boundary import TcpBoundary
-from hw.lite6.codes import Code, controller_error_sentence, return_code_sentence
-from hw.lite6.kinematics import pose_from_matrix, within_joint_limits
-from hw.sim.controller.codes import Mode, Register, ReplyBit, State
+from hw.lite6.codes import (
+    AXES,
+    LITE6_TYPE,
+    Code,
+    Mode,
+    Register,
+    ReplyBit,
+    StateCommand,
+    return_code_sentence,
+)
+from hw.lite6.commands import (
+    MODES,
+    arm_state,
+    boundary_edges,
+    checked_goal,
+    pose_refusal,
+    twist_refusal,
+)
+from hw.lite6.discovery import unfitness
+from hw.lite6.errors import error_sentence
+from hw.lite6.kinematics import pose_from_matrix
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
-from hw.sim.controller.plant import GripperDrive, IdealPlant
+from hw.sim.controller.plant import GripperDrive, IdealPlant, Plant
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
-from tams_app.config import LITE6_MAX_JOINT_SPEED_RAD_S, LITE6_MAX_TCP_SPEED_MM_S, ArmConfig
+from hw.sim.controller.settings import outputs_for
+from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist, Vector
 from tams_app.runtime.clock import NS_PER_S, Clock
 
 MOVE_ACCELERATION_RAD_S2 = 1.0
-MAX_POSE_STEP_MM = 10.0
 GRIPPER_ATTEMPTS = 3
-OLDEST_FIRMWARE = (1, 8, 0)  # older ones know no deadman time
 
 _REPORT_PERIOD_NS = NS_PER_S // ReportKind.REAL.rate_hz
-_MODES = {ServoMode.VELOCITY: Mode.CARTESIAN_VELOCITY, ServoMode.POSE: Mode.SERVO}
 _TOOL_HOST = 9
 # writes to the tool outputs: which ones change (high byte), and to what
 _OPEN_COMMAND, _CLOSE_COMMAND = 0x0301, 0x0302
@@ -40,12 +54,11 @@ _CLOSED_BY_DRIVE = {
     GripperDrive.CLOSE: True,
 }
 _REFUSED = ReplyBit.INVALID | ReplyBit.NOT_READY | ReplyBit.ERROR
-_INVALID_CODE = 10  # what the SDK returns for it
 _NO_FAILURE = ("", LinkFault.NONE)
 _NOT_CONNECTED = "The arm is not connected; connect it first."
 
 
-class InProcessArm(Arm):
+class InProcessArm(SimulatedArm):
     """An arm whose controller lives in this process; every call first brings it up to the clock.
 
     For one thread. Commands are acknowledged at once, so `link` never shows a slow reply.
@@ -86,11 +99,9 @@ class InProcessArm(Arm):
 
     @property
     def simulated_ns(self) -> int:
-        """The instant the arm and its plant stand at: of the controller's last cycle."""
         return self._cycle_ns
 
     def skip_standstill(self, longest_ns: int) -> None:
-        """Leave out what is more than `longest_ns` behind the clock: the process stood still."""
         behind_ns = self._clock.now_ns() - self._cycle_ns
         if behind_ns > longest_ns:
             self._cycle_ns += behind_ns - longest_ns
@@ -108,12 +119,12 @@ class InProcessArm(Arm):
     def _take_report(self, now_ns: int) -> None:
         if self.model.reports_frozen or not self._connected:
             return
-        self._state = ArmState(
+        self._state = arm_state(
             received_ns=now_ns,
             joints=self.model.joints,
             tcp=pose_from_matrix(self.model.tcp),
-            mode=int(self.model.mode),
-            state=int(self.model.state),
+            mode=self.model.mode,
+            state=self.model.state,
             error_code=int(self.model.error_code),
             warning_code=self.model.warning_code,
             gripper_closed=self._gripper_closed,
@@ -139,7 +150,7 @@ class InProcessArm(Arm):
         self._request(Register.SET_SELF_COLLISION_CHECK, bytes([1]))
         self._request(Register.SET_TCP_OFFSET, offset)
         if self._boundary is not None:
-            edges = struct.pack("<6i", *self._boundary.on_the_wire)
+            edges = struct.pack("<6i", *boundary_edges(self._boundary))
             self._request(Register.SET_BOUNDARY, edges)
             self._request(Register.SET_FENCE, bytes([1]))
         self._request(Register.SET_LOAD, load)
@@ -150,16 +161,12 @@ class InProcessArm(Arm):
         self._take_report(self._clock.now_ns())
 
     def enable(self, servo: ServoMode) -> None:
-        self._enter(_MODES[servo])
+        self._enter(MODES[servo])
         self._servo = servo
         self._last_pose = pose_from_matrix(self.model.tcp)
 
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
-        goal = np.array(joints, dtype=np.float64)
-        if goal.shape != (6,) or not np.isfinite(goal).all() or not within_joint_limits(goal):
-            raise DeviceError("The joint angles to move to are outside the Lite 6's limits.")
-        if not 0 < speed <= LITE6_MAX_JOINT_SPEED_RAD_S:
-            raise DeviceError(f"A joint speed of {speed:g} rad/s is outside the Lite 6's limits.")
+        goal = checked_goal(joints, speed)
         self._enter(Mode.POSITION)
         command = struct.pack("<10f", *goal, 0.0, speed, MOVE_ACCELERATION_RAD_S2, 0.0)
         self._demand(Register.MOVE_JOINT, command)
@@ -192,8 +199,7 @@ class InProcessArm(Arm):
     def send_twist(self, twist: Twist) -> None:
         if self._servo is None:
             return
-        refusal = self._twist_refusal(twist)
-        if refusal:
+        if refusal := twist_refusal(twist, self._servo):
             self._fail(refusal, LinkFault.REFUSED)
             return
         payload = struct.pack("<6f", *(twist.linear * 1000.0), *twist.angular) + bytes(1)
@@ -203,8 +209,7 @@ class InProcessArm(Arm):
     def send_pose(self, pose: Pose) -> None:
         if self._servo is None:
             return
-        refusal = self._pose_refusal(pose)
-        if refusal:
+        if refusal := pose_refusal(pose, self._servo, self._last_pose):
             self._fail(refusal, LinkFault.REFUSED)
             return
         self._last_pose = pose
@@ -244,43 +249,15 @@ class InProcessArm(Arm):
     def stop(self) -> None:
         self._servo = None
         if self._connected:
-            self._request(Register.SET_STATE, bytes([State.STOPPED]))
+            self._request(Register.SET_STATE, bytes([StateCommand.STOP]))
 
     # --- refusals -------------------------------------------------------------------------------
 
     def _check_identity(self) -> None:
-        if tuple(int(part) for part in self.model.firmware.split(".")) < OLDEST_FIRMWARE:
-            raise DeviceError(
-                f"The arm's firmware ({self.model.firmware}) would not stop by itself when "
-                "commands cease; update it with UFACTORY Studio."
-            )
-        if self.model.settings.simulation_robot:
-            raise DeviceError(
-                "The arm only pretends to move; switch its simulation mode off in UFACTORY Studio."
-            )
-
-    def _twist_refusal(self, twist: Twist) -> str:
-        """Why this twist is not sent, "" if it may be."""
-        speed_mm_s = float(np.linalg.norm(twist.linear)) * 1000.0
-        turn_rad_s = float(np.linalg.norm(twist.angular))
-        if self._servo is ServoMode.POSE:
-            return "The arm is in the pose servo and takes no velocities; enable it anew."
-        if not speed_mm_s <= LITE6_MAX_TCP_SPEED_MM_S:  # also true for NaN
-            return f"A velocity of {speed_mm_s:g} mm/s was refused; please report this error."
-        if not turn_rad_s <= LITE6_MAX_JOINT_SPEED_RAD_S:
-            return f"A turn of {turn_rad_s:g} rad/s was refused; please report this error."
-        return ""
-
-    def _pose_refusal(self, pose: Pose) -> str:
-        """Why this pose is not sent, "" if it may be."""
-        if self._servo is ServoMode.VELOCITY:
-            return "The arm is in the velocity servo and takes no poses; enable it anew."
-        if self._last_pose is None or not np.isfinite(pose.rotation.as_quat()).all():
-            return "A pose that is none was refused; please report this error."
-        step_mm = float(np.linalg.norm(pose.position - self._last_pose.position)) * 1000.0
-        if not step_mm <= MAX_POSE_STEP_MM:
-            return f"A step of {step_mm:g} mm was refused; please report this error."
-        return ""
+        firmware = tuple(int(part) for part in self.model.firmware.split("."))
+        simulated = self.model.settings.simulation_robot
+        if problem := unfitness(AXES, LITE6_TYPE, firmware, simulated):
+            raise DeviceError(problem)
 
     def _fail(self, sentence: str, fault: LinkFault) -> None:
         """Nothing moves until the arm is enabled again."""
@@ -289,7 +266,7 @@ class InProcessArm(Arm):
 
     def _raise_error(self) -> None:
         if self.model.error_code:
-            raise DeviceError(controller_error_sentence(self.model.error_code))
+            raise DeviceError(error_sentence(self.model.error_code))
 
     # --- requests -------------------------------------------------------------------------------
 
@@ -298,7 +275,7 @@ class InProcessArm(Arm):
         self._servo = None
         self._request(Register.MOTION_ENABLE, bytes([ALL_JOINTS, 1]))
         self._request(Register.SET_MODE, bytes([mode]))
-        self._demand(Register.SET_STATE, bytes(1))
+        self._demand(Register.SET_STATE, bytes([StateCommand.READY]))
         self._failure = _NO_FAILURE
 
     def _demand(self, register: Register, payload: bytes = b"") -> None:
@@ -327,7 +304,21 @@ class InProcessArm(Arm):
         """One sentence: why the controller does not do what `register` asks."""
         call = register.name.lower().replace("_", " ")
         if status & ReplyBit.ERROR:
-            return controller_error_sentence(self.model.error_code)
+            return error_sentence(self.model.error_code)
         return return_code_sentence(
-            _INVALID_CODE if status & ReplyBit.INVALID else Code.NOT_READY, call
+            Code.INVALID if status & ReplyBit.INVALID else Code.NOT_READY, call
         )
+
+
+def simulated_arm(
+    config: ArmConfig,
+    clock: Clock,
+    joints: Vector,
+    boundary: TcpBoundary | None,
+    plant: Plant | None = None,
+    gripper_closed: bool | None = None,
+) -> InProcessArm:
+    """See `hw.arm.ArmKind.simulate`."""
+    model = ControllerModel(plant or IdealPlant(), joints)
+    model.settings.tool_outputs = outputs_for(gripper_closed)
+    return InProcessArm(config, clock, model, boundary)

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from hw.lite6.kinematics import JOINT_SPEED_LIMITS
-from hw.sim.controller.codes import CommandError
+from hw.sim.controller.errors import CommandError
 from hw.sim.controller.joint_servo import CYCLE_S, MAX_JOINT_ACCELERATION
 from tams_app.records import Vector
 
@@ -19,23 +19,23 @@ class JointMove:
     """A straight line in joint space with a trapezoidal speed profile."""
 
     def __init__(self, start: Vector, goal: Vector, speed: float, acceleration: float) -> None:
-        """`speed` [rad/s] and `acceleration` [rad/s²] of the joint with the longest way."""
+        """`speed` [rad/s] and `acceleration` [rad/s²] of the joint that turns furthest."""
         self.goal = goal
         self.speed = speed
         self.acceleration = acceleration
         self._start = start
-        self._way = float(np.abs(goal - start).max())
+        self._travel = float(np.abs(goal - start).max())
         self._acceleration = min(acceleration, MAX_JOINT_ACCELERATION)
-        # a way too short for the full speed has a triangle for a profile
-        fastest = math.sqrt(self._way * self._acceleration)
+        # a travel too short for the full speed has a triangle for a profile
+        fastest = math.sqrt(self._travel * self._acceleration)
         self._speed = min(speed, float(JOINT_SPEED_LIMITS.min()), fastest)
         self._elapsed_s = 0.0
 
     @property
     def duration_s(self) -> float:
-        if self._way == 0.0:
+        if self._travel == 0.0:
             return 0.0
-        return self._way / self._speed + self._speed / self._acceleration
+        return self._travel / self._speed + self._speed / self._acceleration
 
     @property
     def done(self) -> bool:
@@ -46,7 +46,7 @@ class JointMove:
         self._elapsed_s += CYCLE_S
         if self.done:
             return self.goal
-        fraction = self._travelled(self._elapsed_s) / self._way
+        fraction = self._travelled(self._elapsed_s) / self._travel
         return self._start + fraction * (self.goal - self._start)
 
     def _travelled(self, elapsed_s: float) -> float:
@@ -55,7 +55,7 @@ class JointMove:
             return 0.5 * self._acceleration * elapsed_s**2
         remaining_s = self.duration_s - elapsed_s
         if remaining_s < ramp_s:
-            return self._way - 0.5 * self._acceleration * remaining_s**2
+            return self._travel - 0.5 * self._acceleration * remaining_s**2
         return self._speed * (elapsed_s - 0.5 * ramp_s)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     JOINT_LOWER,
     JOINT_SPEED_LIMITS,
@@ -16,7 +17,7 @@ from hw.lite6.kinematics import (
     Matrix,
     rotation_matrix,
 )
-from hw.sim.controller.codes import ErrorCode, MotionError
+from hw.sim.controller.errors import MotionError
 from tams_app.records import Vector
 
 CYCLE_NS = 4_000_000  # the box runs at 250 Hz
@@ -67,16 +68,16 @@ class PoseServo:
         """The joints one cycle later; None when there is nowhere to go."""
         if self._goal is None:
             return None
-        way = self._goal - joints
+        change = self._goal - joints
         ahead = float(np.linalg.norm(self._goal_position - model.tcp_matrix(joints)[:3, 3]))
         cycles = max(
             ahead / (MAX_SERVO_SPEED_M_S * CYCLE_S),
-            float((np.abs(way) / (JOINT_SPEED_LIMITS * CYCLE_S)).max()),
+            float((np.abs(change) / (JOINT_SPEED_LIMITS * CYCLE_S)).max()),
         )
         if cycles <= 1.0:
             goal, self._goal = self._goal, None
             return goal
-        return joints + way / cycles
+        return joints + change / cycles
 
 
 class TwistServo:

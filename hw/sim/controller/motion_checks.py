@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     BASE_TO_SHOULDER_M,
     JOINT_SPEED_LIMITS,
@@ -14,7 +15,7 @@ from hw.lite6.kinematics import (
     link_frames,
     within_joint_limits,
 )
-from hw.sim.controller.codes import ErrorCode, MotionError
+from hw.sim.controller.errors import MotionError
 from hw.sim.controller.joint_servo import CYCLE_S
 from tams_app.records import Vector
 

@@ -1,4 +1,4 @@
-"""What the controller model drives: joints and fingers, ideal or simulated."""
+"""What the controller model drives: joints and gripper, ideal or simulated."""
 
 from __future__ import annotations
 

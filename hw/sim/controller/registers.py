@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hw.lite6.codes import Register
 from hw.lite6.kinematics import matrix_from_pose, pose_from_mm_rpy, rotation_matrix
-from hw.sim.controller.codes import CommandError, Register
+from hw.sim.controller.core import ControllerCore
+from hw.sim.controller.errors import CommandError
 from hw.sim.controller.reports import (
     pack_pose,
     pack_pose_aa,
@@ -22,16 +23,13 @@ from hw.sim.controller.reports import (
     version_text,
 )
 
-if TYPE_CHECKING:
-    from hw.sim.controller.model import ControllerModel
-
 ALL_JOINTS = 8
 TOOL_DIGITAL_IN, TOOL_DIGITAL_OUT, TOOL_OUTPUT_STATE = 0x0A14, 0x0A15, 0x0A18
 _TOOL_OUTPUTS = 0x1F  # five of them; the high byte of a write says which ones it sets
 _SERIAL_NUMBERS = b"LI1006210001\0DL1006210001\0".ljust(40, b"\0")
 
 
-def serve_register(model: ControllerModel, register: int, payload: bytes) -> bytes:
+def serve_register(model: ControllerCore, register: int, payload: bytes) -> bytes:
     """The data of the reply; CommandError if there is no such register or it makes no sense."""
     try:
         if register in _QUERIES:
@@ -62,7 +60,7 @@ def _floats(payload: bytes, count: int, infinite: bool = False) -> tuple[float, 
 # --- what it is and how it is ------------------------------------------------------------------
 
 
-def _get_joints(model: ControllerModel, payload: bytes) -> bytes:
+def _get_joints(model: ControllerCore, payload: bytes) -> bytes:
     """Seven angles; asked with a count n: angles, speeds and efforts (0) up to n of the three."""
     count = max(1, min(3, _byte(payload) & 0x0F)) if payload else 1
     rows = np.zeros((3, 7), dtype="<f4")
@@ -71,7 +69,7 @@ def _get_joints(model: ControllerModel, payload: bytes) -> bytes:
     return rows[:count].tobytes()
 
 
-_QUERIES: dict[int, Callable[[ControllerModel], bytes]] = {
+_QUERIES: dict[int, Callable[[ControllerCore], bytes]] = {
     Register.GET_VERSION: lambda model: (
         version_text(model.firmware).encode("ascii").ljust(40, b"\0")
     ),
@@ -88,19 +86,19 @@ _QUERIES: dict[int, Callable[[ControllerModel], bytes]] = {
 # --- state, mode and configuration -------------------------------------------------------------
 
 
-def _motion_enable(model: ControllerModel, payload: bytes) -> None:
+def _motion_enable(model: ControllerCore, payload: bytes) -> None:
     joint, on = _byte(payload), _byte(payload, 1)
     if joint != ALL_JOINTS:
         raise CommandError("single joints cannot be enabled")
     model.enable(bool(on))
 
 
-def _set_load(model: ControllerModel, payload: bytes) -> None:
+def _set_load(model: ControllerCore, payload: bytes) -> None:
     model.settings.load = _floats(payload, 4)
     model.configuration_changed()
 
 
-def _set_collision_sensitivity(model: ControllerModel, payload: bytes) -> None:
+def _set_collision_sensitivity(model: ControllerCore, payload: bytes) -> None:
     value = _byte(payload)
     if value > 5:
         raise CommandError("collision sensitivity ends at 5")
@@ -108,33 +106,33 @@ def _set_collision_sensitivity(model: ControllerModel, payload: bytes) -> None:
     model.configuration_changed()
 
 
-def _set_boundary(model: ControllerModel, payload: bytes) -> None:
+def _set_boundary(model: ControllerCore, payload: bytes) -> None:
     x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
     boundary = model.settings.boundary
     boundary.upper_mm = np.array([x_high, y_high, z_high], dtype=np.float64)
     boundary.lower_mm = np.array([x_low, y_low, z_low], dtype=np.float64)
 
 
-def _set_fence(model: ControllerModel, payload: bytes) -> None:
+def _set_fence(model: ControllerCore, payload: bytes) -> None:
     model.settings.fence = bool(_byte(payload))
 
 
-def _set_collision_rebound(model: ControllerModel, payload: bytes) -> None:
+def _set_collision_rebound(model: ControllerCore, payload: bytes) -> None:
     model.settings.collision_rebound = bool(_byte(payload))
 
 
-def _set_self_collision_check(model: ControllerModel, payload: bytes) -> None:
+def _set_self_collision_check(model: ControllerCore, payload: bytes) -> None:
     model.settings.self_collision_check = bool(_byte(payload))
 
 
-def _set_simulation_robot(model: ControllerModel, payload: bytes) -> None:
+def _set_simulation_robot(model: ControllerCore, payload: bytes) -> None:
     model.set_simulation_robot(bool(_byte(payload)))
 
 
 # --- motion ------------------------------------------------------------------------------------
 
 
-def _move_joint(model: ControllerModel, payload: bytes) -> None:
+def _move_joint(model: ControllerCore, payload: bytes) -> None:
     values = _floats(payload, 10, infinite=True)
     speed, acceleration = values[7:9]
     if not (0 < speed < math.inf and 0 < acceleration < math.inf):
@@ -142,14 +140,14 @@ def _move_joint(model: ControllerModel, payload: bytes) -> None:
     model.move_joints(np.array(values[:6]), speed, acceleration)
 
 
-def _move_servo_cartesian(model: ControllerModel, payload: bytes) -> None:
+def _move_servo_cartesian(model: ControllerCore, payload: bytes) -> None:
     values = _floats(payload, 9)
     if values[8] != 0:
         raise CommandError("servo targets in the tool frame are not modelled")
     model.servo_pose(matrix_from_pose(pose_from_mm_rpy(values[:6])))
 
 
-def _move_servo_cartesian_aa(model: ControllerModel, payload: bytes) -> None:
+def _move_servo_cartesian_aa(model: ControllerCore, payload: bytes) -> None:
     values = _floats(payload, 8)
     tool_frame, relative = struct.unpack_from("<iB", payload, 32)
     if tool_frame or relative:
@@ -160,7 +158,7 @@ def _move_servo_cartesian_aa(model: ControllerModel, payload: bytes) -> None:
     model.servo_pose(target)
 
 
-def _set_cartesian_velocity(model: ControllerModel, payload: bytes) -> None:
+def _set_cartesian_velocity(model: ControllerCore, payload: bytes) -> None:
     twist = np.array(_floats(payload, 6))
     twist[:3] /= 1000.0
     if _byte(payload, 24):
@@ -173,7 +171,7 @@ def _set_cartesian_velocity(model: ControllerModel, payload: bytes) -> None:
 # --- the tool's inputs and outputs -------------------------------------------------------------
 
 
-def _tool_gpio_write(model: ControllerModel, payload: bytes) -> None:
+def _tool_gpio_write(model: ControllerCore, payload: bytes) -> None:
     address = struct.unpack_from(">H", payload, 1)[0]
     if address != TOOL_DIGITAL_OUT:
         raise CommandError(f"tool address {address:#06x} cannot be written")
@@ -183,7 +181,7 @@ def _tool_gpio_write(model: ControllerModel, payload: bytes) -> None:
     model.settings.tool_outputs = (outputs & ~changed) | (value & changed)
 
 
-def _tool_gpio_read(model: ControllerModel, payload: bytes) -> bytes:
+def _tool_gpio_read(model: ControllerCore, payload: bytes) -> bytes:
     address = struct.unpack_from(">H", payload, 1)[0]
     if address == TOOL_OUTPUT_STATE:
         return struct.pack(">i", model.settings.tool_outputs)  # the command, nothing senses it
@@ -192,7 +190,7 @@ def _tool_gpio_read(model: ControllerModel, payload: bytes) -> bytes:
     raise CommandError(f"tool address {address:#06x} cannot be read")
 
 
-_COMMANDS: dict[int, Callable[[ControllerModel, bytes], None]] = {
+_COMMANDS: dict[int, Callable[[ControllerCore, bytes], None]] = {
     Register.MOTION_ENABLE: _motion_enable,
     Register.SET_STATE: lambda model, payload: model.set_state(_byte(payload)),
     Register.CLEAN_ERROR: lambda model, _: model.clean_error(),
@@ -213,7 +211,7 @@ _COMMANDS: dict[int, Callable[[ControllerModel, bytes], None]] = {
     Register.TOOL_GPIO_WRITE: _tool_gpio_write,
 }
 
-_QUERIES_WITH_PAYLOAD: dict[int, Callable[[ControllerModel, bytes], bytes]] = {
+_QUERIES_WITH_PAYLOAD: dict[int, Callable[[ControllerCore, bytes], bytes]] = {
     Register.GET_JOINTS: _get_joints,
     Register.TOOL_GPIO_READ: _tool_gpio_read,
 }

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
 from enum import Enum
 
+from hw.lite6.codes import AXES, LITE6_TYPE
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, Matrix, rotation_vector, rpy_from_matrix
+from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.joint_servo import MAX_JOINT_ACCELERATION
 from hw.sim.controller.settings import ControllerSettings
-from tams_app.records import Vector
 
-LITE6_AXES, LITE6_TYPE = 6, 9
 _WHOLE_BRAKES = 0xFF
 _TEACH_SENSITIVITY = 3
 _TEMPERATURE_C = 30
@@ -39,31 +38,13 @@ class ReportKind(Enum):
         return self.value[1]
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """What a report tells, at one instant."""
-
-    mode: int
-    state: int
-    error_code: int
-    warning_code: int
-    commands_waiting: int
-    enabled: bool
-    joints: Vector  # measured [rad], shape (6,)
-    joint_speeds: Vector  # [rad/s], shape (6,)
-    tcp: Matrix  # measured, shape (4, 4)
-    tcp_speed_mm_s: float  # only the rich report tells it
-    firmware: str
-    settings: ControllerSettings
-
-
-def pack_report(kind: ReportKind, snapshot: Snapshot) -> bytes:
+def pack_report(kind: ReportKind, box: ControllerCore) -> bytes:
     """The frame of `kind`: 145 bytes normal, 587 rich, 87 real."""
-    body = _motion(snapshot)
+    body = _motion(box)
     if kind is not ReportKind.REAL:
-        body += _status(snapshot)
+        body += _status(box)
     if kind is ReportKind.RICH:
-        body += _identity_and_limits(snapshot) + _sensors(snapshot) + _safety(snapshot)
+        body += _identity_and_limits(box) + _sensors(box) + _safety(box)
     return struct.pack(">I", len(body) + 4) + body
 
 
@@ -82,22 +63,22 @@ def pack_reduced_state(settings: ControllerSettings) -> bytes:
     return _reduced_mode(settings)
 
 
-def _motion(snapshot: Snapshot) -> bytes:
+def _motion(box: ControllerCore) -> bytes:
     torques = (0.0,) * 7  # nothing in the model estimates them
     return (
-        struct.pack(">BH", snapshot.mode << 4 | snapshot.state, snapshot.commands_waiting)
-        + struct.pack("<7f", *snapshot.joints, 0.0)
-        + pack_pose(snapshot.tcp)
+        struct.pack(">BH", box.mode << 4 | box.state, box.commands_waiting)
+        + struct.pack("<7f", *box.joints, 0.0)
+        + pack_pose(box.tcp)
         + struct.pack("<7f", *torques)
     )
 
 
-def _status(snapshot: Snapshot) -> bytes:
-    settings = snapshot.settings
-    enabled = 0xFF if snapshot.enabled else 0
-    released = _WHOLE_BRAKES if snapshot.enabled else 0
+def _status(box: ControllerCore) -> bytes:
+    settings = box.settings
+    enabled = 0xFF if box.enabled else 0
+    released = _WHOLE_BRAKES if box.enabled else 0
     return (
-        bytes([released, enabled, snapshot.error_code, snapshot.warning_code])
+        bytes([released, enabled, box.error_code, box.warning_code])
         + struct.pack("<6f", *settings.tcp_offset)
         + struct.pack("<4f", *settings.load)
         + bytes([settings.collision_sensitivity, _TEACH_SENSITIVITY])
@@ -105,18 +86,18 @@ def _status(snapshot: Snapshot) -> bytes:
     )
 
 
-def _identity_and_limits(snapshot: Snapshot) -> bytes:
+def _identity_and_limits(box: ControllerCore) -> bytes:
     tcp_limits = (1000.0, 1.0, 50_000.0, 0.1, 500.0)  # jerk, acceleration and speed [mm]
     joint_limits = (20.0, 0.01, MAX_JOINT_ACCELERATION, 0.0001, math.pi)  # the same [rad]
     rotation_limits = (2.3, 2.7)  # jerk and acceleration of pure rotations [rad]
     return (
-        bytes([LITE6_TYPE, LITE6_AXES, 0, 0, 0, 0])
-        + version_text(snapshot.firmware).encode("ascii")[:29].ljust(30, b"\0")
+        bytes([LITE6_TYPE, AXES, 0, 0, 0, 0])
+        + version_text(box.firmware).encode("ascii")[:29].ljust(30, b"\0")
         + struct.pack("<12f", *tcp_limits, *joint_limits, *rotation_limits)
     )
 
 
-def _sensors(snapshot: Snapshot) -> bytes:
+def _sensors(box: ControllerCore) -> bytes:
     servo_and_tool_codes = bytes(16)
     counter, world_offset, io_reset = bytes(4), bytes(24), bytes(2)
     collision_tool = bytes(1 + 24)
@@ -126,11 +107,11 @@ def _sensors(snapshot: Snapshot) -> bytes:
     return (
         servo_and_tool_codes
         + bytes([_TEMPERATURE_C] * 7)
-        + struct.pack("<8f", snapshot.tcp_speed_mm_s, *snapshot.joint_speeds, 0.0)
+        + struct.pack("<8f", box.tcp_speed_mm_s, *box.joint_speeds, 0.0)
         + counter
         + world_offset
         + io_reset
-        + bytes([snapshot.settings.simulation_robot, snapshot.settings.self_collision_check])
+        + bytes([box.settings.simulation_robot, box.settings.self_collision_check])
         + collision_tool
         + struct.pack(">7H", *[_JOINT_CENTIVOLTS] * 7)
         + currents
@@ -139,12 +120,12 @@ def _sensors(snapshot: Snapshot) -> bytes:
     )
 
 
-def _safety(snapshot: Snapshot) -> bytes:
-    settings = snapshot.settings
+def _safety(box: ControllerCore) -> bytes:
+    settings = box.settings
     identification_progress, monitored_device = bytes(1), bytes(13)
     return (
         identification_progress
-        + struct.pack("<3f", *rotation_vector(snapshot.tcp[:3, :3]))
+        + struct.pack("<3f", *rotation_vector(box.tcp[:3, :3]))
         + bytes([settings.fence << 1])
         + _reduced_mode(settings)
         + monitored_device
@@ -173,4 +154,4 @@ def version_text(firmware: str) -> str:
 
     The SDK looks for the terminating zero within 40 bytes.
     """
-    return f"{LITE6_AXES},{LITE6_TYPE},LI1006210001,DL1006210001,v{firmware}"[:39]
+    return f"{AXES},{LITE6_TYPE},LI1006210001,DL1006210001,v{firmware}"[:39]

@@ -1,7 +1,7 @@
 """The controller model on TCP, as the box in the cabinet: one control port, three report ports.
 
 Threads: one that steps the model every 4 ms of real time, one that accepts, and one for each
-connection, so that a client which hangs holds up nobody else. One lock guards the model.
+connection, so that a client which hangs delays no other. One lock guards the model.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class ServerPorts:
 class ControllerServer:
     """Serves `model` from `start` to `close`; ports given as 0 are chosen freely.
 
-    For tests of faults: `reply_delay_s` delays every reply, `refuse_connections` hangs up on new
-    clients, `drop_connections` on the present ones. `lock` is to be held for anything else that
+    For tests of faults: `reply_delay_s` delays every reply, `refuse_connections` disconnects new
+    clients, `drop_connections` the present ones. `lock` is to be held for anything else that
     is done with the model meanwhile.
     """
 
@@ -89,7 +89,7 @@ class ControllerServer:
             worker.start()
 
     def close(self) -> None:
-        """Hang up, stop all threads and free the ports; may be called twice."""
+        """Disconnect, stop all threads and free the ports; may be called twice."""
         for worker in self._workers:
             worker.stop()
         self._workers = []
@@ -99,12 +99,12 @@ class ControllerServer:
         self._listeners = {}
 
     def drop_connections(self) -> None:
-        """Hang up on every client, control and reports alike."""
+        """Disconnect every client, control and reports alike."""
         with self._connections_lock:
             connections = list(self._connections.items())
         for connection, worker in connections:
             worker.request_stop()
-            with contextlib.suppress(OSError):  # the client may have hung up already
+            with contextlib.suppress(OSError):  # the client may have disconnected already
                 connection.shutdown(socket.SHUT_RDWR)
         for _, worker in connections:
             worker.stop()
@@ -159,7 +159,7 @@ class ControllerServer:
     def _attend(
         self, connection: socket.socket, kind: ReportKind | None, stop: threading.Event
     ) -> None:
-        """Serve one client until it hangs up, sends nonsense, or the server ends."""
+        """Serve one client until it disconnects, sends nonsense, or the server ends."""
         try:
             with connection:
                 if kind is None:

@@ -8,9 +8,8 @@ from functools import partial
 import numpy as np
 
 from hw.arm import ServoMode
+from hw.arms import arm_kind
 from hw.boundary import session_boundary
-from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel
 from hw.sim.layout import draw_layout
 from hw.sim.world.camera_images import CameraImages, stagger_ns
 from hw.sim.world.scene import VIEWS
@@ -19,8 +18,8 @@ from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, SceneTruth, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.devices import Note
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
@@ -36,8 +35,9 @@ class VirtualRobot:
         boundary = session_boundary(config.arm, config.limits)
         self.layout = draw_layout(config.seed)
         self._world = World(self.layout, joints)
-        self.arm = InProcessArm(config.arm, clock, ControllerModel(self._world, joints), boundary)
-        self.supervisor = ArmSupervisor(self.arm, ServoMode(config.arm.servo), boundary, note)
+        kind = arm_kind(config.arm.model)
+        self.arm = kind.simulate(config.arm, clock, joints, boundary, self._world)
+        self.gate = ArmGate(self.arm, ServoMode(config.arm.servo), boundary, note)
 
     def catch_up(self) -> int:
         """Bring arm and world up to the clock; the instant [ns] that they stand at then."""
@@ -60,8 +60,7 @@ class VirtualRobot:
 
     def stop(self) -> None:
         """Stop the arm for good."""
-        self.supervisor.stopped()
-        self.arm.stop()
+        self.gate.stop()
 
 
 class VirtualCameras:

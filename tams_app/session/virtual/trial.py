@@ -111,7 +111,7 @@ class VirtualTrial(Listener):
             self._engine = Engine(
                 config,
                 self._clock,
-                ConnectedDevices(robot.arm, robot.supervisor, self._hand.controller, robot.truth),
+                ConnectedDevices(robot.arm, robot.gate, self._hand.controller, robot.truth),
                 self._video,
                 self._log,
                 Signals(),
@@ -169,7 +169,7 @@ class VirtualTrial(Listener):
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
         self._engine.control.tick(due_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
 
     def _step_policy(self) -> None:
         """Step if it is due, and again in time; what a phase change has outdated ends here."""

@@ -19,8 +19,8 @@ from tams_app.config import Config
 from tams_app.records import Outcome
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
-from tams_app.session.supervisor import ArmSupervisor
 from tams_app.study.trial import TrialJudge
 
 
@@ -35,12 +35,12 @@ def drive(config: Config, longest_s: float) -> Outcome:
     world = World(draw_layout(config.seed), joints)
     boundary = session_boundary(config.arm, config.limits)
     arm = InProcessArm(config.arm, clock, ControllerModel(world, joints), boundary)
-    supervisor = ArmSupervisor(arm, ServoMode(config.arm.servo), boundary, _ignore)
+    gate = ArmGate(arm, ServoMode(config.arm.servo), boundary, _ignore)
     eyes = TruePerception(lambda: world.truth(clock.now_ns()))
     operator = Operator(operator_hand(config), config.rig.operator, eyes, config.seed)
     controller = VirtualController(operator, config.rig.operator, config.seed, rig_wiring(config))
     judge = TrialJudge(config.trial, build.task_geometry())
-    loop = ControlLoop(config, clock, controller, arm, supervisor, SteadyVideo(), Signals())
+    loop = ControlLoop(config, clock, controller, arm, gate, SteadyVideo(), Signals())
     arm.connect()
     controller.start()
     end_ns = clock.now_ns() + round(longest_s * NS_PER_S)
@@ -48,7 +48,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     while not ended and clock.now_ns() < end_ns:
         clock.advance_ns(round(NS_PER_S / config.control.rate_hz))
         output = loop.tick(clock.now_ns())
-        supervisor.serve()
+        gate.serve()
         if output.deadman and output.arming.value == "engaged":
             judge.engaged(clock.now_ns())
         state = arm.state()

@@ -23,7 +23,7 @@ from hw.guard.link import (
     guard_specification,
 )
 from hw.guard.process import HeartbeatWatch, Watch
-from hw.sim.controller.codes import Mode, State
+from hw.lite6.codes import Mode, State
 from tams_app.config import ArmConfig
 from tams_app.errors import HelperError
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock

@@ -17,9 +17,9 @@ import hw.sim.controller.registers
 from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
+from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.lite6.outbox import Outbox, Work
 from hw.lite6.setup import Lite6Connection
-from hw.sim.controller.codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.model import ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
@@ -516,7 +516,7 @@ def test_connecting_again_mends_a_lost_link_too_and_clears_no_error(
     assert rig.model.error_code == ErrorCode.COLLISION
     with rig.server.lock:
         rig.model.clean_error()
-    assert until(lambda: (state := arm.state()) is not None and state.error_code == 0)
+    assert until(lambda: (state := arm.state()) is not None and state.fault is None)
     arm.connect()
     arm.enable(ServoMode.VELOCITY)
     assert moves(arm)
@@ -718,7 +718,8 @@ def test_an_error_is_known_from_a_reply_before_a_report_tells_of_it(
     assert send_until(arm, "C31")
     state = arm.state()
     assert state is not None
-    assert state.error_code == 31
+    assert state.fault is not None
+    assert state.fault.code == 31
 
 
 def answer_again(rig: ControllerRig) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import hw.sim.controller.registers
+from hw.lite6.codes import ErrorCode, Register, State
 from hw.lite6.discovery import ArmInfo, find_arm, probe_arm
-from hw.sim.controller.codes import ErrorCode, Register, State
 from hw.sim.controller.model import ReportKind
 from tams_app.config import ArmConfig
 from tests.hw.lite6.controller_rig import ControllerRig, controller

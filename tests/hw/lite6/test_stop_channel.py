@@ -10,9 +10,9 @@ from contextlib import contextmanager
 
 import pytest
 
+from hw.lite6.codes import Register, State
 from hw.lite6.stop_channel import StopChannel
-from hw.lite6.uxbus import GET_STATE, GET_VERSION, SET_STATE, UxbusClient
-from hw.sim.controller.codes import State
+from hw.lite6.uxbus import UxbusClient
 from tams_app.errors import DeviceError
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 from tests.tcp_relay import TcpRelay
@@ -72,7 +72,7 @@ def test_a_stop_asked_for_during_a_stop_is_sent_after_it(
 
     def ask_again(register: int, payload: bytes, now_ns: int) -> bytes:
         nonlocal stops
-        if register == SET_STATE:
+        if register == Register.SET_STATE:
             stops += 1
             if stops == 1:
                 channel.request_stop()
@@ -193,30 +193,32 @@ def reply(transaction: int, register: int, data: bytes = b"") -> bytes:
 def test_a_version_request_reads_the_controllers_version(rig: ControllerRig) -> None:
     client = UxbusClient("127.0.0.1", rig.config().control_port)
     client.connect()
-    assert b"v2.6.0" in client.request(GET_VERSION, b"", 5.0).data
+    assert b"v2.6.0" in client.request(Register.GET_VERSION, b"", 5.0).data
     client.close()
 
 
 def test_a_reply_in_pieces_is_put_together() -> None:
     def script(connection: socket.socket) -> None:
         transaction, _ = read_request(connection)
-        for byte in reply(transaction, GET_STATE, b"\x02"):
+        for byte in reply(transaction, Register.GET_STATE, b"\x02"):
             connection.sendall(bytes([byte]))
 
     with peer(script) as client:
-        assert client.request(GET_STATE, b"", 5.0).data == b"\x02"
+        assert client.request(Register.GET_STATE, b"", 5.0).data == b"\x02"
 
 
 def test_a_late_reply_is_not_taken_for_the_next_ones() -> None:
     def script(connection: socket.socket) -> None:
         first, _ = read_request(connection)
         second, _ = read_request(connection)
-        connection.sendall(reply(first, GET_STATE, b"\x01") + reply(second, GET_STATE, b"\x04"))
+        connection.sendall(
+            reply(first, Register.GET_STATE, b"\x01") + reply(second, Register.GET_STATE, b"\x04")
+        )
 
     with peer(script) as client:
         with pytest.raises(TimeoutError):
-            client.request(GET_STATE, b"", 0.05)
-        assert client.request(GET_STATE, b"", 5.0).data == b"\x04"
+            client.request(Register.GET_STATE, b"", 0.05)
+        assert client.request(Register.GET_STATE, b"", 5.0).data == b"\x04"
 
 
 @pytest.mark.parametrize("answer", [b"", bytes(8)], ids=["hangs up", "talks nonsense"])
@@ -227,10 +229,10 @@ def test_a_peer_that_is_no_arm_is_a_connection_error(answer: bytes) -> None:
 
     with peer(script) as client:
         with pytest.raises(ConnectionError):
-            client.request(GET_STATE, b"", 5.0)
+            client.request(Register.GET_STATE, b"", 5.0)
         assert not client.connected
         with pytest.raises(ConnectionError):
-            client.request(GET_STATE, b"", 5.0)
+            client.request(Register.GET_STATE, b"", 5.0)
 
 
 def test_nobody_there_is_one_sentence() -> None:

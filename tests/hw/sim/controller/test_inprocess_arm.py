@@ -11,7 +11,7 @@ from hw.sim.controller.model import CYCLE_NS, ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, Twist
+from tams_app.records import Activity, ArmState, Twist
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 
 pytestmark = pytest.mark.untimed
@@ -104,7 +104,8 @@ def test_a_move_that_the_controller_stops_shows_its_error() -> None:
     arm.begin_move_to_joints([0.0, 0.01, 0.03, 0.0, 1.41, 0.0], 1.0)
     arm.advance(10 * NS_PER_S)
     state = state_of(arm)
-    assert (state.error_code, state.state) == (22, 4)
+    assert state.fault is not None
+    assert (state.fault.code, state.activity) == (22, Activity.STOPPED)
 
 
 def test_what_passed_during_a_standstill_can_be_left_out() -> None:

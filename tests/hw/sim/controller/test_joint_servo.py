@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     HOME_JOINTS,
     JOINT_UPPER,
@@ -16,7 +17,7 @@ from hw.lite6.kinematics import (
     rotation_matrix,
     rotation_vector,
 )
-from hw.sim.controller.codes import ErrorCode, MotionError
+from hw.sim.controller.errors import MotionError
 from hw.sim.controller.joint_servo import (
     CYCLE_NS,
     CYCLE_S,

@@ -8,8 +8,8 @@ import struct
 import numpy as np
 import pytest
 
+from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
-from hw.sim.controller.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.sim.controller.model import CYCLE_NS, ControllerModel
 from hw.sim.controller.plant import GripperDrive, PlantState
 from tams_app.records import Vector
@@ -105,7 +105,7 @@ def test_being_ready_takes_enabling(rig: Rig) -> None:
     rig.ask(Register.SET_STATE, bytes([0]))
     assert not rig.model.ready
     rig.arm(Mode.POSITION)
-    assert rig.model.state is State.READY
+    assert rig.model.state is State.STANDBY
 
 
 def test_disabling_stops(rig: Rig) -> None:
@@ -173,7 +173,7 @@ def test_being_made_ready_while_still_braking_does_not_stop_with_a_jerk(rig: Rig
     assert 0 < np.abs(rig.model.joint_speeds).max() < fast
     assert rig.model.state is State.MOVING
     rig.run(0.3)
-    assert rig.model.state is State.READY
+    assert rig.model.state is State.STANDBY
 
 
 def test_a_paused_move_goes_on_and_arrives(rig: Rig) -> None:
@@ -189,14 +189,14 @@ def test_a_paused_move_goes_on_and_arrives(rig: Rig) -> None:
     rig.ask(Register.SET_STATE, bytes([0]))
     rig.run(3.0)
     np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-5)
-    assert rig.model.state is State.READY
+    assert rig.model.state is State.STANDBY
 
 
 def test_a_state_or_mode_that_does_not_exist_is_refused_and_changes_nothing(rig: Rig) -> None:
     rig.arm(Mode.SERVO)
     assert rig.ask(Register.SET_STATE, bytes([9]))[0] & ReplyBit.INVALID
     assert rig.ask(Register.SET_MODE, bytes([2]))[0] & ReplyBit.INVALID
-    assert (rig.model.mode, rig.model.state) == (Mode.SERVO, State.READY)
+    assert (rig.model.mode, rig.model.state) == (Mode.SERVO, State.STANDBY)
 
 
 # --- motion -------------------------------------------------------------------------------------
@@ -210,7 +210,7 @@ def test_a_joint_move_arrives_and_shows_as_moving_until_then(rig: Rig) -> None:
     rig.run(0.2)
     assert rig.model.state is State.MOVING
     rig.run(3.0)
-    assert rig.model.state is State.READY
+    assert rig.model.state is State.STANDBY
     assert rig.model.commands_waiting == 0
     np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-5)
 
@@ -224,7 +224,7 @@ def test_velocity_moves_the_tcp_and_the_deadman_time_stops_it(rig: Rig) -> None:
     way = rig.position_mm - start
     assert way[1] == pytest.approx(50.0, abs=1.0)
     rig.run(0.2)
-    assert rig.model.state is State.READY
+    assert rig.model.state is State.STANDBY
     stood = rig.position_mm
     rig.run(0.5)
     np.testing.assert_allclose(rig.position_mm, stood, atol=1e-3)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import HOME_JOINTS, JOINT_LOWER, JOINT_UPPER, Lite6Model, Matrix
-from hw.sim.controller.codes import ErrorCode, MotionError
+from hw.sim.controller.errors import MotionError
 from hw.sim.controller.joint_servo import CYCLE_S
 from hw.sim.controller.motion_checks import Boundary, check_motion
 from tams_app.records import Vector

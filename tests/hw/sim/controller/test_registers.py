@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hw.lite6.codes import Mode, Register, ReplyBit
 from hw.lite6.kinematics import HOME_JOINTS
-from hw.sim.controller.codes import Mode, Register, ReplyBit
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 

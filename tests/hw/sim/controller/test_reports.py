@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from xarm.x3.report import ReportDataStructure
 
+from hw.lite6.codes import Mode
 from hw.lite6.kinematics import HOME_JOINTS, rotation_from_rpy, rotation_matrix
-from hw.sim.controller.codes import Mode
 from hw.sim.controller.model import ControllerModel, ReportKind
 from hw.sim.controller.plant import IdealPlant
 

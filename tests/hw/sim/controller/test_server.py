@@ -17,7 +17,7 @@ from xarm.core.config.x_config import XCONF
 from xarm.wrapper import XArmAPI
 from xarm.x3.report import ReportDataStructure
 
-from hw.sim.controller.codes import ErrorCode, Register
+from hw.lite6.codes import ErrorCode, Register
 from hw.sim.controller.model import ControllerModel, ReportKind
 from hw.sim.controller.plant import GripperDrive, IdealPlant
 from hw.sim.controller.server import ControllerServer

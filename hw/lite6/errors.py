@@ -1,11 +1,13 @@
 """The errors of the Lite 6's controller: what each one means and what to do about it.
 
-After UFACTORY's user manual. The driver, the live line and the doctor all tell them from here.
+After UFACTORY's user manual.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from tams_app.records import ArmFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +45,26 @@ CONTROLLER_ERRORS = {
 }
 
 
-def describe_arm_error(code: int) -> str:
-    """Error `code` as people look it up, its meaning, and what to do: a clause, no sentence."""
+def arm_fault(code: int) -> ArmFault | None:
+    """Error `code` of the controller's report; None for 0."""
+    if not code:
+        return None
     error = CONTROLLER_ERRORS.get(code, _UNKNOWN)
     meaning = f" ({error.meaning})" if error.meaning else ""
-    return f"C{code}{meaning}: {error.remedy}"
+    return ArmFault(code, f"C{code}{meaning}: {error.remedy}")
+
+
+def error_sentence(code: int) -> str:
+    """One sentence for error `code`; "" for 0."""
+    fault = arm_fault(code)
+    return fault.sentence if fault is not None else ""
+
+
+def standing_error_sentence(code: int) -> str:
+    """One sentence for an arm that is found in error `code`, and how to get it out of there."""
+    fault = arm_fault(code)
+    return (
+        f"The arm stands in error {fault.text}; then run `run_tams.py home`, which clears it."
+        if fault is not None
+        else ""
+    )

@@ -1,4 +1,7 @@
-"""What is asked of the arm outside the control loop because it waits for replies."""
+"""The one place that enables and stops the arm.
+
+What waits for the arm's replies is done outside the control loop, by `run`.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,13 @@ from tams_app.teleop.safety import Request
 _WAIT_S = 0.05
 
 
-class ArmSupervisor:
-    """Enables the arm and clears its errors when the arming logic asks; the body of a Worker.
+class ArmGate:
+    """Stops the arm, and enables it and clears its errors when the arming logic asks.
 
     A stop outdates every request made before it: an ENABLE that was queued or under way when the
     arm was stopped never leaves it enabled. Only one ENABLE and one CLEAR_ERRORS are queued or
     under way at a time. An arm outside `boundary` is not enabled: its controller would end the
-    first motion with C35.
+    first motion with an error.
     """
 
     def __init__(
@@ -53,13 +56,15 @@ class ArmSupervisor:
             if self._requests.put((request, self._stops)):
                 self._pending.add(request)
 
-    def stopped(self) -> None:
-        """A stop is sent: the arm must be enabled anew before it moves. From any thread."""
+    def stop(self) -> None:
+        """Stop the arm; it must be enabled anew before it moves. From any thread, never blocks."""
         with self._lock:
             self._stops += 1
             self._ready = False
+        self._arm.stop()
 
     def run(self, stop: threading.Event) -> None:
+        """Carry out requests until `stop` is set; the body of a Worker."""
         while not stop.is_set():
             self.serve(_WAIT_S)
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from tams_app.config import LimitsConfig, stop_time_s
 from tams_app.config.motion import MAX_STOP_TIME_S
 from tams_app.teleop.limits import angular_profile, linear_profile
-from tams_app.teleop.plan import (
+from tams_app.teleop.trajectory import (
     MotionState,
     Profile,
     TrajectoryError,
-    VelocityPlan,
+    VelocityTrajectory,
     coasting,
     norm,
     one_by_one_s,
@@ -40,7 +40,7 @@ ACROSS = Case(  # both axes at once would take 0.49 s here
 )  # fmt: skip
 
 
-def assert_keeps(plan: VelocityPlan, target: np.ndarray, profile: Profile) -> None:
+def assert_keeps(plan: VelocityTrajectory, target: np.ndarray, profile: Profile) -> None:
     """Acceleration and jerk as norms, and exactly the target at the end and after it."""
     times = np.linspace(0, plan.duration_s, 80)
     accelerations = np.array([plan.at(float(t)).acceleration for t in times])
@@ -58,14 +58,14 @@ def assert_keeps(plan: VelocityPlan, target: np.ndarray, profile: Profile) -> No
 def test_a_plan_keeps_acceleration_and_jerk_as_norms_and_ends_exactly(
     velocity: np.ndarray, acceleration: np.ndarray, target: np.ndarray
 ) -> None:
-    assert_keeps(VelocityPlan(velocity, acceleration, target, MOTION), target, MOTION)
+    assert_keeps(VelocityTrajectory(velocity, acceleration, target, MOTION), target, MOTION)
 
 
 @settings(max_examples=200)
 @example(ACROSS)
 @given(plans())
 def test_any_stop_of_any_profile_keeps_that_profile(case: Case) -> None:
-    plan = VelocityPlan(case.velocity, case.acceleration, NOWHERE, case.stop)
+    plan = VelocityTrajectory(case.velocity, case.acceleration, NOWHERE, case.stop)
     assert_keeps(plan, NOWHERE, case.stop)
 
 
@@ -74,7 +74,7 @@ def test_any_stop_of_any_profile_keeps_that_profile(case: Case) -> None:
 def test_displacement_is_the_integral_of_velocity_and_velocity_of_acceleration(
     case: Case,
 ) -> None:
-    plan = VelocityPlan(case.velocity, case.acceleration, NOWHERE, case.stop)
+    plan = VelocityTrajectory(case.velocity, case.acceleration, NOWHERE, case.stop)
     times = np.linspace(0, plan.duration_s, 400)
     states = [plan.at(float(t)) for t in times]
     velocities = np.array([state.velocity for state in states])
@@ -92,7 +92,7 @@ def test_any_direction_stops_as_fast_as_a_ramp_along_one_line_can(
     direction: tuple[float, ...],
 ) -> None:
     velocity = V * np.array(direction) / np.linalg.norm(direction)
-    plan = VelocityPlan(velocity, NOWHERE, NOWHERE, STOP)
+    plan = VelocityTrajectory(velocity, NOWHERE, NOWHERE, STOP)
     assert plan.duration_s == pytest.approx(stop_time_s(V, STOP.acceleration, STOP.jerk), abs=1e-6)
 
 
@@ -100,7 +100,7 @@ def test_any_direction_stops_as_fast_as_a_ramp_along_one_line_can(
 @example(ACROSS)
 @given(plans())
 def test_no_stop_is_slower_than_losing_the_acceleration_and_then_the_speed(case: Case) -> None:
-    plan = VelocityPlan(case.velocity, case.acceleration, NOWHERE, case.stop)
+    plan = VelocityTrajectory(case.velocity, case.acceleration, NOWHERE, case.stop)
     bound_s = one_by_one_s(case.velocity, case.acceleration, NOWHERE, case.stop)
     assert plan.duration_s <= bound_s + 1e-7
     assert plan.duration_s <= MAX_STOP_TIME_S + 1e-7
@@ -109,7 +109,7 @@ def test_no_stop_is_slower_than_losing_the_acceleration_and_then_the_speed(case:
 @settings(max_examples=300)
 @given(st.one_of(motions_of(*LINEAR), motions_of(*ANGULAR)))
 def test_from_any_reachable_motion_the_stop_is_exactly_zero_within_100_ms(case: Case) -> None:
-    plan = VelocityPlan(case.velocity, case.acceleration, NOWHERE, case.stop)
+    plan = VelocityTrajectory(case.velocity, case.acceleration, NOWHERE, case.stop)
     at_rest = plan.at(MAX_STOP_TIME_S + 1e-9)
     assert not at_rest.velocity.any()
     assert not at_rest.acceleration.any()
@@ -126,13 +126,13 @@ def test_also_a_stop_that_begins_while_the_arm_speeds_up_or_turns_takes_100_ms(
             acceleration = size * np.array([math.cos(angle), math.sin(angle), 0])
             coast = acceleration * size / (2 * motion.jerk)
             fastest = min(top, math.sqrt(top**2 - coast[1] ** 2) - coast[0])
-            plan = VelocityPlan(np.array([fastest, 0, 0]), acceleration, NOWHERE, stop)
+            plan = VelocityTrajectory(np.array([fastest, 0, 0]), acceleration, NOWHERE, stop)
             slowest = max(slowest, plan.duration_s)
     assert 0.085 < slowest <= MAX_STOP_TIME_S
 
 
 def test_an_acceleration_across_does_not_make_the_stop_slow() -> None:
-    plan = VelocityPlan(ACROSS.velocity, ACROSS.acceleration, NOWHERE, ACROSS.stop)
+    plan = VelocityTrajectory(ACROSS.velocity, ACROSS.acceleration, NOWHERE, ACROSS.stop)
     assert plan.duration_s < 0.09
     assert (plan.at(0.0).velocity == ACROSS.velocity).all()
     assert (plan.at(-1.0).acceleration == ACROSS.acceleration).all()
@@ -159,9 +159,9 @@ def test_coasting_takes_the_acceleration_away_with_the_jerk_and_no_other_way(
 
 def test_what_is_not_finite_is_refused() -> None:
     with pytest.raises(TrajectoryError):
-        VelocityPlan(np.full(3, math.nan), NOWHERE, NOWHERE, STOP)
+        VelocityTrajectory(np.full(3, math.nan), NOWHERE, NOWHERE, STOP)
     with pytest.raises(TrajectoryError):
-        VelocityPlan(NOWHERE, np.array([0, math.nan, 0]), NOWHERE, STOP)
+        VelocityTrajectory(NOWHERE, np.array([0, math.nan, 0]), NOWHERE, STOP)
 
 
 # --- how good a plan is ---------------------------------------------------------------------------
@@ -210,7 +210,7 @@ def test_plans_are_about_as_fast_as_the_best_split_of_their_limits(profile: Prof
         across = norm(acceleration - along * change / norm(change))
         best_s = best_split_s(along, across, norm(change), profile)
         bound_s = one_by_one_s(velocity, acceleration, target, profile)
-        plan = VelocityPlan(velocity, acceleration, target, profile)
+        plan = VelocityTrajectory(velocity, acceleration, target, profile)
         excess.append(plan.duration_s / min(best_s, bound_s) - 1)
     # Now and then the best lies apart from where the bisection looks.
     assert np.quantile(excess, [0.5, 0.97]) == pytest.approx([0, 0], abs=0.015)

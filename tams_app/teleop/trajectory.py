@@ -1,12 +1,13 @@
-"""A jerk-limited way to a velocity in space: acceleration and jerk hold as norms, not per axis.
+"""Jerk-limited trajectories to a velocity: acceleration and jerk hold as norms, not per axis.
 
-Ruckig limits each axis for itself. Here it works in a plane that is laid for every plan: first axis
-along the change of velocity that is wanted, second along the acceleration across it. The limits are
-split over the two axes like cosine and sine, so that the norms never exceed the profile, while a
-motion along one line gets all of it.
+Ruckig limits each axis for itself. Here it works in a plane that is chosen for every trajectory:
+first axis along the change of velocity that is wanted, second along the acceleration across it. The
+limits are split over the two axes like cosine and sine, so that the norms never exceed the profile,
+while a motion along one line gets all of it.
 
-An acceleration across can leave the split next to nothing along. No plan is slower than taking the
-acceleration away first and going along one line then: that bounds how long every stop takes.
+An acceleration across can leave the split next to nothing along. No trajectory is slower than
+taking the acceleration away first and going along one line then: that bounds how long every stop
+takes.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _MOST_SHARE = 0.998  # hypot with the least share stays below 1
 
 
 class TrajectoryError(ArithmeticError):
-    """Ruckig refused the input or found no way."""
+    """Ruckig refused the input or found no trajectory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class MotionState:
-    """Displacement since the plan began, velocity and acceleration, shape (3,) each."""
+    """Displacement since the trajectory began, velocity and acceleration, shape (3,) each."""
 
     displacement: Vector
     velocity: Vector
@@ -61,27 +62,27 @@ class MotionState:
         return MotionState(np.zeros(3), velocity, acceleration)
 
 
-class VelocityPlan:
-    """The way from a velocity and acceleration to a constant target velocity, within a profile."""
+class VelocityTrajectory:
+    """From a velocity and acceleration to a constant target velocity, within a profile."""
 
     def __init__(
         self, velocity: Vector, acceleration: Vector, target: Vector, profile: Profile
     ) -> None:
         """All vectors of shape (3,); raises TrajectoryError, also for input that is not finite."""
         start = MotionState.moving(velocity, acceleration)
-        way: _BothAxes | _OneByOne = _BothAxes(start, target, profile)
-        if way.duration_s > one_by_one_s(velocity, acceleration, target, profile):
-            way = _OneByOne(start, target, profile)
-        self._way, self._target = way, target
-        self.duration_s: float = way.duration_s
+        law: _BothAxes | _OneByOne = _BothAxes(start, target, profile)
+        if law.duration_s > one_by_one_s(velocity, acceleration, target, profile):
+            law = _OneByOne(start, target, profile)
+        self._law, self._target = law, target
+        self.duration_s: float = law.duration_s
 
     def at(self, t_s: float) -> MotionState:
-        """The state `t_s` ≥ 0 after the start; exactly the target once the plan is done."""
-        state = self._way.at(min(t_s, self.duration_s))
+        """The state `t_s` ≥ 0 after the start; exactly the target once the trajectory has ended."""
+        state = self._law.at(min(t_s, self.duration_s))
         if t_s < self.duration_s:
             return state
-        way = state.displacement + self._target * (t_s - self.duration_s)
-        return MotionState(way, self._target.copy(), np.zeros(3))
+        displacement = state.displacement + self._target * (t_s - self.duration_s)
+        return MotionState(displacement, self._target.copy(), np.zeros(3))
 
 
 def one_by_one_s(velocity: Vector, acceleration: Vector, target: Vector, profile: Profile) -> float:
@@ -97,12 +98,12 @@ def coasting(start: MotionState, jerk: float, t_s: float) -> MotionState:
     coast_s = size / jerk
     if coast_s <= t_s:
         coasted = start.velocity + start.acceleration * (coast_s / 2.0)
-        way = start.velocity * coast_s + start.acceleration * (coast_s**2 / 3.0)
-        return MotionState(way + coasted * (t_s - coast_s), coasted, np.zeros(3))
+        displacement = start.velocity * coast_s + start.acceleration * (coast_s**2 / 3.0)
+        return MotionState(displacement + coasted * (t_s - coast_s), coasted, np.zeros(3))
     rest = start.acceleration * (1.0 - t_s / coast_s)
     mean = (start.acceleration + rest) / 2.0
-    way = start.velocity * t_s + (2.0 * start.acceleration + rest) * (t_s**2 / 6.0)
-    return MotionState(way, start.velocity + mean * t_s, rest)
+    displacement = start.velocity * t_s + (2.0 * start.acceleration + rest) * (t_s**2 / 6.0)
+    return MotionState(displacement, start.velocity + mean * t_s, rest)
 
 
 class _BothAxes:
@@ -129,7 +130,7 @@ class _BothAxes:
 
 
 class _OneByOne:
-    """First the acceleration is taken away, then the way leads along one line."""
+    """First the acceleration is taken away, then the velocity changes along one line."""
 
     def __init__(self, start: MotionState, target: Vector, profile: Profile) -> None:
         self._start, self._jerk = start, profile.jerk
@@ -143,8 +144,8 @@ class _OneByOne:
         if t_s <= self._coast_s:
             return coasting(self._start, self._jerk, max(0.0, t_s))
         state = self._line.at(t_s - self._coast_s)
-        way = self._coasted.displacement + state.displacement
-        return MotionState(way, state.velocity, state.acceleration)
+        displacement = self._coasted.displacement + state.displacement
+        return MotionState(displacement, state.velocity, state.acceleration)
 
 
 def norm(vector: Vector) -> float:
@@ -171,7 +172,7 @@ def _plane(
 
 
 def _solve(change: float, a_along: float, a_across: float, profile: Profile) -> Trajectory:
-    """The plan whose slower axis is as fast as possible, by bisection of the limits' split."""
+    """The one whose slower axis is as fast as possible, by bisection of the limits' split."""
     request = InputParameter(2)
     request.control_interface = ControlInterface.Velocity
     request.synchronization = Synchronization.No

@@ -1,0 +1,57 @@
+"""The arm models that `arm.model` of the configuration may name."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from tams_app.errors import ConfigError
+
+if TYPE_CHECKING:  # the guard process starts without the configuration's libraries
+    from hw.arm import ArmKind
+    from tams_app.config import ArmConfig, LimitsConfig
+
+# word in the configuration -> module with `KIND`, an `ArmKind`; loaded when it is asked for
+ARM_KINDS = {"lite6": "hw.lite6.kind"}
+
+
+def arm_kind(model: str) -> ArmKind:
+    """The kind of arm that the configuration calls `model`.
+
+    Raises:
+        ConfigError: there is no such model; the sentence names those there are.
+    """
+    if model not in ARM_KINDS:
+        known = ", ".join(sorted(ARM_KINDS))
+        raise ConfigError(f"arm.model is {model!r}, which TAMS does not know; known: {known}")
+    kind: ArmKind = importlib.import_module(ARM_KINDS[model]).KIND
+    return kind
+
+
+def check_limits(arm: ArmConfig, limits: LimitsConfig) -> None:
+    """ConfigError for an unknown model, or for a configuration beyond what the arm can do."""
+    kind = arm_kind(arm.model)
+    most = kind.limits
+    ranges = zip(most.joint_lower_deg, most.joint_upper_deg, strict=True)
+    for number, (joint, (lower, upper)) in enumerate(
+        zip(arm.ready_joints_deg, ranges, strict=True), start=1
+    ):
+        if not lower <= joint <= upper:
+            raise ConfigError(
+                f"arm.ready_joints_deg: joint {number} turns from {lower:g} to {upper:g} degrees, "
+                f"not to {joint:g}"
+            )
+    for key, value, bound in (
+        ("max_speed_mm_s", limits.max_speed_mm_s, most.tcp_speed_mm_s),
+        ("max_rotation_rad_s", limits.max_rotation_rad_s, most.joint_speed_rad_s),
+        ("radius_max_mm", limits.radius_max_mm, most.reach_mm),
+        (
+            "stop.acceleration_m_s2",  # never below that of motion
+            limits.stop.acceleration_m_s2,
+            most.tcp_acceleration_mm_s2 / 1000,
+        ),
+    ):
+        if value > bound:
+            raise ConfigError(
+                f"limits.{key} is {value:g}: the {kind.title} allows at most {bound:g}"
+            )

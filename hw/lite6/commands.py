@@ -1,0 +1,116 @@
+"""What the Lite 6 may be asked to do, and what its reports mean, for the driver and its simulation.
+
+Hard limits are those of UFACTORY's user manual; joint ranges are the SDK's table for axis 6, type 9
+(`xarm/core/config/x_config.py`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hw.arm import ArmLimits, ServoMode
+from hw.boundary import TcpBoundary
+from hw.lite6.codes import Mode, State
+from hw.lite6.errors import arm_fault
+from tams_app.errors import DeviceError
+from tams_app.records import Activity, ArmState, Pose, Twist, Vector
+
+LIMITS = ArmLimits(
+    joint_lower_deg=(-360.0, -150.0, -3.5, -360.0, -124.0, -360.0),
+    joint_upper_deg=(360.0, 150.0, 300.0, 360.0, 124.0, 360.0),
+    joint_speed_rad_s=math.pi,
+    tcp_speed_mm_s=500.0,
+    tcp_acceleration_mm_s2=50_000.0,
+    reach_mm=440.0,
+    # FINDINGS 8: 200, then 87 and 227.6 at a right angle, then 61.5
+    shoulder_mm=243.3,
+    stretched_mm=200.0 + math.hypot(87.0, 227.6) + 61.5,
+)
+MAX_POSE_STEP_MM = 10.0  # mode 1 runs every step at full speed, with no profile of its own
+MODES = {ServoMode.VELOCITY: Mode.CARTESIAN_VELOCITY, ServoMode.POSE: Mode.SERVO}
+_SERVOS = {mode.value: servo for servo, mode in MODES.items()}
+_ACTIVITIES = {
+    0: Activity.IDLE,
+    State.MOVING.value: Activity.MOVING,
+    State.STANDBY.value: Activity.IDLE,
+    State.PAUSED.value: Activity.PAUSED,
+}
+_FARTHEST_MM = 9999  # registers 52 and 53 hold more; nothing of the arm gets there
+_MM_PER_M = 1000.0
+
+
+def activity_of(state: int) -> Activity:
+    """What a reported state means; STOPPED, also where it is unknown, until made ready."""
+    return _ACTIVITIES.get(state, Activity.STOPPED)
+
+
+def arm_state(
+    received_ns: int,
+    joints: Vector,
+    tcp: Pose,
+    mode: int,
+    state: int,
+    error_code: int,
+    warning_code: int,
+    gripper_closed: bool | None,
+) -> ArmState:
+    """A report, its numbers in the words that all arms share."""
+    return ArmState(
+        received_ns=received_ns,
+        joints=joints,
+        tcp=tcp,
+        activity=activity_of(state),
+        servo=_SERVOS.get(mode),
+        fault=arm_fault(error_code),
+        gripper_closed=gripper_closed,
+        warning_code=warning_code,
+    )
+
+
+def boundary_edges(boundary: TcpBoundary) -> list[int]:
+    """As registers 52 and 53 order them: x max, x min, y max, y min, z max, z min [mm]."""
+    pairs = zip(boundary.upper_mm, boundary.lower_mm, strict=True)
+    return [max(-_FARTHEST_MM, min(_FARTHEST_MM, edge)) for pair in pairs for edge in pair]
+
+
+def checked_goal(joints: list[float], speed: float) -> Vector:
+    """`joints` [rad] as an array, shape (6,); DeviceError if the arm may not move there so."""
+    goal = np.array(joints, dtype=np.float64)
+    lower, upper = np.radians(LIMITS.joint_lower_deg), np.radians(LIMITS.joint_upper_deg)
+    if goal.shape != (6,) or not ((goal >= lower) & (goal <= upper)).all():  # false for NaN
+        raise DeviceError("The joint angles to move to are outside the Lite 6's limits.")
+    if not 0 < speed <= LIMITS.joint_speed_rad_s:
+        raise DeviceError(f"A joint speed of {speed:g} rad/s is outside the Lite 6's limits.")
+    return goal
+
+
+def twist_refusal(twist: Twist, servo: ServoMode | None) -> str:
+    """Why this twist is not sent, "" if it may be."""
+    speed_mm_s = float(np.linalg.norm(twist.linear)) * _MM_PER_M
+    turn_rad_s = float(np.linalg.norm(twist.angular))
+    if servo is ServoMode.POSE:
+        return "The arm is in the pose servo and takes no velocities; enable it anew."
+    if not speed_mm_s <= LIMITS.tcp_speed_mm_s:  # also true for NaN
+        return f"A velocity of {speed_mm_s:g} mm/s was refused; please report this error."
+    if not turn_rad_s <= LIMITS.joint_speed_rad_s:
+        return f"A turn of {turn_rad_s:g} rad/s was refused; please report this error."
+    return ""
+
+
+def pose_refusal(pose: Pose, servo: ServoMode | None, last: Pose | None) -> str:
+    """Why this pose is not sent after `last`, "" if it may be."""
+    if servo is ServoMode.VELOCITY:
+        return "The arm is in the velocity servo and takes no poses; enable it anew."
+    if not np.isfinite(pose.rotation.as_quat()).all():
+        return "A pose without a rotation was refused; please report this error."
+    if last is None:
+        return ""
+    step_mm = float(np.linalg.norm(pose.position - last.position)) * _MM_PER_M
+    if not step_mm <= MAX_POSE_STEP_MM:
+        return (
+            f"The arm answered too late to be led on (a step of {step_mm:.0f} mm was refused); "
+            "check the network to the arm, then confirm."
+        )
+    return ""

@@ -1,0 +1,286 @@
+"""Modes, states, errors and motion of the Lite 6 controller box, one cycle at a time.
+
+Behaviour from FINDINGS 8 and the SDK's documentation; where neither says, the stricter reading was
+taken. `model.py` puts the registers and reports of the wire around it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
+from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, matrix_from_pose, pose_from_mm_rpy
+from hw.sim.controller.errors import CommandError, MotionError
+from hw.sim.controller.joint_moves import MoveQueue
+from hw.sim.controller.joint_servo import CYCLE_NS, CYCLE_S, PoseServo, TwistServo, brake
+from hw.sim.controller.motion_checks import check_motion
+from hw.sim.controller.plant import GripperDrive, Plant
+from hw.sim.controller.settings import ControllerSettings
+from tams_app.records import Vector
+
+
+class ControllerCore:
+    """What the box does and knows; joint targets go to `plant`. Holds no thread or clock."""
+
+    def __init__(
+        self, plant: Plant, start_joints: Vector = HOME_JOINTS, firmware: str = "2.6.0"
+    ) -> None:
+        """`start_joints` [rad], shape (6,): where `plant` stands; `firmware`: three numbers."""
+        self.firmware: str = firmware
+        self.settings: ControllerSettings = ControllerSettings()
+        self.mode = Mode.POSITION
+        self.enabled = False
+        self.error_code: int = 0
+        self.warning_code: int = 0
+        self._state = State.STOPPED
+        self._emergency_stop = False
+        self._plant = plant
+        self._kinematics = Lite6Model()
+        self._tcp_in_flange = np.eye(4)
+        self._commanded = start_joints.copy()
+        self._velocity = np.zeros(6)
+        self._braking = False
+        self._measured = start_joints.copy()
+        self._still = start_joints.copy()  # where the arm stands while motion is pretended
+        self._measured_tcp: Matrix | None = None
+        self._now_ns = 0
+        self._moves = MoveQueue()
+        self._pose_servo = PoseServo()
+        self._twist_servo = TwistServo()
+
+    # --- what it says of itself -----------------------------------------------------------------
+
+    @property
+    def state(self) -> State:
+        if self._state is State.STANDBY and self.moving:
+            return State.MOVING
+        return self._state
+
+    @property
+    def moving(self) -> bool:
+        """Whether the commanded joints move, or will in the next cycle."""
+        return bool(self._velocity.any()) or len(self._moves) > 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether motion commands are taken."""
+        return self.enabled and not self.error_code and self._state < State.STOPPED
+
+    @property
+    def commands_waiting(self) -> int:
+        return len(self._moves)
+
+    @property
+    def joints(self) -> Vector:
+        """As measured [rad], shape (6,)."""
+        return self._measured.copy()
+
+    @property
+    def joint_speeds(self) -> Vector:
+        """As commanded [rad/s], shape (6,)."""
+        return self._velocity.copy()
+
+    @property
+    def tcp(self) -> Matrix:
+        """The TCP as measured, shape (4, 4)."""
+        if self._measured_tcp is None:
+            self._measured_tcp = self._kinematics.tcp_matrix(self._measured)
+        return self._measured_tcp
+
+    @property
+    def tcp_speed_mm_s(self) -> float:
+        """As commanded."""
+        linear = self._kinematics.jacobian(self._commanded)[:3] @ self._velocity
+        return float(np.linalg.norm(linear)) * 1000.0
+
+    @property
+    def gripper(self) -> GripperDrive:
+        """What the two tool outputs drive the gripper to."""
+        return self.settings.gripper
+
+    # --- what can happen to it ------------------------------------------------------------------
+
+    def raise_error(self, code: int) -> None:
+        """Stop with error `code`; the first error stays until it is cleaned."""
+        if not self.error_code:
+            self.error_code = int(code)
+        self._halt(State.STOPPED)
+
+    def raise_warning(self, code: int) -> None:
+        """Show warning `code`, 0 for none; it stops nothing."""
+        self.warning_code = code
+
+    def press_emergency_stop(self) -> None:
+        """The red button: error C2, the power of arm and tool is cut."""
+        self._emergency_stop = True
+        self.error_code = ErrorCode.EMERGENCY_STOP
+        self.enabled = False
+        self.settings.tool_outputs = 0
+        self._halt(State.STOPPED)
+
+    def release_emergency_stop(self) -> None:
+        """The error stays until it is cleaned, and the arm needs to be enabled again."""
+        self._emergency_stop = False
+
+    # --- what registers do ----------------------------------------------------------------------
+
+    def clean_error(self) -> None:
+        """Clear the error; the arm stays stopped. The pressed button cannot be cleared."""
+        self.error_code = ErrorCode.EMERGENCY_STOP if self._emergency_stop else 0
+
+    def enable(self, on: bool) -> None:
+        if on and (self._emergency_stop or self.error_code):
+            return
+        self.enabled = on
+        if not on:
+            self._halt(State.STOPPED)
+
+    def set_state(self, value: int) -> None:
+        """Do what a `StateCommand` says."""
+        if value == StateCommand.READY:
+            if self.enabled and not self.error_code:
+                self._state = State.STANDBY
+        elif value == StateCommand.PAUSE:
+            self._pause()
+        elif value == StateCommand.STOP:
+            self._halt(State.STOPPED)
+        else:
+            raise CommandError(f"there is no state {value} to go to")
+
+    def set_mode(self, value: int) -> None:
+        try:
+            self.mode = Mode(value)
+        except ValueError as error:
+            raise CommandError(f"mode {value} is not modelled") from error
+        self.configuration_changed()
+
+    def set_tcp_offset(self, offset: tuple[float, ...]) -> None:
+        """`offset`: x, y, z [mm], roll, pitch, yaw [rad] of the TCP in the flange frame."""
+        pose = pose_from_mm_rpy(offset)
+        self.settings.tcp_offset = offset
+        self._kinematics = Lite6Model(pose)
+        self._tcp_in_flange = matrix_from_pose(pose)
+        self._measured_tcp = None
+        self.configuration_changed()
+
+    def configuration_changed(self) -> None:
+        """Stop and wait for `set_state(0)`; an error keeps its own state."""
+        self._halt(State.STOPPED if self.error_code else State.CHANGED)
+
+    def set_simulation_robot(self, on: bool) -> None:
+        """With the simulation flag set, motion is only pretended and the arm stands still."""
+        pretending = self.settings.simulation_robot
+        if on and not pretending:
+            self._still = self._measured.copy()
+        elif pretending and not on:
+            self._velocity = np.zeros(6)
+            self._commanded = self._still.copy()
+        self.settings.simulation_robot = on
+        self.configuration_changed()
+
+    def move_joints(self, goal: Vector, speed: float, acceleration: float) -> None:
+        """Queue a move to `goal` [rad] at `speed` [rad/s] and `acceleration` [rad/s²].
+
+        An infinite angle leaves its joint where the move before ends, as in the SDK.
+        """
+        self._require(Mode.POSITION)
+        if self.ready:
+            self._moves.command(goal, speed, acceleration)
+
+    def servo_pose(self, target: Matrix) -> None:
+        """Run to `target`, shape (4, 4), in the base frame."""
+        self._require(Mode.SERVO)
+        if self._obeys:
+            self._pose_servo.command(target, self._commanded, self._kinematics)
+
+    def servo_twist(self, twist: Vector, duration_s: float) -> None:
+        """Move with `twist` [m/s, rad/s] for `duration_s`; for ever if that is not positive."""
+        self._require(Mode.CARTESIAN_VELOCITY)
+        if self._obeys:
+            self._twist_servo.command(twist, duration_s, self._now_ns)
+
+    # --- one cycle ------------------------------------------------------------------------------
+
+    def step(self, now_ns: int) -> None:
+        """One cycle of 4 ms that ends at `now_ns`; call it every `CYCLE_NS`."""
+        following = self._commanded
+        if not self._braking and self._obeys:
+            try:
+                following = self._next_joints(now_ns)
+                self._velocity = (following - self._commanded) / CYCLE_S
+            except MotionError as fault:
+                self.raise_error(fault.code)
+        if self._braking:
+            following, self._velocity = brake(self._commanded, self._velocity)
+            self._braking = bool(self._velocity.any())
+        self._drive(following)
+
+    def _next_joints(self, now_ns: int) -> Vector:
+        """Where the servo of the mode wants the joints; MotionError if they may not go there."""
+        following: Vector | None = None
+        if self.mode is Mode.POSITION:
+            following = self._moves.step(self._commanded)
+        elif self.mode is Mode.SERVO:
+            following = self._pose_servo.step(self._commanded, self._kinematics)
+        else:
+            following = self._twist_servo.step(self._commanded, self._kinematics, now_ns)
+        if following is None:
+            return self._commanded
+        check_motion(
+            self._commanded,
+            following,
+            self._tcp_in_flange,
+            self.settings.boundary if self.settings.fence else None,
+            self.settings.self_collision_check,
+        )
+        return following
+
+    def _drive(self, following: Vector) -> None:
+        """Send the joints to the plant and take in what it measured."""
+        self._commanded = following
+        if self.settings.simulation_robot:
+            self._plant.step(self._still, self.gripper, CYCLE_NS)
+            self._measured = following
+        else:
+            plant_state = self._plant.step(following, self.gripper, CYCLE_NS)
+            self._measured = plant_state.joints
+            if plant_state.collision:
+                self._collide()
+        self._measured_tcp = None
+
+    def _collide(self) -> None:
+        if self.error_code or not self.enabled or not self.settings.collision_sensitivity:
+            return
+        self.raise_error(ErrorCode.COLLISION)
+        # let go where it stands instead of pressing on
+        self._commanded = self._measured.copy()
+        self._velocity = np.zeros(6)
+
+    # --- stopping -------------------------------------------------------------------------------
+
+    def _halt(self, state: State) -> None:
+        """Forget all motion and brake."""
+        self._state = state
+        self._braking = True
+        self._moves.clear()
+        self._pose_servo.clear()
+        self._twist_servo.clear()
+
+    def _pause(self) -> None:
+        """Brake; an unfinished joint move goes on after `set_state(0)`, servo commands do not."""
+        if not self.ready:
+            return
+        self._state = State.PAUSED
+        self._braking = True
+        self._moves.interrupt()
+        self._pose_servo.clear()
+        self._twist_servo.clear()
+
+    @property
+    def _obeys(self) -> bool:
+        """Whether servos run: ready and not paused."""
+        return self.ready and self._state is not State.PAUSED
+
+    def _require(self, mode: Mode) -> None:
+        if self.mode is not mode:
+            raise CommandError(f"this command belongs to mode {mode.value}")

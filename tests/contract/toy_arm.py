@@ -1,0 +1,339 @@
+"""A second kind of arm: a toy with six axes, whose controller has words and numbers of its own.
+
+It has the links of the simulated rig's arm, so that it can work in the same scene; controller,
+driver and faults are its own. `ARM_KINDS["toy"] = "tests.contract.toy_arm"` makes it known.
+"""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import replace
+
+import numpy as np
+
+from hw.arm import Arm, ArmKind, ArmKinematics, ArmLimits, FoundArm, ServoMode, SimulatedArm
+from hw.boundary import TcpBoundary
+from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
+from hw.sim.controller.plant import GripperDrive, IdealPlant, Plant
+from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.records import (
+    Activity,
+    ArmFault,
+    ArmState,
+    CommandLink,
+    LinkFault,
+    Pose,
+    Twist,
+    Vector,
+)
+from tams_app.runtime.clock import NS_PER_S, Clock
+
+CYCLE_NS = 4_000_000
+CYCLE_S = CYCLE_NS / NS_PER_S
+REPORT_NS = 10_000_000
+LIMITS = ArmLimits(
+    joint_lower_deg=(-170.0, -100.0, -5.0, -170.0, -120.0, -170.0),
+    joint_upper_deg=(170.0, 100.0, 200.0, 170.0, 120.0, 170.0),
+    joint_speed_rad_s=2.0,
+    tcp_speed_mm_s=300.0,
+    tcp_acceleration_mm_s2=20_000.0,
+    reach_mm=450.0,
+    shoulder_mm=243.3,
+    stretched_mm=505.2,
+)
+BUMPED, FENCED, BUTTON = 7, 8, 9
+FAULTS = {
+    BUMPED: ArmFault(BUMPED, "T7 (bumped into something): free the toy"),
+    FENCED: ArmFault(FENCED, "T8 (outside its fence): bring the toy back"),
+    BUTTON: ArmFault(BUTTON, "T9 (emergency stop): release the emergency stop"),
+}
+_ACTIVITIES = {"runs": Activity.IDLE, "held": Activity.PAUSED, "off": Activity.STOPPED}
+_NOT_CONNECTED = "The toy is not connected; connect it first."
+
+
+class ToyBox:
+    """The toy's controller: what it is told to do, one cycle at a time."""
+
+    def __init__(self, joints: Vector, plant: Plant | None = None) -> None:
+        self.joints = joints.copy()
+        self.measured = joints.copy()
+        self.word = "off"
+        self.servo: ServoMode | None = None
+        self.fault = 0
+        self.button_pressed = False
+        self.boundary: TcpBoundary | None = None
+        self.gripper_closed: bool | None = None
+        self.gripper_works = "yes"  # or "refuses" or "ignores"
+        self.reports_frozen = False
+        self.kinematics = Lite6Model()
+        self._plant = plant or IdealPlant()
+        self._twist, self._until_ns = np.zeros(6), 0
+        self._goal: tuple[Vector, float] | None = None
+
+    @property
+    def moves(self) -> bool:
+        return bool(self._twist.any()) or self._goal is not None
+
+    def halt(self, fault: int = 0) -> None:
+        self.fault = self.fault or fault
+        self.word, self.servo, self._goal = "off", None, None
+        self._twist = np.zeros(6)
+
+    def run(self, servo: ServoMode | None) -> None:
+        self.halt()
+        self.word, self.servo = "runs", servo
+
+    def twist(self, twist: Vector, until_ns: int) -> None:
+        self._twist, self._until_ns = twist, until_ns
+
+    def go(self, goal: Vector, speed: float) -> None:
+        self._goal = (goal, speed)
+
+    def cycle(self, now_ns: int) -> None:
+        if now_ns >= self._until_ns:
+            self._twist = np.zeros(6)
+        if self._twist.any():
+            rows = self.kinematics.jacobian(self.joints)
+            self.joints = self.joints + np.linalg.solve(rows, self._twist) * CYCLE_S
+        elif self._goal is not None:
+            goal, speed = self._goal
+            change = goal - self.joints
+            share = speed * CYCLE_S / max(float(np.abs(change).max()), 1e-12)
+            self._goal = None if share >= 1.0 else self._goal
+            self.joints = goal if share >= 1.0 else self.joints + share * change
+        drive = {None: GripperDrive.OFF, True: GripperDrive.CLOSE, False: GripperDrive.OPEN}
+        state = self._plant.step(self.joints, drive[self.gripper_closed], CYCLE_NS)
+        self.measured = state.joints.copy()
+        outside = self.boundary is not None and not self.boundary.contains(
+            self.kinematics.tcp_matrix(self.joints)[:3, 3]
+        )
+        if self.word == "runs" and (state.collision or (outside and self.servo is not None)):
+            self.halt(BUMPED if state.collision else FENCED)
+
+
+class ToyArm(SimulatedArm):
+    """The toy's driver; the box lives in this process."""
+
+    def __init__(
+        self, config: ArmConfig, clock: Clock, box: ToyBox, boundary: TcpBoundary | None
+    ) -> None:
+        self.box = box
+        self._config, self._clock, self._boundary = config, clock, boundary
+        self._cycle_ns = self._report_ns = clock.now_ns()
+        self._connected = False
+        self._state: ArmState | None = None
+        self._last_pose: Pose | None = None
+        self._link = CommandLink(0, 0, 0, 0, "")
+
+    def connect(self) -> None:
+        self._connected = True
+        self._catch_up()
+        self.box.halt()
+        self._raise_fault()
+        self.box.kinematics = Lite6Model(offset_from_mm_deg(self._config.tcp_offset_mm_deg))
+        self.box.boundary = self._boundary or self.box.boundary
+        self._link = replace(self._link, acknowledged_ns=self._clock.now_ns())
+        self._report(self._clock.now_ns())
+
+    def enable(self, servo: ServoMode) -> None:
+        self._check()
+        self.box.run(servo)
+        self._last_pose = self.box.kinematics.tcp_pose(self.box.measured)
+        self._link = replace(self._link, failure="", fault=LinkFault.NONE)
+
+    def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
+        self._check()
+        goal = np.array(joints)
+        lower, upper = np.radians(LIMITS.joint_lower_deg), np.radians(LIMITS.joint_upper_deg)
+        if goal.shape != (6,) or not ((goal >= lower) & (goal <= upper)).all():
+            raise DeviceError("The joints are outside the toy's limits.")
+        if not 0 < speed <= LIMITS.joint_speed_rad_s:
+            raise DeviceError("The speed is outside the toy's limits.")
+        self.box.run(None)
+        self.box.go(goal, speed)
+
+    def state(self) -> ArmState | None:
+        self._catch_up()
+        return self._state
+
+    def link(self) -> CommandLink:
+        if not self._connected:
+            return replace(self._link, failure=_NOT_CONNECTED, fault=LinkFault.LOST)
+        return self._link
+
+    def send_twist(self, twist: Twist) -> None:
+        if not self._accepts(ServoMode.VELOCITY):
+            return
+        if not float(np.linalg.norm(twist.linear)) * 1000.0 <= LIMITS.tcp_speed_mm_s:
+            self._fail("A velocity was refused.", LinkFault.REFUSED)
+            return
+        if not float(np.linalg.norm(twist.angular)) <= LIMITS.joint_speed_rad_s:
+            self._fail("A turn was refused.", LinkFault.REFUSED)
+            return
+        until_ns = self._clock.now_ns() + round(self._config.velocity_deadman_s * NS_PER_S)
+        self.box.twist(np.concatenate((twist.linear, twist.angular)), until_ns)
+        self._sent()
+
+    def send_pose(self, pose: Pose) -> None:
+        if not self._accepts(ServoMode.POSE):
+            return
+        last, self._last_pose = self._last_pose, pose
+        joints = self.box.kinematics.follow(matrix_from_pose(pose), self.box.joints)
+        near = last is None or float(np.linalg.norm(pose.position - last.position)) <= 0.010
+        if joints is None or not near:
+            self._fail("A step of the pose was refused.", LinkFault.REFUSED)
+            return
+        self.box.go(joints, LIMITS.joint_speed_rad_s)
+        self._sent()
+
+    def set_gripper(self, closed: bool) -> None:
+        if self.box.servo is None:
+            return
+        self._sent()
+        if self.box.gripper_works == "yes":
+            self.box.gripper_closed = closed
+        else:
+            self._fail("The gripper's outputs are not what was told.", LinkFault.GRIPPER)
+
+    def stop(self) -> None:
+        if self._connected:
+            self._catch_up()
+            self.box.halt()
+
+    def clear_errors(self) -> None:
+        self._required()
+        self.box.halt()
+        self.box.fault = BUTTON if self.box.button_pressed else 0
+        self._report(self._clock.now_ns())
+        self._raise_fault()
+        self._link = replace(self._link, failure="", fault=LinkFault.NONE)
+
+    def close(self) -> None:
+        self.stop()
+        self._connected, self._state = False, None
+
+    @property
+    def simulated_ns(self) -> int:
+        return self._cycle_ns
+
+    def skip_standstill(self, longest_ns: int) -> None:
+        self._cycle_ns = max(self._cycle_ns, self._clock.now_ns() - longest_ns)
+
+    def _required(self) -> None:
+        if not self._connected:
+            raise DeviceError(_NOT_CONNECTED)
+        self._catch_up()
+
+    def _check(self) -> None:
+        self._required()
+        self._raise_fault()
+
+    def _raise_fault(self) -> None:
+        if self.box.fault:
+            raise DeviceError(FAULTS[self.box.fault].sentence)
+
+    def _accepts(self, servo: ServoMode) -> bool:
+        self._catch_up()
+        if self.box.fault and self._link.sent and self._connected:
+            self._fail(FAULTS[self.box.fault].sentence, LinkFault.REFUSED)
+        if self.box.servo not in (None, servo):
+            sentence = f"The toy is in the {self.box.servo} servo; enable it anew."
+            self._fail(sentence, LinkFault.REFUSED)
+        return self.box.servo is servo
+
+    def _sent(self) -> None:
+        now_ns = self._clock.now_ns()
+        self._link = replace(self._link, sent=self._link.sent + 1, acknowledged_ns=now_ns)
+
+    def _fail(self, sentence: str, fault: LinkFault) -> None:
+        self.box.halt()
+        self._link = replace(self._link, failure=sentence, fault=fault)
+
+    def _catch_up(self) -> None:
+        now_ns = self._clock.now_ns()
+        while self._cycle_ns + CYCLE_NS <= now_ns:
+            self._cycle_ns += CYCLE_NS
+            self.box.cycle(self._cycle_ns)
+            if self._cycle_ns >= self._report_ns:
+                self._report_ns += REPORT_NS
+                self._report(self._cycle_ns)
+
+    def _report(self, now_ns: int) -> None:
+        box = self.box
+        if box.reports_frozen or not self._connected:
+            return
+        self._state = ArmState(
+            received_ns=now_ns,
+            joints=box.measured.copy(),
+            tcp=box.kinematics.tcp_pose(box.measured),
+            activity=Activity.MOVING if box.moves else _ACTIVITIES[box.word],
+            servo=box.servo,
+            fault=FAULTS.get(box.fault),
+            gripper_closed=box.gripper_closed,
+        )
+
+
+class ToyStop:
+    """The guard's way to stop the toy: one datagram, acknowledged by nobody."""
+
+    failure = ""
+    pending = False
+
+    def __init__(self, host: str, port: int, reply_timeout_s: float, name: str) -> None:
+        self._address = (host, port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def start(self) -> None:
+        """A datagram needs no connection."""
+
+    def request_stop(self) -> None:
+        self._socket.sendto(b"off", self._address)
+
+    def wait_acknowledged(self, timeout_s: float) -> bool:
+        return True
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _Found:
+    problem = ""
+    description = "a toy"
+
+
+class ToyKind(ArmKind):
+    title = "toy"
+    limits = LIMITS
+    stop_channel = "tests.contract.toy_arm:ToyStop"
+
+    def make_arm(
+        self,
+        config: ArmConfig,
+        clock: Clock,
+        control_rate_hz: float,
+        boundary: TcpBoundary | None,
+    ) -> Arm:
+        return self.simulate(config, clock, np.radians(config.ready_joints_deg), boundary)
+
+    def kinematics(self, config: ArmConfig) -> ArmKinematics:
+        return Lite6Model(offset_from_mm_deg(config.tcp_offset_mm_deg))
+
+    def simulate(
+        self,
+        config: ArmConfig,
+        clock: Clock,
+        joints: Vector,
+        boundary: TcpBoundary | None,
+        plant: Plant | None = None,
+        gripper_closed: bool | None = None,
+    ) -> SimulatedArm:
+        box = ToyBox(joints, plant)
+        box.gripper_closed = gripper_closed
+        return ToyArm(config, clock, box, boundary)
+
+    def find(self, config: ArmConfig) -> FoundArm:
+        return _Found()
+
+
+KIND = ToyKind()
