@@ -1,4 +1,4 @@
-"""The `run` command: a live line, windows, and a table at the end."""
+"""`run` as a person meets it: a live line, windows, and a table at the end."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines)
 
 
 def _open_windows(session: Session, stack: ExitStack) -> list[ViewWindow]:
-    """A window per view where there is a display, unless --headless is given."""
+    """A window per view where there is a display and nobody said --headless."""
     if session.config.headless or not _has_display():
         return []
     windows = []
