@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from tams_app.records import ArmState, CommandLink, Pose, ServoMode, Twist, Vector
 
 if TYPE_CHECKING:
-    from hw.boundary import TcpBoundary
     from hw.sim.controller.plant import Plant
     from tams_app.config import ArmConfig
     from tams_app.runtime.clock import Clock
@@ -30,6 +29,7 @@ __all__ = [
     "ServoMode",
     "SimulatedArm",
     "StopChannel",
+    "TcpBoundary",
 ]
 
 
@@ -174,6 +174,21 @@ class ArmLimits:
     reach_mm: float  # of the flange, from the base axis
     shoulder_mm: float  # height above the base
     stretched_mm: float  # from the shoulder to the flange of the stretched arm
+
+
+@dataclass(frozen=True, slots=True)
+class TcpBoundary:
+    """A box that the TCP must not leave, in the base frame, in whole millimetres: x, y, z."""
+
+    lower_mm: tuple[int, int, int]
+    upper_mm: tuple[int, int, int]
+
+    def contains(self, position: Vector) -> bool:
+        """Whether `position` [m], shape (3,), is inside."""
+        return all(
+            low <= value * 1000.0 <= high
+            for value, low, high in zip(position, self.lower_mm, self.upper_mm, strict=True)
+        )
 
 
 class StopChannel(Protocol):

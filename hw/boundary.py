@@ -3,26 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+from hw.arm import TcpBoundary
 from hw.arms import arm_kind
 from tams_app.config import ArmConfig, LimitsConfig
-from tams_app.records import Vector
-
-
-@dataclass(frozen=True, slots=True)
-class TcpBoundary:
-    """Where the TCP may be, in the arm's base frame, in whole millimetres: x, y, z."""
-
-    lower_mm: tuple[int, int, int]
-    upper_mm: tuple[int, int, int]
-
-    def contains(self, position: Vector) -> bool:
-        """Whether `position` [m], shape (3,), is inside."""
-        return all(
-            low <= value * 1000.0 <= high
-            for value, low, high in zip(position, self.lower_mm, self.upper_mm, strict=True)
-        )
 
 
 def session_boundary(arm: ArmConfig, limits: LimitsConfig) -> TcpBoundary:

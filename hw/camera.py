@@ -14,17 +14,25 @@ class Camera(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Open the device; DeviceError with one sentence if it is not there."""
+        """Open the device.
+
+        Raises:
+            DeviceError: it is not there, or gives no frames of that size and rate.
+        """
 
     @abstractmethod
     def next_frame(self, timeout_s: float) -> Frame | None:
-        """The next frame not seen yet (older unread ones are skipped), or None after `timeout_s`.
+        """The next frame that was not returned yet; older unread ones are skipped.
 
-        `Frame.index` is the frame's place on the camera's fixed time grid (30 per second from the
-        camera's first frame), so a frame the camera missed leaves a gap. The image belongs to the
-        caller.
+        Args:
+            timeout_s: how long to wait for it [s].
+
+        Returns:
+            The frame, or None after `timeout_s`. `Frame.index` is its place on the camera's fixed
+            time grid (30 per second from its first frame), so a frame that the camera missed leaves
+            a gap. The image, shape (height, width, 3), belongs to the caller.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device; may be called twice."""
+        """Release the device; may be called twice."""

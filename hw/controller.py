@@ -16,19 +16,30 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Connect; DeviceError with one sentence if there is nothing to connect to."""
+        """Connect.
+
+        Raises:
+            DeviceError: there is nothing to connect to.
+        """
 
     @abstractmethod
     def sample(self, now_ns: int) -> ControllerSample:
-        """The newest reading at `now_ns`; does not block."""
+        """The newest reading; does not block.
+
+        Args:
+            now_ns: the instant [ns] it is for, by the monotonic clock.
+
+        Returns:
+            The pose in the tracking frame [m], the buttons, and when each was read.
+        """
 
     @abstractmethod
     def pulse(self, haptic: Haptic) -> None:
-        """Let the hand feel something; does not block."""
+        """Let the hand feel a pulse; does not block."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device; may be called twice."""
+        """Release the device; may be called twice."""
 
     @property
     def realtime_thread_ids(self) -> dict[str, int]:

@@ -12,10 +12,10 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-from hw.arm import Arm, ServoMode
-from hw.boundary import TcpBoundary
+from hw.arm import Arm, ServoMode, TcpBoundary
 from hw.lite6.codes import Mode
-from hw.lite6.commands import MODES, arm_state, checked_goal
+from hw.lite6.commands import MODES, activity_of, checked_goal, servo_of
+from hw.lite6.errors import arm_fault
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
@@ -99,13 +99,13 @@ class Lite6(Arm):
         motion, status = connection.reports.motion, connection.reports.status
         if motion is None or status is None:
             return None
-        return arm_state(
+        return ArmState(
             received_ns=motion.received_ns,
             joints=motion.joints,
             tcp=motion.tcp,
-            mode=motion.mode,
-            state=motion.state,
-            error_code=status.error_code,
+            activity=activity_of(motion.state),
+            servo=servo_of(motion.mode),
+            fault=arm_fault(status.error_code),
             warning_code=status.warning_code,
             gripper_closed=connection.sender.gripper_closed,
         )

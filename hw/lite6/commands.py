@@ -10,12 +10,10 @@ import math
 
 import numpy as np
 
-from hw.arm import ArmLimits, ServoMode
-from hw.boundary import TcpBoundary
+from hw.arm import ArmLimits, ServoMode, TcpBoundary
 from hw.lite6.codes import Mode, State
-from hw.lite6.errors import arm_fault
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, ArmState, Pose, Twist, Vector
+from tams_app.records import Activity, Pose, Twist, Vector
 
 LIMITS = ArmLimits(
     joint_lower_deg=(-360.0, -150.0, -3.5, -360.0, -124.0, -360.0),
@@ -46,27 +44,9 @@ def activity_of(state: int) -> Activity:
     return _ACTIVITIES.get(state, Activity.STOPPED)
 
 
-def arm_state(
-    received_ns: int,
-    joints: Vector,
-    tcp: Pose,
-    mode: int,
-    state: int,
-    error_code: int,
-    warning_code: int,
-    gripper_closed: bool | None,
-) -> ArmState:
-    """A report, its numbers in the words that all arms share."""
-    return ArmState(
-        received_ns=received_ns,
-        joints=joints,
-        tcp=tcp,
-        activity=activity_of(state),
-        servo=_SERVOS.get(mode),
-        fault=arm_fault(error_code),
-        gripper_closed=gripper_closed,
-        warning_code=warning_code,
-    )
+def servo_of(mode: int) -> ServoMode | None:
+    """The servo that a reported mode stands for; None for other modes."""
+    return _SERVOS.get(mode)
 
 
 def boundary_edges(boundary: TcpBoundary) -> list[int]:

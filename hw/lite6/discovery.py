@@ -60,15 +60,9 @@ class ArmInfo:
         return State(self.state).name.lower() if known else f"state {self.state}"
 
 
-def find_arm(config: ArmConfig) -> ArmInfo:
-    """What answers at the configured address."""
-    return probe_arm(config.host, config.control_port, config.report_port)
-
-
-def probe_arm(
-    host: str, control_port: int, report_port: int, timeout_s: float = PROBE_TIMEOUT_S
-) -> ArmInfo:
-    """Ask the controller at `host` what it is and how it is; takes a few `timeout_s` at most."""
+def find_arm(config: ArmConfig, timeout_s: float = PROBE_TIMEOUT_S) -> ArmInfo:
+    """What answers at the configured address; takes a few `timeout_s` at most."""
+    host, control_port, report_port = config.host, config.control_port, config.report_port
     client = UxbusClient(host, control_port)
     try:
         client.connect(timeout_s)

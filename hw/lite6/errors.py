@@ -51,7 +51,7 @@ def arm_fault(code: int) -> ArmFault | None:
         return None
     error = CONTROLLER_ERRORS.get(code, _UNKNOWN)
     meaning = f" ({error.meaning})" if error.meaning else ""
-    return ArmFault(code, f"C{code}{meaning}: {error.remedy}")
+    return ArmFault(int(code), f"C{int(code)}{meaning}: {error.remedy}")
 
 
 def error_sentence(code: int) -> str:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw.arm import Arm, ArmKind, ArmKinematics, FoundArm, SimulatedArm
-from hw.boundary import TcpBoundary
+from hw.arm import Arm, ArmKind, ArmKinematics, FoundArm, SimulatedArm, TcpBoundary
 from hw.lite6.commands import LIMITS
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig
@@ -47,9 +46,14 @@ class Lite6Kind(ArmKind):
         plant: Plant | None = None,
         gripper_closed: bool | None = None,
     ) -> SimulatedArm:
-        from hw.sim.controller.inprocess_arm import simulated_arm
+        from hw.sim.controller.inprocess_arm import InProcessArm
+        from hw.sim.controller.model import ControllerModel
+        from hw.sim.controller.plant import IdealPlant
+        from hw.sim.controller.settings import outputs_for
 
-        return simulated_arm(config, clock, joints, boundary, plant, gripper_closed)
+        model = ControllerModel(plant or IdealPlant(), joints)
+        model.settings.tool_outputs = outputs_for(gripper_closed)
+        return InProcessArm(config, clock, model, boundary)
 
     def find(self, config: ArmConfig) -> FoundArm:
         from hw.lite6.discovery import find_arm

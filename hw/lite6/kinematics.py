@@ -1,4 +1,4 @@
-"""Kinematics of the UFACTORY Lite 6: forward, Jacobian and inverse, in metres and radians.
+"""Kinematics of the UFACTORY Lite 6: TCP, Jacobian and inverse, in metres and radians.
 
 Modified (Craig) DH parameters of UFACTORY's manual (FINDINGS 8). Joint angles are arrays of
 shape (6,), transforms of shape (4, 4) in the base frame (z up), twists and Jacobian rows
@@ -33,8 +33,6 @@ JOINT_UPPER: Vector = np.radians(LIMITS.joint_upper_deg)
 JOINT_SPEED_LIMITS: Vector = np.full(JOINTS, LIMITS.joint_speed_rad_s)
 HOME_JOINTS: Vector = np.radians([0.0, 9.9, 31.8, 0.0, 21.9, 0.0])
 
-# An inverse solution is good enough when position [m] and rotation [rad] are this close.
-IK_TOLERANCE = 1e-6
 _IK_MAX_STEP_RAD = 0.3
 _IK_MIN_DAMPING = 1e-12
 _IK_ERROR_DAMPING = 0.01
@@ -76,27 +74,6 @@ def link_frames(joints: Vector) -> Matrix:
     return frames
 
 
-def forward(joints: Vector) -> Matrix:
-    """The flange in the base frame, shape (4, 4)."""
-    flange: Matrix = link_frames(joints)[-1]
-    return flange
-
-
-def tcp_pose(joints: Vector, tcp_offset: Pose | None = None) -> Pose:
-    """The TCP in the base frame; `tcp_offset` is the TCP in the flange frame."""
-    return Lite6Model(tcp_offset).tcp_pose(joints)
-
-
-def jacobian(joints: Vector, tcp_offset: Pose | None = None) -> Matrix:
-    """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
-    return Lite6Model(tcp_offset).jacobian(joints)
-
-
-def solve_ik(target: Pose, seed: Vector, tcp_offset: Pose | None = None) -> Vector | None:
-    """Joints that put the TCP at `target`, found from `seed`; None if there are none near it."""
-    return Lite6Model(tcp_offset).solve_ik(matrix_from_pose(target), seed)
-
-
 class Lite6Model:
     """The Lite 6 with a tool; it satisfies `hw.arm.ArmKinematics`."""
 
@@ -132,52 +109,29 @@ class Lite6Model:
         rows[3:] = axis.T
         return tcp, rows
 
-    def ik_step(self, joints: Vector, target: Matrix) -> tuple[Vector, Vector]:
-        """One damped least-squares step of `joints` towards `target`, shape (4, 4).
-
-        Also returns the error before the step: position [m] and rotation vector [rad], shape (6,).
-        The damping grows with the error (Levenberg-Marquardt), so that far targets and singular
-        poses do not make the joints jump and near ones converge fast.
-        """
-        change, error, _ = self._correction(joints, target)
-        return joints + change, error
-
     def follow(self, target: Matrix, joints: Vector, max_steps: int = 10) -> Vector | None:
         """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.
 
         None if they are not found, as beyond the reach of the arm. Joint limits do not count.
+        Damped least squares whose damping grows with the error (Levenberg-Marquardt), so that far
+        targets and singular poses do not make the joints jump and near ones converge fast.
         """
         for _ in range(max_steps):
-            change, error, rows = self._correction(joints, target)
+            tcp, rows = self.tcp_and_jacobian(joints)
+            error = np.empty(6)
+            error[:3] = target[:3, 3] - tcp[:3, 3]
+            error[3:] = rotation_vector(target[:3, :3] @ tcp[:3, :3].T)
+            damping = _IK_MIN_DAMPING + _IK_ERROR_DAMPING * float(error @ error)
+            normal = rows.T @ rows
+            normal.flat[:: JOINTS + 1] += damping
+            change = np.asarray(np.linalg.solve(normal, rows.T @ error), dtype=np.float64)
+            largest = float(np.abs(change).max())
+            if largest > _IK_MAX_STEP_RAD:
+                change *= _IK_MAX_STEP_RAD / largest
             joints = joints + change
             left = float(np.abs(error - rows @ change).max())
             if left < _FOLLOW_TOLERANCE and float(np.abs(change).max()) < _LINEAR_STEP_RAD:
                 return joints
-        return None
-
-    def _correction(self, joints: Vector, target: Matrix) -> tuple[Vector, Vector, Matrix]:
-        """Change of the joints, error before it, and Jacobian; see `ik_step`."""
-        tcp, rows = self.tcp_and_jacobian(joints)
-        error = np.empty(6)
-        error[:3] = target[:3, 3] - tcp[:3, 3]
-        error[3:] = rotation_vector(target[:3, :3] @ tcp[:3, :3].T)
-        damping = _IK_MIN_DAMPING + _IK_ERROR_DAMPING * float(error @ error)
-        normal = rows.T @ rows
-        normal.flat[:: JOINTS + 1] += damping
-        change = np.asarray(np.linalg.solve(normal, rows.T @ error), dtype=np.float64)
-        largest = float(np.abs(change).max())
-        if largest > _IK_MAX_STEP_RAD:
-            change *= _IK_MAX_STEP_RAD / largest
-        return change, error, rows
-
-    def solve_ik(self, target: Matrix, seed: Vector, max_steps: int = 60) -> Vector | None:
-        """Joints within their limits that put the TCP at `target`; None if `seed` leads to none."""
-        joints = seed
-        for _ in range(max_steps):
-            moved, error = self.ik_step(joints, target)
-            if float(np.abs(error).max()) < IK_TOLERANCE:
-                return joints if within_joint_limits(joints) else None
-            joints = moved
         return None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hw.boundary import TcpBoundary
+from hw.arm import TcpBoundary
 from hw.lite6.codes import Code, return_code_sentence
 from hw.lite6.commands import boundary_edges
 from hw.lite6.report import StatusReport

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from hw.boundary import TcpBoundary
+from hw.arm import TcpBoundary
 from hw.lite6.codes import Code, Mode, StateCommand
 from hw.lite6.commands import activity_of
 from hw.lite6.discovery import unfitness

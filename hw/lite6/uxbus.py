@@ -1,7 +1,8 @@
-"""The few bytes of UFACTORY's control protocol (UXBUS over TCP) that a stop needs.
+"""UFACTORY's control protocol (UXBUS over TCP): frames, and a client for what a stop needs.
 
 Request `u16 transaction, u16 protocol, u16 length, u8 register, payload`; reply the same with a
-status byte before its data; the header is big-endian (SDK core/wrapper/uxbus_cmd_tcp.py).
+status byte before its data. Big-endian; the length counts the register and what follows (SDK
+core/wrapper/uxbus_cmd_tcp.py).
 The stop and the guard speak it themselves: a stop must not wait for the lock of a library whose
 connection hangs, and the guard must start in milliseconds.
 """
@@ -11,14 +12,66 @@ from __future__ import annotations
 import socket
 import struct
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from tams_app.errors import DeviceError
 
 CONNECT_TIMEOUT_S = 1.0
-_PROTOCOL = 2  # the private protocol; 0 would be Modbus TCP
 _HEADER = struct.Struct(">HHH")
+_HEARTBEAT_PROTOCOL = 1
+_PROTOCOL = 2  # the private protocol; 0 would be Modbus TCP
+_PROTOCOLS = (_HEARTBEAT_PROTOCOL, _PROTOCOL, 3)  # 3: as 2, from clients that keep the line alive
+_MAX_LENGTH = 1024
 _RECEIVE_BYTES = 4096
+
+
+class MalformedFrameError(ConnectionError):
+    """The peer does not speak this protocol."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One request or reply; the payload of a reply begins with its status byte."""
+
+    transaction: int
+    protocol: int
+    register: int
+    payload: bytes
+
+    @property
+    def is_heartbeat(self) -> bool:
+        """Whether it only keeps the line alive and wants no answer."""
+        return self.protocol == _HEARTBEAT_PROTOCOL
+
+    def encode(self) -> bytes:
+        header = _HEADER.pack(self.transaction, self.protocol, len(self.payload) + 1)
+        return header + bytes([self.register]) + self.payload
+
+    def reply(self, status_and_data: bytes) -> bytes:
+        """The bytes that answer this request."""
+        return Frame(self.transaction, self.protocol, self.register, status_and_data).encode()
+
+
+class FrameReader:
+    """Cuts a byte stream into frames."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, received: bytes) -> Iterator[Frame]:
+        """The frames that `received` completes; MalformedFrameError ends the stream."""
+        self._buffer += received
+        while len(self._buffer) >= _HEADER.size:
+            transaction, protocol, length = _HEADER.unpack_from(self._buffer)
+            if protocol not in _PROTOCOLS or not 1 <= length <= _MAX_LENGTH:
+                raise MalformedFrameError(f"protocol {protocol}, length {length}")
+            end = _HEADER.size + length
+            if len(self._buffer) < end:
+                return
+            body = bytes(self._buffer[_HEADER.size : end])
+            del self._buffer[:end]
+            yield Frame(transaction, protocol, body[0], body[1:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +88,7 @@ class UxbusClient:
     def __init__(self, host: str, port: int) -> None:
         self._address = (host, port)
         self._socket: socket.socket | None = None
-        self._received = bytearray()
+        self._frames = FrameReader()
         self._transaction = 0
 
     @property
@@ -65,15 +118,15 @@ class UxbusClient:
         if self._socket is None:
             raise ConnectionError("not connected")
         self._transaction = self._transaction % 0xFFFF + 1
-        body = bytes([register]) + payload
         deadline = time.monotonic() + timeout_s
         try:
             self._socket.settimeout(timeout_s)
-            self._socket.sendall(_HEADER.pack(self._transaction, _PROTOCOL, len(body)) + body)
+            request = Frame(self._transaction, _PROTOCOL, register, payload)
+            self._socket.sendall(request.encode())
             while True:
-                transaction, answer = self._next_frame(self._socket, deadline)
-                if transaction == self._transaction and answer[0] == register:
-                    return Reply(answer[1], answer[2:])
+                reply = self._next_reply(self._socket, deadline)
+                if (reply.transaction, reply.register) == (request.transaction, register):
+                    return Reply(reply.payload[0], reply.payload[1:])
         except TimeoutError:
             raise
         except OSError as error:
@@ -82,16 +135,18 @@ class UxbusClient:
 
     def close(self) -> None:
         """Disconnect; may be called twice."""
-        self._received.clear()
+        self._frames = FrameReader()
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
-    def _next_frame(self, connection: socket.socket, deadline: float) -> tuple[int, bytes]:
-        """Transaction number and body (register, status, data) of the next whole frame."""
+    def _next_reply(self, connection: socket.socket, deadline: float) -> Frame:
+        """The next whole frame; one that waits already comes first."""
+        data = b""
         while True:
-            frame = self._take_frame()
-            if frame is not None:
+            for frame in self._frames.feed(data):
+                if not frame.payload:
+                    raise MalformedFrameError("a reply without a status")
                 return frame
             remaining = deadline - time.monotonic()
             if remaining <= 0:
@@ -100,17 +155,3 @@ class UxbusClient:
             data = connection.recv(_RECEIVE_BYTES)
             if not data:
                 raise ConnectionResetError("the arm closed the connection")
-            self._received += data
-
-    def _take_frame(self) -> tuple[int, bytes] | None:
-        if len(self._received) < _HEADER.size:
-            return None
-        transaction, _, length = _HEADER.unpack_from(self._received)
-        end = _HEADER.size + length
-        if length < 2:
-            raise ConnectionError("the peer does not speak the arm's protocol")
-        if len(self._received) < end:
-            return None
-        body = bytes(self._received[_HEADER.size : end])
-        del self._received[:end]
-        return transaction, body

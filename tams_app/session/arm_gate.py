@@ -8,8 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from hw.arm import Arm, ServoMode
-from hw.boundary import TcpBoundary
+from hw.arm import Arm, ServoMode, TcpBoundary
 from tams_app.errors import DeviceError
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request

@@ -6,9 +6,8 @@ import threading
 from contextlib import ExitStack
 from dataclasses import replace
 
-from hw.arm import Arm, ServoMode, SimulatedArm
+from hw.arm import Arm, ServoMode, SimulatedArm, TcpBoundary
 from hw.arms import arm_kind
-from hw.boundary import TcpBoundary
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist

@@ -19,7 +19,7 @@ from tams_app.session.homing import (
     HomingInput,
     HomingPath,
     HomingState,
-    plan_path,
+    path_to_ready,
 )
 
 POLL_S = 0.01  # also the period of the guard's heartbeat
@@ -81,7 +81,7 @@ class HomeRun:
         self._starting: Future[None] | None = None
         self._said: HomingState | None = None
         self._progress_ns = 0
-        self._path = plan_path(config, self._joints())
+        self._path = path_to_ready(config, self._joints())
         self._homing = Homing(self._path.goal)
 
     def run(self) -> HomingState:
@@ -137,7 +137,7 @@ class HomeRun:
 
         An arm that was moved by hand meanwhile gets a path of its own, shown and held for anew.
         """
-        path = plan_path(self._config, self._joints())
+        path = path_to_ready(self._config, self._joints())
         if not self._path.passes(path.start):
             self._path, self._homing = path, Homing(path.goal)
             self._said = None

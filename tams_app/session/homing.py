@@ -84,7 +84,7 @@ class HomingPath:
         return float(np.abs(joints - nearest).max()) <= OFF_PATH_RAD
 
 
-def plan_path(config: Config, joints: Vector) -> HomingPath:
+def path_to_ready(config: Config, joints: Vector) -> HomingPath:
     """The path from `joints` [rad]; DeviceError if the gripper would dip under the floor."""
     goal = np.radians(np.array(config.arm.ready_joints_deg))
     kinematics = arm_kind(config.arm.model).kinematics(config.arm)
@@ -102,8 +102,9 @@ def plan_path(config: Config, joints: Vector) -> HomingPath:
     lowest_allowed_m = min(config.limits.floor_mm / 1000.0, float(points[0, 2]))
     if path.lowest_m < lowest_allowed_m - _FLOOR_TOLERANCE_M:
         raise DeviceError(
-            f"On its way to the ready pose the gripper would dip to {path.lowest_m * 1000:.0f} mm, "
-            "below limits.floor_mm: lift the arm by hand guiding, then try again."
+            "On its path to the ready pose the gripper would dip to "
+            f"{path.lowest_m * 1000:.0f} mm, below limits.floor_mm: "
+            "lift the arm by hand guiding, then try again."
         )
     return path
 
@@ -233,7 +234,8 @@ class Homing:
             return self._finish(HomingState.DONE)
         if arm.activity is Activity.IDLE and tick.now_ns - self._began_ns > NO_MOTION_NS:
             return self._finish(
-                HomingState.FAILED, "The arm stands still on its way; look for what holds it."
+                HomingState.FAILED,
+                "The arm stands still on its path; look for what holds it.",
             )
         return Action.NONE
 

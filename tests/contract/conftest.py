@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm, ServoMode, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind
-from hw.boundary import TcpBoundary, session_boundary
+from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm
@@ -115,6 +115,11 @@ class ArmRig(ABC):
         assert self.until(newer), "the arm's reports have stopped"
 
 
+def raised(boundary: TcpBoundary, height_mm: float) -> TcpBoundary:
+    x, y, _ = boundary.lower_mm
+    return replace(boundary, lower_mm=(x, y, round(height_mm)))
+
+
 class Lite6Rig(ArmRig):
     """The Lite 6's controller model, whatever drives it."""
 
@@ -156,7 +161,8 @@ class Lite6Rig(ArmRig):
 
     def raise_floor_mm(self, height_mm: float) -> None:
         with self.model_lock:
-            self.model.settings.boundary.lower_mm[2] = height_mm
+            settings = self.model.settings
+            settings.boundary = raised(settings.boundary, height_mm)
 
     def spoil_gripper(self, how: str) -> None:
         answer = bytes([ReplyBit.INVALID]) if how == "refuses" else bytes(1)
@@ -278,9 +284,7 @@ class ToyRig(ArmRig):
 
     def raise_floor_mm(self, height_mm: float) -> None:
         assert self.box.boundary is not None
-        x, y, _ = self.box.boundary.lower_mm
-        lower = (x, y, round(height_mm))
-        self.box.boundary = replace(self.box.boundary, lower_mm=lower)
+        self.box.boundary = raised(self.box.boundary, height_mm)
 
     def spoil_gripper(self, how: str) -> None:
         self.box.gripper_works = how

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.arm import Arm, ServoMode
-from hw.lite6.kinematics import offset_from_mm_deg, tcp_pose
+from hw.arm import Arm, ServoMode, TcpBoundary
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Pose, Twist
@@ -55,7 +55,8 @@ def test_the_reported_tcp_is_the_tool_centre_point_of_the_configuration(
     rig: ArmRig, arm: Arm
 ) -> None:
     state = rig.next_state(arm)
-    expected = tcp_pose(state.joints, offset_from_mm_deg(ArmConfig().tcp_offset_mm_deg))
+    offset = offset_from_mm_deg(ArmConfig().tcp_offset_mm_deg)
+    expected = Lite6Model(offset).tcp_pose(state.joints)
     assert distance_mm(state.tcp, expected) < 1e-2
     assert (state.tcp.rotation.inv() * expected.rotation).magnitude() < 1e-5
 
@@ -76,7 +77,7 @@ def test_connecting_refuses_a_controller_that_only_pretends_to_move(
     rig: Lite6Rig, unconnected: Arm
 ) -> None:
     with rig.model_lock:
-        rig.model.set_simulation_robot(True)
+        rig.model.settings.simulation_robot = True
     with pytest.raises(DeviceError, match="simulation mode"):
         unconnected.connect()
 
@@ -294,13 +295,13 @@ def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, enabl
 def test_without_a_boundary_the_controllers_own_is_left_alone(rig: Lite6Rig, arm: Arm) -> None:
     arm.close()
     with rig.model_lock:
-        rig.model.settings.boundary.upper_mm[:] = 600.0
+        rig.model.settings.boundary = own = TcpBoundary((0, -600, 0), (600, 600, 600))
         rig.model.settings.fence = False
     other = rig.make_arm(boundary=None)
     other.connect()
     other.enable(ServoMode.VELOCITY)
     assert not rig.model.settings.fence
-    np.testing.assert_array_equal(rig.model.settings.boundary.upper_mm, 600.0)
+    assert rig.model.settings.boundary == own
     other.close()
 
 

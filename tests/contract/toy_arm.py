@@ -11,8 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from hw.arm import Arm, ArmKind, ArmKinematics, ArmLimits, FoundArm, ServoMode, SimulatedArm
-from hw.boundary import TcpBoundary
+from hw.arm import (
+    Arm,
+    ArmKind,
+    ArmKinematics,
+    ArmLimits,
+    FoundArm,
+    ServoMode,
+    SimulatedArm,
+    TcpBoundary,
+)
 from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
 from hw.sim.controller.plant import GripperDrive, IdealPlant, Plant
 from tams_app.config import ArmConfig
@@ -275,7 +283,7 @@ class ToyArm(SimulatedArm):
 
 
 class ToyStop:
-    """The guard's way to stop the toy: one datagram, acknowledged by nobody."""
+    """What the guard stops the toy by: one datagram without an acknowledgement."""
 
     failure = ""
     pending = False

@@ -205,11 +205,11 @@ def nothing_but_stops(model: TappedModel) -> bool:
 def test_an_arm_that_only_pretends_to_move_is_refused_and_taken_when_it_no_longer_does(
     connecting: Connecting,
 ) -> None:
-    connecting.model.set_simulation_robot(True)
+    connecting.model.settings.simulation_robot = True
     with pytest.raises(DeviceError, match="only pretends to move"):
         connecting.arm.connect()
     assert nothing_but_stops(connecting.model)
-    connecting.model.set_simulation_robot(False)
+    connecting.model.settings.simulation_robot = False
     connecting.arm.connect()
     assert connecting.arm.state() is not None
 

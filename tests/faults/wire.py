@@ -19,7 +19,6 @@ from tams_app.records import Vector
 _MOTION = (
     Register.SET_CARTESIAN_VELOCITY,
     Register.MOVE_SERVO_CARTESIAN_AA,
-    Register.MOVE_SERVO_CARTESIAN,
     Register.MOVE_JOINT,
 )
 _QUERIES = (

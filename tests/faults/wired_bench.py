@@ -15,8 +15,8 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 from hw.lite6.arm import Lite6
+from hw.lite6.uxbus import Frame
 from hw.sim.controller.server import ControllerServer
-from hw.sim.controller.wire import Frame
 from tams_app.config.motion import GuardConfig
 from tams_app.records import ArmState
 from tams_app.runtime.clock import NS_PER_S

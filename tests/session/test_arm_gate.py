@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.arm import ServoMode
-from hw.boundary import TcpBoundary
+from hw.arm import ServoMode, TcpBoundary
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmState, Pose
 from tams_app.runtime.mailbox import BoundedQueue

@@ -20,7 +20,7 @@ from tams_app.session.homing import (
     Homing,
     HomingInput,
     HomingState,
-    plan_path,
+    path_to_ready,
 )
 
 pytestmark = pytest.mark.untimed
@@ -271,7 +271,7 @@ def config() -> Config:
 
 
 def test_the_path_from_the_factorys_home_is_planned(config: Config) -> None:
-    path = plan_path(config, HOME_JOINTS)
+    path = path_to_ready(config, HOME_JOINTS)
     np.testing.assert_allclose(np.degrees(path.goal), config.arm.ready_joints_deg)
     assert np.degrees(path.travel_rad) == pytest.approx(86.74 - 31.8, abs=0.1)
     assert 0.15 < path.tcp_path_m < 0.5
@@ -282,18 +282,18 @@ def test_the_path_from_the_factorys_home_is_planned(config: Config) -> None:
 def test_a_path_that_dips_under_the_floor_is_refused(config: Config) -> None:
     above_the_floor = np.radians([0.0, 96.0, 12.0, 180.0, -24.0, 0.0])
     with pytest.raises(DeviceError, match=r"dip to -\d+ mm"):
-        plan_path(config, above_the_floor)
+        path_to_ready(config, above_the_floor)
 
 
 def test_an_arm_that_is_under_the_floor_may_rise(config: Config) -> None:
     goal = np.radians(config.arm.ready_joints_deg)
     limits = config.limits.model_copy(update={"floor_mm": 200.0})  # above the ready pose even
-    path = plan_path(config.model_copy(update={"limits": limits}), goal)
+    path = path_to_ready(config.model_copy(update={"limits": limits}), goal)
     assert path.travel_rad == 0.0
 
 
 def test_a_path_passes_what_lies_on_it_and_nothing_else(config: Config) -> None:
-    path = plan_path(config, HOME_JOINTS)
+    path = path_to_ready(config, HOME_JOINTS)
     way = path.goal - path.start
     aside = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     for fraction in (0.0, 0.4, 1.0):
@@ -304,6 +304,6 @@ def test_a_path_passes_what_lies_on_it_and_nothing_else(config: Config) -> None:
 
 
 def test_the_path_of_an_arm_that_is_there_passes_only_there(config: Config) -> None:
-    path = plan_path(config, np.radians(config.arm.ready_joints_deg))
+    path = path_to_ready(config, np.radians(config.arm.ready_joints_deg))
     assert path.passes(path.goal)
     assert not path.passes(path.goal + 0.05)

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.waiting
 
 
 class Noted:
-    """A gate that notes what is asked of it."""
+    """A gate: notes what is asked of it."""
 
     def __init__(self, order: list[str]) -> None:
         self._order = order

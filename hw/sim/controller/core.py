@@ -41,7 +41,6 @@ class ControllerCore:
         self._velocity = np.zeros(6)
         self._braking = False
         self._measured = start_joints.copy()
-        self._still = start_joints.copy()  # where the arm stands while motion is pretended
         self._measured_tcp: Matrix | None = None
         self._now_ns = 0
         self._moves = MoveQueue()
@@ -167,17 +166,6 @@ class ControllerCore:
         """Stop and wait for `set_state(0)`; an error keeps its own state."""
         self._halt(State.STOPPED if self.error_code else State.CHANGED)
 
-    def set_simulation_robot(self, on: bool) -> None:
-        """With the simulation flag set, motion is only pretended and the arm stands still."""
-        pretending = self.settings.simulation_robot
-        if on and not pretending:
-            self._still = self._measured.copy()
-        elif pretending and not on:
-            self._velocity = np.zeros(6)
-            self._commanded = self._still.copy()
-        self.settings.simulation_robot = on
-        self.configuration_changed()
-
     def move_joints(self, goal: Vector, speed: float, acceleration: float) -> None:
         """Queue a move to `goal` [rad] at `speed` [rad/s] and `acceleration` [rad/s²].
 
@@ -238,14 +226,10 @@ class ControllerCore:
     def _drive(self, following: Vector) -> None:
         """Send the joints to the plant and take in what it measured."""
         self._commanded = following
-        if self.settings.simulation_robot:
-            self._plant.step(self._still, self.gripper, CYCLE_NS)
-            self._measured = following
-        else:
-            plant_state = self._plant.step(following, self.gripper, CYCLE_NS)
-            self._measured = plant_state.joints
-            if plant_state.collision:
-                self._collide()
+        plant_state = self._plant.step(following, self.gripper, CYCLE_NS)
+        self._measured = plant_state.joints
+        if plant_state.collision:
+            self._collide()
         self._measured_tcp = None
 
     def _collide(self) -> None:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import struct
 
-from hw.arm import ServoMode, SimulatedArm
-from hw.boundary import TcpBoundary
+from hw.arm import ServoMode, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
     LITE6_TYPE,
@@ -23,22 +22,22 @@ from hw.lite6.codes import (
 )
 from hw.lite6.commands import (
     MODES,
-    arm_state,
+    activity_of,
     boundary_edges,
     checked_goal,
     pose_refusal,
+    servo_of,
     twist_refusal,
 )
 from hw.lite6.discovery import unfitness
-from hw.lite6.errors import error_sentence
+from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
-from hw.sim.controller.plant import GripperDrive, IdealPlant, Plant
+from hw.sim.controller.plant import GripperDrive, IdealPlant
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
-from hw.sim.controller.settings import outputs_for
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist, Vector
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
 from tams_app.runtime.clock import NS_PER_S, Clock
 
 MOVE_ACCELERATION_RAD_S2 = 1.0
@@ -119,13 +118,13 @@ class InProcessArm(SimulatedArm):
     def _take_report(self, now_ns: int) -> None:
         if self.model.reports_frozen or not self._connected:
             return
-        self._state = arm_state(
+        self._state = ArmState(
             received_ns=now_ns,
             joints=self.model.joints,
             tcp=pose_from_matrix(self.model.tcp),
-            mode=self.model.mode,
-            state=self.model.state,
-            error_code=int(self.model.error_code),
+            activity=activity_of(self.model.state),
+            servo=servo_of(self.model.mode),
+            fault=arm_fault(self.model.error_code),
             warning_code=self.model.warning_code,
             gripper_closed=self._gripper_closed,
         )
@@ -308,17 +307,3 @@ class InProcessArm(SimulatedArm):
         return return_code_sentence(
             Code.INVALID if status & ReplyBit.INVALID else Code.NOT_READY, call
         )
-
-
-def simulated_arm(
-    config: ArmConfig,
-    clock: Clock,
-    joints: Vector,
-    boundary: TcpBoundary | None,
-    plant: Plant | None = None,
-    gripper_closed: bool | None = None,
-) -> InProcessArm:
-    """See `hw.arm.ArmKind.simulate`."""
-    model = ControllerModel(plant or IdealPlant(), joints)
-    model.settings.tool_outputs = outputs_for(gripper_closed)
-    return InProcessArm(config, clock, model, boundary)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     BASE_TO_SHOULDER_M,
@@ -27,24 +27,11 @@ _WRIST_LINK = 4
 _SPEED_MARGIN = 1.0 + 1e-6  # a servo at its limit is not above it
 
 
-@dataclass(slots=True)
-class Boundary:
-    """The box the TCP must stay in while the fence is on [mm], shape (3,) each."""
-
-    upper_mm: Vector = field(default_factory=lambda: np.full(3, 9999.0))
-    lower_mm: Vector = field(default_factory=lambda: np.full(3, -9999.0))
-
-    def contains(self, position: Vector) -> bool:
-        """Whether `position` [m], shape (3,), is inside."""
-        position_mm = position * 1000.0
-        return bool((position_mm <= self.upper_mm).all() and (position_mm >= self.lower_mm).all())
-
-
 def check_motion(
     joints: Vector,
     following: Vector,
     tcp_in_flange: Matrix,
-    fence: Boundary | None,
+    fence: TcpBoundary | None,
     self_collision: bool,
 ) -> None:
     """MotionError if the step from `joints` to `following` within a cycle is not allowed."""

@@ -12,8 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import Register
-from hw.lite6.kinematics import matrix_from_pose, pose_from_mm_rpy, rotation_matrix
+from hw.lite6.kinematics import rotation_matrix
 from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.errors import CommandError
 from hw.sim.controller.reports import (
@@ -108,25 +109,15 @@ def _set_collision_sensitivity(model: ControllerCore, payload: bytes) -> None:
 
 def _set_boundary(model: ControllerCore, payload: bytes) -> None:
     x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
-    boundary = model.settings.boundary
-    boundary.upper_mm = np.array([x_high, y_high, z_high], dtype=np.float64)
-    boundary.lower_mm = np.array([x_low, y_low, z_low], dtype=np.float64)
+    model.settings.boundary = TcpBoundary((x_low, y_low, z_low), (x_high, y_high, z_high))
 
 
 def _set_fence(model: ControllerCore, payload: bytes) -> None:
     model.settings.fence = bool(_byte(payload))
 
 
-def _set_collision_rebound(model: ControllerCore, payload: bytes) -> None:
-    model.settings.collision_rebound = bool(_byte(payload))
-
-
 def _set_self_collision_check(model: ControllerCore, payload: bytes) -> None:
     model.settings.self_collision_check = bool(_byte(payload))
-
-
-def _set_simulation_robot(model: ControllerCore, payload: bytes) -> None:
-    model.set_simulation_robot(bool(_byte(payload)))
 
 
 # --- motion ------------------------------------------------------------------------------------
@@ -138,13 +129,6 @@ def _move_joint(model: ControllerCore, payload: bytes) -> None:
     if not (0 < speed < math.inf and 0 < acceleration < math.inf):
         raise CommandError("speed and acceleration must be positive")
     model.move_joints(np.array(values[:6]), speed, acceleration)
-
-
-def _move_servo_cartesian(model: ControllerCore, payload: bytes) -> None:
-    values = _floats(payload, 9)
-    if values[8] != 0:
-        raise CommandError("servo targets in the tool frame are not modelled")
-    model.servo_pose(matrix_from_pose(pose_from_mm_rpy(values[:6])))
 
 
 def _move_servo_cartesian_aa(model: ControllerCore, payload: bytes) -> None:
@@ -197,15 +181,12 @@ _COMMANDS: dict[int, Callable[[ControllerCore, bytes], None]] = {
     Register.CLEAN_WARNING: lambda model, _: model.raise_warning(0),
     Register.SET_MODE: lambda model, payload: model.set_mode(_byte(payload)),
     Register.MOVE_JOINT: _move_joint,
-    Register.MOVE_SERVO_CARTESIAN: _move_servo_cartesian,
     Register.SET_TCP_OFFSET: lambda model, payload: model.set_tcp_offset(_floats(payload, 6)),
     Register.SET_LOAD: _set_load,
     Register.SET_COLLISION_SENSITIVITY: _set_collision_sensitivity,
     Register.SET_BOUNDARY: _set_boundary,
     Register.SET_FENCE: _set_fence,
-    Register.SET_COLLISION_REBOUND: _set_collision_rebound,
     Register.SET_SELF_COLLISION_CHECK: _set_self_collision_check,
-    Register.SET_SIMULATION_ROBOT: _set_simulation_robot,
     Register.SET_CARTESIAN_VELOCITY: _set_cartesian_velocity,
     Register.MOVE_SERVO_CARTESIAN_AA: _move_servo_cartesian_aa,
     Register.TOOL_GPIO_WRITE: _tool_gpio_write,

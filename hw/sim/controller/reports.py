@@ -135,7 +135,7 @@ def _safety(box: ControllerCore) -> bytes:
 def _reduced_mode(settings: ControllerSettings) -> bytes:
     boundary = settings.boundary
     edges = [
-        max(-0x8000, min(0x7FFF, round(edge)))
+        max(-0x8000, min(0x7FFF, edge))
         for pair in zip(boundary.upper_mm, boundary.lower_mm, strict=True)
         for edge in pair
     ]
@@ -145,7 +145,7 @@ def _reduced_mode(settings: ControllerSettings) -> bytes:
         + struct.pack(">6h", *edges)
         + struct.pack("<2f", 500.0, math.pi)
         + struct.pack("<14f", *ranges, 0.0, 0.0)
-        + bytes([settings.fence, settings.collision_rebound])
+        + bytes([settings.fence, 0])  # 0: no rebound from collisions
     )
 
 

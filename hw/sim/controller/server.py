@@ -13,8 +13,8 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from hw.lite6.uxbus import Frame, FrameReader
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
-from hw.sim.controller.wire import Frame, FrameReader, MalformedFrameError
 from tams_app.errors import DeviceError
 from tams_app.runtime.clock import NS_PER_S, Clock, MonotonicClock
 from tams_app.runtime.worker import Worker
@@ -166,7 +166,7 @@ class ControllerServer:
                     self._serve_control(connection, stop)
                 else:
                     self._send_reports(connection, kind, stop)
-        except (OSError, MalformedFrameError):
+        except OSError:
             return  # whatever the reason, this client is gone
         finally:
             with self._connections_lock:

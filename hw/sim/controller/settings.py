@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from hw.sim.controller.motion_checks import Boundary
+from hw.arm import TcpBoundary
 from hw.sim.controller.plant import GripperDrive
 
+_WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))
 _DRIVES = {0b01: GripperDrive.OPEN, 0b10: GripperDrive.CLOSE}  # of the first two tool outputs
 
 
@@ -17,11 +18,10 @@ class ControllerSettings:
     tcp_offset: tuple[float, ...] = (0.0,) * 6  # x, y, z [mm], roll, pitch, yaw [rad]
     load: tuple[float, ...] = (0.0,) * 4  # mass [kg], centre of gravity [mm]
     collision_sensitivity: int = 3  # 0 is off
-    collision_rebound: bool = False
     fence: bool = False
-    boundary: Boundary = field(default_factory=Boundary)
+    boundary: TcpBoundary = _WIDEST
     self_collision_check: bool = True
-    simulation_robot: bool = False
+    simulation_robot: bool = False  # only pretends to move; the model reports it, no more
     tool_outputs: int = 0  # bit n is tool output n
 
     @property

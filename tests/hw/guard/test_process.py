@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 
 import psutil
@@ -15,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw.arms import ARM_KINDS
 from hw.guard.link import (
     GuardLink,
     GuardMessage,
@@ -383,9 +385,30 @@ def test_a_guard_without_an_arm_says_so() -> None:
         process.stop()
 
 
+def test_the_guard_stops_an_arm_of_another_kind_by_that_kinds_own_channel(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as toy:
+        toy.bind(("127.0.0.1", 0))
+        toy.settimeout(10.0)
+        config = ArmConfig(model="toy", control_port=toy.getsockname()[1])
+        process = HelperProcess("guard", "hw.guard.process", guard_specification(config), None)
+        process.start()
+        try:
+            link = GuardLink(int(process.wait_ready()["port"]), silence_ns=NS_PER_S)
+            link.arm()
+            link.beat(time.monotonic_ns())  # and never again
+            assert toy.recv(64) == b"off"
+            link.close()
+        finally:
+            process.stop()
+
+
 def test_the_guard_starts_without_the_heavy_libraries() -> None:
     heavy = "('numpy', 'scipy', 'xarm')"
-    code = f"import sys, hw.guard.process; print([m for m in {heavy} if m in sys.modules])"
+    guard = "hw.guard.process, hw.lite6.stop_channel"
+    code = f"import sys, {guard}; print([m for m in {heavy} if m in sys.modules])"
     out = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )

@@ -113,7 +113,7 @@ def test_connecting_stops_what_somebody_left_moving(rig: ControllerRig) -> None:
 
 def test_connecting_never_makes_the_arm_ready(rig: ControllerRig) -> None:
     with rig.server.lock:
-        rig.model.enable(True)  # somebody left the motors on
+        rig.model.enable(True)  # another program left the motors on
     changes = record_changes(rig)
     arm = make_bounded_arm(rig)
     arm.connect()

@@ -11,7 +11,7 @@ import pytest
 
 import hw.sim.controller.registers
 from hw.lite6.codes import ErrorCode, Register, State
-from hw.lite6.discovery import ArmInfo, find_arm, probe_arm
+from hw.lite6.discovery import ArmInfo, find_arm
 from hw.sim.controller.model import ReportKind
 from tams_app.config import ArmConfig
 from tests.hw.lite6.controller_rig import ControllerRig, controller
@@ -70,7 +70,7 @@ def test_an_error_and_the_simulation_mode_are_told_with_what_to_do(rig: Controll
     assert "run_tams.py home" in info.problem
     with rig.server.lock:
         rig.model.clean_error()
-        rig.model.set_simulation_robot(True)
+        rig.model.settings.simulation_robot = True
     info = probe(rig)
     assert info.simulated is True
     assert "simulation mode" in info.description
@@ -97,14 +97,14 @@ def test_another_arm_is_told_from_a_lite6(
 def test_nobody_there_is_one_sentence() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
-        info = probe_arm("127.0.0.1", unused.getsockname()[1], 1, 0.5)
+        info = find_arm(ArmConfig(control_port=unused.getsockname()[1]), 0.5)
     assert not info.reachable
     assert "No arm answers" in info.description
 
 
 def test_a_peer_that_says_nothing_is_no_arm() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        info = probe_arm("127.0.0.1", silent.getsockname()[1], 1, 0.1)
+        info = find_arm(ArmConfig(control_port=silent.getsockname()[1]), 0.1)
     assert info.reachable
     assert "not like an arm" in info.problem
 
@@ -113,7 +113,7 @@ def test_an_arm_without_reports_is_told(rig: ControllerRig) -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1] - 1  # the rich report is one above
-        info = probe_arm("127.0.0.1", rig.server.ports.control, port)
+        info = find_arm(ArmConfig(control_port=rig.server.ports.control, report_port=port))
     assert info.simulated is None
     assert "no reports" in info.problem
 

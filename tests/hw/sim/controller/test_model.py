@@ -251,15 +251,6 @@ def test_servo_poses_are_followed(rig: Rig) -> None:
     np.testing.assert_allclose(rig.position_mm, start + np.array([0, 40, 0]), atol=0.05)
 
 
-def test_servo_poses_in_roll_pitch_yaw_reach_the_same_place(rig: Rig) -> None:
-    rig.arm(Mode.SERVO)
-    x, y, z = rig.position_mm
-    payload = struct.pack("<9f", x, y + 5, z, math.pi, 0, 0, 0, 0, 0)
-    assert rig.ask(Register.MOVE_SERVO_CARTESIAN, payload)[0] == 0
-    rig.run(0.1)
-    np.testing.assert_allclose(rig.position_mm, [x, y + 5, z], atol=0.05)
-
-
 @pytest.mark.parametrize("mode", list(Mode))
 def test_a_command_of_another_mode_is_refused(rig: Rig, mode: Mode) -> None:
     rig.arm(mode)
@@ -428,20 +419,3 @@ def test_the_emergency_stop_cuts_the_tool_s_power(rig: Rig) -> None:
     rig.model.settings.tool_outputs = 0b10
     rig.model.press_emergency_stop()
     assert rig.model.gripper is GripperDrive.OFF
-
-
-def test_with_the_simulation_flag_the_arm_only_pretends_to_move(rig: Rig) -> None:
-    rig.run(0.2)
-    stood = rig.plant.joints.copy()
-    rig.ask(Register.SET_SIMULATION_ROBOT, bytes([1]))
-    rig.arm(Mode.POSITION)
-    rig.move(HOME_JOINTS)
-    rig.run(3.0)
-    np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-9)
-    np.testing.assert_allclose(rig.plant.joints, stood, atol=1e-9)
-    rig.ask(Register.SET_SIMULATION_ROBOT, bytes([1]))  # once more changes nothing
-    rig.run(0.2)
-    np.testing.assert_allclose(rig.plant.joints, stood, atol=1e-9)
-    rig.ask(Register.SET_SIMULATION_ROBOT, bytes([0]))
-    rig.run(0.2)
-    np.testing.assert_allclose(rig.plant.joints, stood, atol=1e-9)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import HOME_JOINTS, JOINT_LOWER, JOINT_UPPER, Lite6Model, Matrix
 from hw.sim.controller.errors import MotionError
 from hw.sim.controller.joint_servo import CYCLE_S
-from hw.sim.controller.motion_checks import Boundary, check_motion
+from hw.sim.controller.motion_checks import check_motion
 from tams_app.records import Vector
 
 pytestmark = pytest.mark.untimed
@@ -18,7 +19,11 @@ NO_TOOL: Matrix = np.eye(4)
 LIMIT_STEP = np.pi * CYCLE_S
 
 
-def check(joints: Vector, following: Vector, fence: Boundary | None = None) -> None:
+def box(middle_mm, half_mm):
+    return TcpBoundary(tuple(middle_mm - half_mm), tuple(middle_mm + half_mm))
+
+
+def check(joints: Vector, following: Vector, fence: TcpBoundary | None = None) -> None:
     check_motion(joints, following, NO_TOOL, fence, self_collision=True)
 
 
@@ -48,12 +53,12 @@ def test_no_joint_is_faster_than_half_a_turn_a_second(joint: int) -> None:
 @pytest.mark.parametrize("axis", range(3))
 def test_the_tcp_stays_inside_the_fence(axis: int) -> None:
     position_mm = Lite6Model().tcp_matrix(HOME_JOINTS)[:3, 3] * 1000
-    fence = Boundary(upper_mm=position_mm + 1.0, lower_mm=position_mm - 1.0)
+    fence = box(position_mm, 1.0)
     check(HOME_JOINTS, HOME_JOINTS, fence)
     for shift in (2.0, -2.0):
         moved = np.zeros(3)
         moved[axis] = shift
-        outside = Boundary(upper_mm=fence.upper_mm + moved, lower_mm=fence.lower_mm + moved)
+        outside = box(position_mm + moved, 1.0)
         with pytest.raises(MotionError) as caught:
             check(HOME_JOINTS, HOME_JOINTS, outside)
         assert caught.value.code is ErrorCode.BOUNDARY
@@ -61,7 +66,7 @@ def test_the_tcp_stays_inside_the_fence(axis: int) -> None:
 
 def test_the_fence_is_about_the_tcp_and_not_the_flange() -> None:
     position_mm = Lite6Model().tcp_matrix(HOME_JOINTS)[:3, 3] * 1000
-    fence = Boundary(upper_mm=position_mm + 10.0, lower_mm=position_mm - 10.0)
+    fence = box(position_mm, 10.0)
     tool = np.eye(4)
     tool[2, 3] = 0.082
     with pytest.raises(MotionError):

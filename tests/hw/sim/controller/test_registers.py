@@ -68,7 +68,6 @@ def test_a_register_that_is_not_modelled_says_so(register: int) -> None:
             Register.SET_CARTESIAN_VELOCITY,
             struct.pack("<6f", *[1.0] * 6) + bytes([1]),
         ),
-        (Mode.SERVO, Register.MOVE_SERVO_CARTESIAN, struct.pack("<9f", *[0.0] * 8, 1.0)),
         (
             Mode.SERVO,
             Register.MOVE_SERVO_CARTESIAN_AA,
@@ -115,10 +114,9 @@ def test_the_boundary_reads_back_as_it_was_written() -> None:
     model = ControllerModel(IdealPlant())
     ask(model, Register.SET_BOUNDARY, struct.pack("<6i", 400, 150, 300, -300, 500, 10))
     ask(model, Register.SET_FENCE, bytes([1]))
-    ask(model, Register.SET_COLLISION_REBOUND, bytes([1]))
     ask(model, Register.SET_SELF_COLLISION_CHECK, bytes([0]))
     answer = ask(model, Register.GET_REDUCED_STATE)
     assert len(answer) == 79
     assert struct.unpack(">6h", answer[1:13]) == (400, 150, 300, -300, 500, 10)
-    assert answer[77:] == bytes([1, 1])
+    assert answer[77:] == bytes([1, 0])
     assert not model.settings.self_collision_check

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from xarm.x3.report import ReportDataStructure
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import Mode
 from hw.lite6.kinematics import HOME_JOINTS, rotation_from_rpy, rotation_matrix
 from hw.sim.controller.model import ControllerModel, ReportKind
@@ -27,10 +28,8 @@ def busy_model() -> ControllerModel:
     model.settings.load = (0.35, 1.0, 2.0, 40.0)
     model.settings.collision_sensitivity = 4
     model.settings.fence = True
-    model.settings.collision_rebound = True
     model.settings.simulation_robot = True
-    model.settings.boundary.upper_mm = np.array([401.0, 301.0, 501.0])
-    model.settings.boundary.lower_mm = np.array([151.0, -301.0, 11.0])
+    model.settings.boundary = TcpBoundary((151, -301, 11), (401, 301, 501))
     model.enable(True)
     model.set_mode(Mode.POSITION)
     model.set_state(0)
@@ -82,7 +81,7 @@ def test_the_rich_report_tells_identity_limits_and_safety() -> None:
     assert report.is_simulation_robot
     assert report.is_collision_detection
     assert report.is_fence_mode
-    assert report.is_collision_rebound
+    assert not report.is_collision_rebound
     assert not report.is_reduced_mode
     assert report.reduced_tcp_boundary == [[151, 401], [-301, 301], [11, 501]]
     np.testing.assert_allclose(report.reduced_joint_limits[2], [-0.0611, 5.236], atol=1e-3)

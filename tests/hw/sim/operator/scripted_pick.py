@@ -7,14 +7,14 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hw.lite6.kinematics import offset_from_mm_deg, solve_ik, tcp_pose
+from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
 from hw.sim.controller.plant import GripperDrive
 from hw.sim.layout import CONTAINER_INNER_M, Layout
 from hw.sim.world.world import World
 from tams_app.records import Pose, Vector
 
 READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])
-TCP_OFFSET = offset_from_mm_deg((0, 0, 82, 0, 0, 0))
+ARM = Lite6Model(offset_from_mm_deg((0, 0, 82, 0, 0, 0)))
 CYCLE_NS = 4_000_000
 GRASP_HEIGHT_M = 0.010
 CARRY_HEIGHT_M = 0.12
@@ -28,7 +28,7 @@ class ScriptedPick:
         self.collided = False
         self.tracking_error_m = 0.0
         self._joints = world.joints
-        self._place = tcp_pose(self._joints, TCP_OFFSET).position
+        self._place = ARM.tcp_pose(self._joints).position
         self._yaw = 0.0
         self._drive = GripperDrive.OPEN
 
@@ -75,10 +75,10 @@ class ScriptedPick:
 
     def _step_to(self, place: Vector, yaw: float) -> None:
         rotation = Rotation.from_euler("z", yaw) * Rotation.from_euler("x", math.pi)
-        joints = solve_ik(Pose(place, rotation), self._joints, TCP_OFFSET)
+        joints = ARM.follow(matrix_from_pose(Pose(place, rotation)), self._joints, max_steps=60)
         assert joints is not None
         self._joints = joints
         state = self.world.step(joints, self._drive, CYCLE_NS)
-        reached = tcp_pose(state.joints, TCP_OFFSET).position
+        reached = ARM.tcp_pose(state.joints).position
         self.tracking_error_m = max(self.tracking_error_m, float(np.linalg.norm(reached - place)))
         self.collided |= state.collision

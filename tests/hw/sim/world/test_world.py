@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, tcp_pose
+from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
 from hw.sim.controller.plant import GripperDrive
 from hw.sim.layout import BLOCK_EDGE_M, draw_layout
 from hw.sim.world.world import World
-from tests.hw.sim.operator.scripted_pick import CYCLE_NS, READY, TCP_OFFSET, ScriptedPick
+from tests.hw.sim.operator.scripted_pick import ARM, CYCLE_NS, READY, ScriptedPick
 
 pytestmark = pytest.mark.untimed
 
@@ -16,7 +16,7 @@ def test_tcp_is_where_the_controllers_kinematics_say() -> None:
     random = np.random.default_rng(5)
     for _ in range(30):
         joints = random.uniform(JOINT_LOWER, JOINT_UPPER)
-        tcp, expected = World(draw_layout(0), joints).truth(0).tcp, tcp_pose(joints, TCP_OFFSET)
+        tcp, expected = World(draw_layout(0), joints).truth(0).tcp, ARM.tcp_pose(joints)
         assert np.linalg.norm(tcp.position - expected.position) < 1e-6
         assert (tcp.rotation.inv() * expected.rotation).magnitude() < 1e-6
 

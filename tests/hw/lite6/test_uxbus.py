@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.sim.controller.wire import Frame, FrameReader, MalformedFrameError
+from hw.lite6.uxbus import Frame, FrameReader, MalformedFrameError
 
 pytestmark = pytest.mark.untimed
 
