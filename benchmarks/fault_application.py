@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.controller import Controller
 from hw.lite6.arm import Lite6
@@ -23,11 +24,11 @@ from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
-from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.guarding import Guarding
-from tams_app.session.signals import Signals
+from tams_app.session.listener import Listener
+from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.video.repair import repair_rule
@@ -74,8 +75,8 @@ class SteadyHand(Controller):
         """Nothing to let go of."""
 
 
-class Application:
-    """control loop, gate and guard around one arm, as the session wires them."""
+class Application(Listener):
+    """Control loop, gate and guard around one arm, as the session wires them."""
 
     def __init__(self, config: Config, folder: Path) -> None:
         self.config = config
@@ -87,7 +88,7 @@ class Application:
         self.arm = Lite6(config.arm, self.clock, config.control.rate_hz)
         self.gate = ArmGate(
             self.arm,
-            build.servo(config),
+            ServoMode(config.arm.servo),
             session_boundary(config.arm, config.limits),
             _say_nothing,
         )
@@ -138,29 +139,22 @@ class Application:
     def _control_loop(self) -> ControlLoop:
         config = self.config
         network = config.networks[_NETWORK]
+        self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
         return ControlLoop(
+            config,
             self.clock,
-            config.control.rate_hz,
             self.hand,
             self.arm,
-            build.teleop(config, build.video_delay_ns(network, repair_rule(network, 300.0))),
-            build.phase_tracker(config),
-            build.smoothed_speed(config),
+            self.gate,
+            self,
             self.signals,
-            ControlHooks(
-                beat=self.guarding.beat,
-                video_age_ns=lambda *_: self.video_age_ns,
-                stop=self.gate.stop,
-                request=self.gate.request,
-                arm_ready=lambda: self.gate.ready,
-                phase_began=_say_nothing,
-                record=_say_nothing,
-                output=self._observe,
-            ),
+            (self.guarding, self),
         )
 
-    def _observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self.guarding.follow(output.arming, output.stop)
+    def age_ns(self, view: str, now_ns: int) -> int:
+        return self.video_age_ns
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self.arming = output.arming
 
 

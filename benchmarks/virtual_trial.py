@@ -28,10 +28,10 @@ from hw.sim.world.camera_images import CameraImages
 from tams_app.config import load_config
 from tams_app.recording.direct import DirectRecorder
 from tams_app.session.control import ControlLoop
-from tams_app.session.trial_loop import RATE_HZ, TrialLoop
+from tams_app.session.observers import TRIAL_RATE_HZ, TrialObserver
 from tams_app.session.virtual import trial as trial_module
-from tams_app.session.virtual.scoring import FrameScores
 from tams_app.session.virtual.trial import VirtualTrial, run_virtual_trial
+from tams_app.session.virtual.video import FrameScores
 from tams_app.study.machine import machine
 from tams_app.video.virtual_time.video import VirtualVideo
 
@@ -75,7 +75,7 @@ class Reference:
         @functools.wraps(look)
         def looked(*arguments: Any) -> Any:
             self._calls += 1
-            if self._calls % round(RATE_HZ) == 0:
+            if self._calls % round(TRIAL_RATE_HZ) == 0:
                 self.sample()
             return look(*arguments)
 
@@ -127,7 +127,7 @@ def measure(network: str, seed: int, seconds: float | None) -> dict[str, Any]:
     config = load_config(None, settings)
     times, reference = PartTimes(), Reference()
     reference.sample = times.wrap(_REFERENCE_PART, reference.sample)  # type: ignore[method-assign]
-    TrialLoop.look = reference.after(TrialLoop.look)  # type: ignore[method-assign]
+    TrialObserver.look = reference.after(TrialObserver.look)  # type: ignore[method-assign]
     for part, places in PARTS.items():
         for owner, name in places:
             setattr(owner, name, times.wrap(part, getattr(owner, name)))

@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from tams_app.recording import read_log
+from tams_app.records import Activity
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 HELPERS = {
@@ -98,7 +99,7 @@ def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running
     assert code == 130
     assert log.ticks[-1].arming == "fault"
     assert log.ticks[-1].reason == "emergency stop"
-    assert log.ticks[-1].arm.activity == "stopped"
+    assert log.ticks[-1].arm.activity is Activity.STOPPED
     (stop,) = log.stops
     assert stop.stopped_ns is not None
 
@@ -115,7 +116,7 @@ def test_a_killed_helper_stops_the_arm_and_ends_the_session_with_a_sentence(runn
     assert all(tick.twist.is_zero for tick in log.ticks[-2:])
     assert log.ticks[-1].arming == "fault"
     if name != "rig":  # which is the arm
-        assert log.ticks[-1].arm.activity == "stopped"
+        assert log.ticks[-1].arm.activity is Activity.STOPPED
         assert log.stops
 
 

@@ -19,9 +19,8 @@ from tams_app.config import Config
 from tams_app.records import Image, Outcome, SceneTruth, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
 
 Distort = Callable[[str, Image], Image]
@@ -106,18 +105,15 @@ class OperatorRig:
         seeing = SeeingParticipant(config, participant, self._screen.images, self._note)
         self.eyes, self.operator = seeing.eyes, seeing.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
-        hooks = ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: delay_ns,
-            stop=robot.gate.stop,
-            request=robot.gate.request,
-            arm_ready=lambda: robot.gate.ready,
-            phase_began=_ignore,
-            record=_ignore,
-            output=_ignore,
-        )
-        self.loop = build.control_loop(
-            config, self._clock, seeing.controller, robot.arm, delay_ns, Signals(), hooks
+        video = SteadyVideo(delay_ns)
+        self.loop = ControlLoop(
+            config,
+            self._clock,
+            seeing.controller,
+            robot.arm,
+            robot.gate,
+            video,
+            Signals(),
         )
         robot.arm.connect()
         seeing.controller.start()

@@ -17,13 +17,13 @@ from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.direct import DirectRecorder
-from tams_app.records import Outcome, SceneTruth
+from tams_app.records import ArmState, Outcome, SceneTruth
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks
-from tams_app.session.recorders import session_header
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.listener import Listener
+from tams_app.session.recorders import SessionRecords, session_header
+from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
@@ -72,7 +72,7 @@ def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outco
     return outcome
 
 
-class _Recording:
+class _Recording(Listener):
     """The rig of a recording: a robot and a hand, no cameras."""
 
     def __init__(
@@ -84,17 +84,16 @@ class _Recording:
         self._robot = robot = VirtualRobot(config, clock, lambda _level, _text: None)
         self._judge = TrialJudge(config.trial, build.task_geometry())
         controller = demo_controller(config, self._see)
-        hooks = ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: 0,
-            stop=robot.gate.stop,
-            request=robot.gate.request,
-            arm_ready=lambda: robot.gate.ready,
-            phase_began=log.record,
-            record=log.record,
-            output=self._on_output,
+        self._loop = ControlLoop(
+            config,
+            clock,
+            controller,
+            robot.arm,
+            robot.gate,
+            SteadyVideo(),
+            Signals(),
+            (self, SessionRecords(clock, log)),
         )
-        self._loop = build.control_loop(config, clock, controller, robot.arm, 0, Signals(), hooks)
         robot.arm.connect()
         controller.start()
 
@@ -119,7 +118,7 @@ class _Recording:
         since_s = (self._clock.now_ns() - _START_NS) / NS_PER_S
         return self._robot.truth() if self._waits.sees(since_s) else None
 
-    def _on_output(self, now_ns: int, output: TeleopOutput, _arm: object) -> None:
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         if output.arming is ArmingState.ENGAGED:
             self._judge.engaged(now_ns)
 

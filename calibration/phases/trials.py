@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from tams_app.config import PhasesConfig
 from tams_app.errors import LogError
-from tams_app.policy.phases import PhaseParameters, PhaseTracker
-from tams_app.policy.tcp_speed import SmoothedSpeed
+from tams_app.policy.phases import PhaseParameters, PhaseTracker, SmoothedSpeed
 from tams_app.records import Phase, Tick
 from tams_app.runtime.clock import NS_PER_S
 

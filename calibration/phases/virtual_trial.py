@@ -17,17 +17,11 @@ from tams_app.config import Config
 from tams_app.records import SceneTruth, Tick
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks, ControlLoop
-from tams_app.session.observer import TickObserver
-from tams_app.session.signals import Signals
-from tams_app.session.status import StatusBoard
-from tams_app.session.stops import StopWatch
-from tams_app.session.trial_loop import RATE_HZ as SCENE_RATE_HZ
-from tams_app.session.trial_loop import TrialLoop
-from tams_app.session.virtual.rhythm import repeat
-from tams_app.session.virtual.robot import VirtualRobot
-from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS, NoGuard
-from tams_app.study.trial import TrialJudge
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.listener import Listener
+from tams_app.session.observers import TRIAL_RATE_HZ, ArmingObserver, TrialObserver
+from tams_app.session.virtual.rig import VirtualRobot
+from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS, repeat
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 _YIELD_NS = NS_PER_S // 10
@@ -57,7 +51,7 @@ class SharpEyedHand:
             self._seen = self._coming.popleft()[1]
 
 
-class VideolessTrial:
+class VideolessTrial(Listener):
     """Scene `seed` with participant `seed`; `ticks` and `scene` are as a log of it would tell."""
 
     def __init__(self, config: Config, seed: int) -> None:
@@ -71,16 +65,15 @@ class VideolessTrial:
         self._ended = False
         self._robot = VirtualRobot(config, self._clock, _say_nothing)
         self._hand = SharpEyedHand(config, seed, self._robot.truth)
-        self._judge = TrialJudge(config.trial, build.task_geometry())
-        self._control = self._build_control(config)
-        self._trial_loop = TrialLoop(
+        self._trial = TrialObserver(
+            config.trial,
             self._clock,
-            self._judge,
+            self._robot.arm,
             self._robot.truth,
-            self._robot.gripper_closed,
             self.scene.append,
             self._end,
         )
+        self._control = self._build_control(config)
 
     def perform(self) -> Iterator[float]:
         """Go on until placed, out of time or given up; yields the seconds gone by now and then."""
@@ -93,35 +86,27 @@ class VideolessTrial:
         self._robot.stop()
 
     def _build_control(self, config: Config) -> ControlLoop:
-        gate, signals = self._robot.gate, Signals()
-        observer = TickObserver(
-            NoGuard(),
-            self._judge,
-            StopWatch(_forget),
-            StatusBoard(config.video.views),
+        robot, signals = self._robot, Signals()
+        arming = ArmingObserver(signals, _say_nothing, arm_at_once=False)
+        return ControlLoop(
+            config,
+            self._clock,
+            self._hand.controller,
+            robot.arm,
+            robot.gate,
+            SteadyVideo(),
             signals,
-            _say_nothing,
-            arm_at_once=False,
+            (arming, self._trial, self),
         )
-        hooks = ControlHooks(
-            beat=_forget,
-            video_age_ns=lambda _now_ns, _phase: 0,
-            stop=gate.stop,
-            request=gate.request,
-            arm_ready=lambda: gate.ready,
-            phase_began=_forget,
-            record=self.ticks.append,
-            output=observer.observe,
-        )
-        return build.control_loop(
-            config, self._clock, self._hand.controller, self._robot.arm, 0, signals, hooks
-        )
+
+    def on_tick(self, tick: Tick) -> None:
+        self.ticks.append(tick)
 
     def _begin(self) -> None:
         self._robot.arm.connect()
         self._hand.controller.start()
         repeat(self._events, START_NS, self._rate_hz, self._tick)
-        repeat(self._events, START_NS, SCENE_RATE_HZ, lambda _due_ns: self._trial_loop.look())
+        repeat(self._events, START_NS, TRIAL_RATE_HZ, lambda _due_ns: self._trial.look())
         self._events.post(START_NS + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
 
     def _go_on(self, until_ns: int) -> None:
@@ -139,15 +124,11 @@ class VideolessTrial:
         self._robot.gate.serve()
 
     def _give_up(self) -> None:
-        if not self._judge.started:
+        if not self._trial.started:
             self._end()
 
     def _end(self) -> None:
         self._ended = True
-
-
-def _forget(_record: object) -> None:
-    """Nobody keeps it."""
 
 
 def _say_nothing(_level: str, _text: str) -> None:

@@ -13,10 +13,22 @@ from tams_app.records import Phase
 
 
 def allocate(weights: Mapping[str, float], budget_kbps: float, floor_kbps: float) -> dict[str, int]:
-    """Targets [kbit/s] per view: b_v = b_min + w_v (B - V b_min), or B/V below V floors.
+    """Target bitrates by the allocation rule (paper, section III-D, equations 4 and 5).
 
-    Rounded down to whole kbit/s, so the sum never exceeds `budget_kbps`; monotone in the budget.
-    Exact arithmetic on the decimal weights: 0.23 + 0.50 + 0.27 is 1, not almost 1.
+    b_v = b_min + w_v (B - V b_min) for B >= V b_min, else b_v = B / V. The arithmetic is exact on
+    the decimal weights: 0.23 + 0.50 + 0.27 is 1, not almost 1.
+
+    Args:
+        weights: w_v, one non-negative share per view; divided by their sum, which must not be 0.
+        budget_kbps: B_t, what all views may use together [kbit/s]; a negative one counts as 0.
+        floor_kbps: b_min, the least that each view gets while the budget allows it [kbit/s].
+
+    Returns:
+        The target of each view in whole kbit/s, rounded down: the sum never exceeds the budget, and
+        no target decreases when the budget grows.
+
+    Raises:
+        OverflowError: the budget is infinite.
     """
     budget = Fraction(max(0.0, budget_kbps))
     floor = Fraction(floor_kbps)
@@ -30,10 +42,21 @@ def allocate(weights: Mapping[str, float], budget_kbps: float, floor_kbps: float
 
 
 class Strategy(Protocol):
-    """Which share of the spare bits each view gets in a phase."""
+    """The rule that gives each view its share of the bits above the floor.
+
+    An own one is a class whose constructor takes the `PolicyConfig`, entered in `STRATEGIES` under
+    the name that the configuration's `strategy` then accepts.
+    """
 
     def weights(self, phase: Phase) -> Mapping[str, float]:
-        """One non-negative share per view; they sum to 1."""
+        """The shares in `phase`: W_{p,v} of the paper's section III-C.
+
+        Args:
+            phase: the phase that was inferred last.
+
+        Returns:
+            One non-negative share for each configured view; they sum to 1 (paper, equation 2).
+        """
 
 
 class Equal:
@@ -75,7 +98,18 @@ STRATEGIES: dict[str, Callable[[PolicyConfig], Strategy]] = {
 
 
 def make_strategy(name: str, policy: PolicyConfig) -> Strategy:
-    """The strategy called `name`; ConfigError lists the valid names."""
+    """Make the strategy of that name.
+
+    Args:
+        name: a key of `STRATEGIES`.
+        policy: the policy's configuration, of which the strategy takes its weights.
+
+    Returns:
+        A new strategy.
+
+    Raises:
+        ConfigError: there is none of that name; the message lists the valid ones.
+    """
     if name not in STRATEGIES:
         raise ConfigError(f"strategy: {name!r} is none of {', '.join(STRATEGIES)}")
     return STRATEGIES[name](policy)

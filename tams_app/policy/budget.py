@@ -1,4 +1,4 @@
-"""Where the uplink capacity comes from, before the safety factor."""
+"""Estimates of the uplink's capacity, before the safety factor."""
 
 from __future__ import annotations
 
@@ -6,14 +6,30 @@ from collections import deque
 from typing import Protocol
 
 from tams_app.config import BudgetConfig
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 
 class Budget(Protocol):
-    """A source of capacity estimates."""
+    """A source of capacity estimates; `observe` is called before each `capacity_kbps`."""
+
+    def observe(self, now_ns: int, sent_bytes: int) -> None:
+        """Take in the senders' counter.
+
+        Args:
+            now_ns: the time [ns]; never decreases.
+            sent_bytes: IP datagram bytes of all views sent since the start, repair included.
+        """
 
     def capacity_kbps(self, now_ns: int) -> float:
-        """What the uplink is believed to carry now [kbit/s of IP datagram bytes]."""
+        """The capacity that the uplink is believed to have at `now_ns`.
+
+        Args:
+            now_ns: the time [ns] of the last `observe`.
+
+        Returns:
+            The estimate [kbit/s of IP datagram bytes], finite and not negative. The policy
+            multiplies it with the safety factor (0.92 in the paper, section IV-C).
+        """
 
 
 class KnownCapacity(Protocol):
@@ -31,6 +47,9 @@ class OracleBudget:
         self._max_kbps = config.max_kbps
         self._window_ns = round(config.trace_window_ms * NS_PER_MS)
 
+    def observe(self, now_ns: int, sent_bytes: int) -> None:
+        """Ignored: the rate is known."""
+
     def capacity_kbps(self, now_ns: int) -> float:
         return min(self._max_kbps, self._capacity.mean_kbps(now_ns - self._window_ns, now_ns))
 
@@ -41,8 +60,8 @@ class SenderBudget:
     Outgoing statistics cannot see free capacity: what is sent is the smaller of what was allowed
     and what the encoders made. Taken as the capacity and multiplied with the safety factor it
     would ratchet down to the floor, so the estimate is the sent rate divided by that factor: the
-    budget stays near where it started, grows only by the encoders' overshoot and knows of
-    congestion nothing at all.
+    budget stays near where it started, grows only by the encoders' overshoot and does not notice
+    congestion.
     """
 
     def __init__(self, config: BudgetConfig) -> None:
@@ -50,9 +69,8 @@ class SenderBudget:
         self._window_ns = round(config.window_ms * NS_PER_MS)
         self._sent: deque[tuple[int, int]] = deque()  # (time, bytes sent since the start)
 
-    def observe(self, now_ns: int, total_bytes: int) -> None:
-        """Take in the outgoing counter: `total_bytes` of IP datagrams since the start."""
-        self._sent.append((now_ns, total_bytes))
+    def observe(self, now_ns: int, sent_bytes: int) -> None:
+        self._sent.append((now_ns, sent_bytes))
         while len(self._sent) > 2 and self._sent[1][0] <= now_ns - self._window_ns:
             self._sent.popleft()
 
@@ -63,3 +81,8 @@ class SenderBudget:
         (start_ns, start_bytes), (end_ns, end_bytes) = self._sent[0], self._sent[-1]
         sent_kbps = (end_bytes - start_bytes) * 8 / 1000 / ((end_ns - start_ns) / NS_PER_S)
         return min(config.max_kbps, sent_kbps / config.safety_factor)
+
+
+def make_budget(config: BudgetConfig, capacity: KnownCapacity) -> Budget:
+    """The budget of `config.mode`; `capacity` is what the oracle knows."""
+    return SenderBudget(config) if config.mode == "sender" else OracleBudget(capacity, config)

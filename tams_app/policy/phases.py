@@ -1,11 +1,17 @@
-"""Online task phase inference (paper, section III-B, Algorithm 1)."""
+"""Online task phase inference (paper, section III-B, Algorithm 1), and its input speeds."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from tams_app.config import PhasesConfig
-from tams_app.records import Phase
+from tams_app.records import ArmState, Phase, PhaseChange, Vector
+from tams_app.units import NS_PER_S
+
+_MIN_INTERVAL_S = 0.002  # two reports closer than this came out of one socket read
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +55,18 @@ def infer_phase(
 ) -> PhaseDecision:
     """One step of Algorithm 1.
 
-    `speed` is v̄_t and `vertical_speed` v̄_{z,t} [m/s], `closed` g_t, `was_closed` g_{t-1},
-    `previous` s_{t-1}, `descending_s` τ_desc [s], `period_s` Δt [s].
+    Args:
+        parameters: the thresholds and dwell times.
+        speed: v̄_t, the smoothed speed of the TCP [m/s].
+        vertical_speed: v̄_{z,t}, its smoothed vertical speed, positive upwards [m/s].
+        closed: g_t, whether the gripper is closed.
+        was_closed: g_{t-1}, whether it was closed in the step before.
+        previous: s_{t-1}, the phase of the step before.
+        descending_s: τ_desc, how long it has been descending [s].
+        period_s: Δt, the time since the step before [s].
+
+    Returns:
+        The phase s_t, the new τ_desc, and in words the line of the algorithm that decided.
     """
     if closed and not was_closed:
         return PhaseDecision(Phase.GRASP, descending_s, "gripper closed")
@@ -70,7 +86,7 @@ def infer_phase(
 
 
 class PhaseTracker:
-    """Algorithm 1 with its memory: s_{t-1}, g_{t-1} and τ_desc. Starts in REACH."""
+    """Algorithm 1 with its memory: s_{t-1}, g_{t-1} and τ_desc; `phase` is REACH at the start."""
 
     def __init__(self, parameters: PhaseParameters) -> None:
         self._parameters = parameters
@@ -81,10 +97,19 @@ class PhaseTracker:
     def step(
         self, *, speed: float, vertical_speed: float, closed: bool | None, period_s: float
     ) -> PhaseDecision:
-        """One control period; `closed` None (gripper state unknown) counts as unchanged.
+        """One control period.
 
-        The first step has no edge. A gripper unknown then is taken for open, so that the first
-        command to close it is the edge it is.
+        The first step has no gripper edge. A gripper of unknown state is taken for open then, so
+        that the first command to close it is an edge.
+
+        Args:
+            speed: v̄_t [m/s].
+            vertical_speed: v̄_{z,t}, positive upwards [m/s].
+            closed: g_t; None (not known) counts as unchanged.
+            period_s: Δt [s].
+
+        Returns:
+            The decision of `infer_phase`.
         """
         if self._closed is None:
             self._closed = bool(closed)
@@ -103,3 +128,88 @@ class PhaseTracker:
         self._descending_s = decision.descending_s
         self.phase = decision.phase
         return decision
+
+
+class SmoothedSpeed:
+    """v̄ = EMA(‖v‖) and v̄_z = EMA(v_z), with α = 1 - exp(-Δt/τ); the first sample initialises.
+
+    v is the difference of successive TCP positions over their receive times; rotation does not
+    count. A repeated report changes nothing.
+    """
+
+    def __init__(self, time_constant_s: float) -> None:
+        self._time_constant_s = time_constant_s
+        self._position: Vector | None = None
+        self._received_ns = 0
+        self._started = False
+        self.speed = 0.0
+        self.vertical_speed = 0.0
+
+    def update(self, position: Vector, received_ns: int) -> None:
+        """Take in the TCP `position` [m], shape (3,), of the report received at `received_ns`."""
+        if self._position is None:
+            self._position, self._received_ns = position, received_ns
+            return
+        interval_s = (received_ns - self._received_ns) / NS_PER_S
+        if interval_s < _MIN_INTERVAL_S:
+            return
+        velocity = (position - self._position) / interval_s
+        self._position, self._received_ns = position, received_ns
+        self._smooth(float(np.linalg.norm(velocity)), float(velocity[2]), interval_s)
+
+    def _smooth(self, speed: float, vertical_speed: float, interval_s: float) -> None:
+        if not self._started:
+            self.speed, self.vertical_speed, self._started = speed, vertical_speed, True
+            return
+        alpha = 1.0 - math.exp(-interval_s / self._time_constant_s)
+        self.speed += alpha * (speed - self.speed)
+        self.vertical_speed += alpha * (vertical_speed - self.vertical_speed)
+
+
+class PhaseInference:
+    """Algorithm 1 on an arm's reports: smooths the TCP's speed and keeps the phase."""
+
+    def __init__(self, config: PhasesConfig) -> None:
+        self._tracker = PhaseTracker(PhaseParameters.of(config))
+        self._smoothed = SmoothedSpeed(config.smoothing_ms / 1000)
+        self._last_ns: int | None = None
+
+    @property
+    def phase(self) -> Phase:
+        """s_t, the phase inferred last."""
+        return self._tracker.phase
+
+    @property
+    def speed(self) -> float:
+        """v̄_t [m/s]."""
+        return self._smoothed.speed
+
+    @property
+    def vertical_speed(self) -> float:
+        """v̄_{z,t} [m/s], positive upwards."""
+        return self._smoothed.vertical_speed
+
+    def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
+        """One control period.
+
+        Args:
+            now_ns: the time [ns]; Δt is counted from the step before.
+            arm: the newest report; None while there is none.
+
+        Returns:
+            The phase that has begun, None if it is the one before.
+        """
+        period_s = 0.0 if self._last_ns is None else (now_ns - self._last_ns) / NS_PER_S
+        self._last_ns = now_ns
+        if arm is not None:
+            self._smoothed.update(arm.tcp.position, arm.received_ns)
+        before = self._tracker.phase
+        decision = self._tracker.step(
+            speed=self._smoothed.speed,
+            vertical_speed=self._smoothed.vertical_speed,
+            closed=arm.gripper_closed if arm is not None else None,
+            period_s=period_s,
+        )
+        if decision.phase is before:
+            return None
+        return PhaseChange(now_ns, decision.phase, decision.reason)

@@ -8,7 +8,7 @@ from tams_app.records import Phase
 
 
 class WeightMatrix:
-    """W[p, v]; the configuration has checked that each row sums to 1."""
+    """W[p, v], phases by views; each row sums to 1 (equation 2), which the configuration checks."""
 
     def __init__(self, rows: Mapping[Phase, Mapping[str, float]]) -> None:
         self._rows = {phase: dict(row) for phase, row in rows.items()}

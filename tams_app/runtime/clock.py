@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-NS_PER_MS = 1_000_000
-NS_PER_S = 1_000_000_000
+from tams_app.units import NS_PER_MS as NS_PER_MS
+from tams_app.units import NS_PER_S as NS_PER_S
 
 
 class Clock(Protocol):

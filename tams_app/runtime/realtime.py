@@ -9,13 +9,13 @@
 | all other threads of the application | round robin 1 | see below |
 | the rig's world | FIFO 5 | simulated time must keep up with the wall's |
 | renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
-| quality | idle | it takes what nobody else wants |
+| quality | idle | it takes what is left over |
 
 The application's threads share the GIL: one that is pushed off its core while it holds the GIL
 holds up the control loop, whatever that one's priority. So none of them runs below real time.
 What can fill a core must not run above ordinary processes: where these starve, the kernel takes
 the cores from everything real-time for 50 ms of every second (sched_rt_runtime_us; since Linux 6.8
-the fair server), and whoever holds the GIL then stands still.
+the fair server), and the thread that holds the GIL then stands still.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From the configuration to the parts that need no thread: one small function each."""
+"""What a session checks and makes of its configuration before anything runs."""
 
 from __future__ import annotations
 
@@ -6,30 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm
 from hw.arms import arm_kind, check_limits
 from hw.boundary import session_boundary
-from hw.controller import Controller
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
-from tams_app.capacity import Capacity
-from tams_app.config import Config, Network
+from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
-from tams_app.policy.budget import Budget, OracleBudget, SenderBudget
-from tams_app.policy.engine import Policy
-from tams_app.policy.phases import PhaseParameters, PhaseTracker
-from tams_app.policy.tcp_speed import SmoothedSpeed
 from tams_app.records import Pose
-from tams_app.runtime.clock import NS_PER_MS, Clock
-from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.runtime.clock import Clock
 from tams_app.session.devices import Devices
-from tams_app.session.signals import Signals
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
 from tams_app.video.networks import resolve_network
-from tams_app.video.repair import RepairRule
 
 # of `Workspace.excess`, in its order
 _BOUNDS = (
@@ -85,7 +76,7 @@ def check_views(config: Config, dry_run: bool) -> None:
 def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
-    `arm_at_once`: nobody has to confirm the arming, the rig's operator does not either.
+    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none.
     """
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
@@ -105,16 +96,6 @@ def dry_run(arm: Arm, config: Config, clock: Clock) -> Arm:
     return DryRunArm(arm, config.arm, clock, session_boundary(config.arm, config.limits))
 
 
-def servo(config: Config) -> ServoMode:
-    """How the arm is moved."""
-    return ServoMode(config.arm.servo)
-
-
-def video_delay_ns(network: Network, rule: RepairRule) -> int:
-    """One-way latency plus jitter buffer: no frame is ever shown younger."""
-    return round((network.latency_ms + rule.latency_ms) * NS_PER_MS)
-
-
 def teleop(config: Config, delay_ns: int) -> Teleop:
     """Clutch to limits, for the arm with the configured tool; `delay_ns` of the frames."""
     kinematics = arm_kind(config.arm.model).kinematics(config.arm)
@@ -124,48 +105,6 @@ def teleop(config: Config, delay_ns: int) -> Teleop:
 def _ready_pose(config: Config) -> Pose:
     joints = np.radians(np.array(config.arm.ready_joints_deg))
     return arm_kind(config.arm.model).kinematics(config.arm).tcp_pose(joints)
-
-
-def phase_tracker(config: Config) -> PhaseTracker:
-    """Algorithm 1 with the configured thresholds."""
-    return PhaseTracker(PhaseParameters.of(config.policy.phases))
-
-
-def smoothed_speed(config: Config) -> SmoothedSpeed:
-    """v̄ and v̄_z of the measured TCP."""
-    return SmoothedSpeed(config.policy.phases.smoothing_ms / 1000)
-
-
-def control_loop(
-    config: Config,
-    clock: Clock,
-    controller: Controller,
-    arm: Arm,
-    delay_ns: int,
-    signals: Signals,
-    hooks: ControlHooks,
-) -> ControlLoop:
-    """From hand to arm and on to the phase; `delay_ns` of the frames."""
-    return ControlLoop(
-        clock,
-        config.control.rate_hz,
-        controller,
-        arm,
-        teleop(config, delay_ns),
-        phase_tracker(config),
-        smoothed_speed(config),
-        signals,
-        hooks,
-    )
-
-
-def policy(config: Config, capacity: Capacity) -> tuple[Policy, SenderBudget | None]:
-    """Strategy, budget and allocation; the sender's budget besides, if that is the one in use."""
-    settings = config.policy
-    strategy = make_strategy(config.strategy, settings)
-    sender = SenderBudget(settings.budget) if settings.budget.mode == "sender" else None
-    budget: Budget = sender or OracleBudget(capacity, settings.budget)
-    return Policy(strategy, budget, settings), sender
 
 
 def task_geometry() -> TaskGeometry:

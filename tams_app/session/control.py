@@ -1,43 +1,98 @@
-"""The control thread: 120 times a second from hand to arm, and from the arm to the phase."""
+"""The control loop: 120 times a second from hand to arm, and from the arm to the phase."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from hw.arm import Arm
 from hw.controller import Controller
-from tams_app.policy.phases import PhaseDecision, PhaseTracker
-from tams_app.policy.tcp_speed import SmoothedSpeed
-from tams_app.records import (
-    ArmState,
-    CommandLink,
-    ControllerSample,
-    Phase,
-    PhaseChange,
-    Tick,
-    Twist,
-)
-from tams_app.runtime.clock import NS_PER_S, Clock, FixedRate
-from tams_app.session.signals import Signals
-from tams_app.teleop.loop import Teleop
+from tams_app.config import Config
+from tams_app.policy.phases import PhaseInference
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Twist
+from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.session import build
+from tams_app.session.arm_gate import ArmGate
+from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopInput, TeleopOutput
-from tams_app.teleop.safety import Request
+from tams_app.teleop.safety import Reason, Request
+
+ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 
 
 @dataclass(frozen=True, slots=True)
-class ControlHooks:
-    """What the session wants to know of each tick; none of these may block."""
+class Pending:
+    """What has come in since the last tick, and the faults that stay until the session ends."""
 
-    beat: Callable[[int], None]  # the guard's heartbeat; what it brings is a signal of this tick
-    video_age_ns: Callable[[int, Phase], int | None]  # of the shown primary view
-    stop: Callable[[], None]  # the arm, now
-    request: Callable[[Request], None]  # enable the arm, clear its errors
-    arm_ready: Callable[[], bool]
-    phase_began: Callable[[PhaseChange], None]
-    record: Callable[[Tick], None]
-    output: Callable[[int, TeleopOutput, ArmState | None], None]
+    confirm: bool
+    estop: bool
+    faults: tuple[Reason, ...]
+
+
+class Signals:
+    """Confirmations, emergency stops and faults: set from any thread, taken once per tick.
+
+    Plain attributes on purpose: a signal handler must never wait for a lock.
+    """
+
+    def __init__(self) -> None:
+        self._confirm = False
+        self._estop = False
+        self._faults: dict[Reason, None] = {}
+        self._trips: dict[Reason, None] = {}
+
+    def confirm(self) -> None:
+        """The operator agrees: arm, or clear a fault."""
+        self._confirm = True
+
+    def estop(self) -> None:
+        """Emergency stop."""
+        self._estop = True
+
+    def fault(self, reason: Reason) -> None:
+        """Something the arm must not move without is gone, until the session ends."""
+        self._faults[reason] = None  # one operation: two threads never lose one of two faults
+
+    def trip(self, reason: Reason) -> None:
+        """Something that stopped the arm once; the operator may confirm it away."""
+        self._trips[reason] = None
+
+    def take(self) -> Pending:
+        """Everything pending; confirmations and stops are used up by this."""
+        trips = tuple(self._trips)
+        pending = Pending(self._confirm, self._estop, (*self._faults, *trips))
+        # only what was seen is used up: a stop that comes in between is taken by the next tick
+        if pending.confirm:
+            self._confirm = False
+        if pending.estop:
+            self._estop = False
+        for reason in trips:
+            del self._trips[reason]
+        return pending
+
+
+class ShownVideo(Protocol):
+    """What the control loop must know of the video."""
+
+    @property
+    def delay_ns(self) -> int:
+        """No frame is ever shown younger: one-way latency plus jitter buffer."""
+
+    def age_ns(self, view: str, now_ns: int) -> int | None:
+        """Age of the frame shown of `view`; None before the first, and where it is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyVideo:
+    """The video of a loop that has none: every frame is shown at the same age."""
+
+    delay_ns: int = 0
+
+    def age_ns(self, view: str, now_ns: int) -> int:
+        return self.delay_ns
 
 
 class ControlLoop:
@@ -45,79 +100,85 @@ class ControlLoop:
 
     def __init__(
         self,
+        config: Config,
         clock: Clock,
-        rate_hz: float,
         controller: Controller,
         arm: Arm,
-        teleop: Teleop,
-        tracker: PhaseTracker,
-        smoothed: SmoothedSpeed,
+        gate: ArmGate,
+        video: ShownVideo,
         signals: Signals,
-        hooks: ControlHooks,
+        listeners: Sequence[Listener] = (),
     ) -> None:
         self._clock = clock
-        self._rate_hz = rate_hz
+        self._rate_hz = config.control.rate_hz
         self._controller = controller
         self._arm = arm
-        self._teleop = teleop
-        self._tracker = tracker
-        self._smoothed = smoothed
+        self._gate = gate
+        self._video = video
         self._signals = signals
-        self._hooks = hooks
-        self._last_ns: int | None = None
+        self._listeners = tuple(listeners)
+        self._teleop = build.teleop(config, video.delay_ns)
+        self._phases = PhaseInference(config.policy.phases)
+        self._weights = WeightMatrix(config.policy.weights.matrix)
 
     def run(self, stop: threading.Event) -> None:
         rate = FixedRate(self._clock, self._rate_hz)
         while not stop.is_set():
             due_ns = rate.wait()
             if stop.is_set():
-                return  # whoever asked is about to stop the arm: that is no fault
+                return  # the session's end is about to stop the arm: that is no fault
             self.tick(due_ns, rate.skipped)
 
     def tick(self, due_ns: int, skipped: int = 0) -> TeleopOutput:
         """One control period, due at `due_ns`."""
         now_ns = self._clock.now_ns()
         # heard first: that the guard stopped the arm is the reason, what the arm reports follows
-        self._hooks.beat(now_ns)
+        for listener in self._listeners:
+            listener.before_tick(now_ns)
         sample = self._controller.sample(now_ns)
         arm, link = self._arm.state(), self._arm.link()
         output = self._teleop.step(self._input(now_ns, sample, arm, link))
         self._act(output)
-        phase = self._infer_phase(now_ns, arm).phase
-        self._hooks.output(now_ns, output, arm)
-        self._hooks.record(
-            Tick(
-                due_ns=due_ns,
-                started_ns=now_ns,
-                finished_ns=self._clock.now_ns(),
-                skipped=skipped,
-                arming=output.arming.value,
-                reason=describe(output),
-                deadman=output.deadman,
-                orientation_mode=output.orientation_mode,
-                phase=phase,
-                speed=self._smoothed.speed,
-                vertical_speed=self._smoothed.vertical_speed,
-                speed_scale=output.speed_scale,
-                twist=output.twist or Twist.zero(),
-                controller=sample,
-                arm=arm,
-                link=link,
-            )
+        change = self._phases.step(now_ns, arm)
+        if change is not None:
+            for listener in self._listeners:
+                listener.on_phase(change)
+        for listener in self._listeners:
+            listener.on_output(now_ns, output, arm)
+        tick = Tick(
+            due_ns=due_ns,
+            started_ns=now_ns,
+            finished_ns=self._clock.now_ns(),
+            skipped=skipped,
+            arming=output.arming.value,
+            reason=describe(output),
+            deadman=output.deadman,
+            orientation_mode=output.orientation_mode,
+            phase=self._phases.phase,
+            speed=self._phases.speed,
+            vertical_speed=self._phases.vertical_speed,
+            speed_scale=output.speed_scale,
+            twist=output.twist or Twist.zero(),
+            controller=sample,
+            arm=arm,
+            link=link,
         )
+        for listener in self._listeners:
+            listener.on_tick(tick)
         return output
 
     def _input(
         self, now_ns: int, sample: ControllerSample, arm: ArmState | None, link: CommandLink
     ) -> TeleopInput:
         pending = self._signals.take()
+        age_ns = self._video.age_ns(self._weights.primary_view(self._phases.phase), now_ns)
         return TeleopInput(
             now_ns=now_ns,
             sample=sample,
             arm=arm,
             link=link,
-            arm_ready=self._hooks.arm_ready(),
-            video_age_ns=self._hooks.video_age_ns(now_ns, self._tracker.phase),
+            arm_ready=self._gate.ready,
+            video_age_ns=ENDLESS_NS if age_ns is None else age_ns,
             confirm=pending.confirm,
             estop=pending.estop,
             faults=pending.faults,
@@ -125,7 +186,7 @@ class ControlLoop:
 
     def _act(self, output: TeleopOutput) -> None:
         if output.stop:  # ends every motion; a zero twist would only queue up behind it
-            self._hooks.stop()
+            self._gate.stop()
         elif output.twist is not None:
             self._arm.send_twist(output.twist)
         elif output.pose is not None:
@@ -135,23 +196,7 @@ class ControlLoop:
         if output.haptic is not None:
             self._controller.pulse(output.haptic)
         if output.request is not Request.NONE:
-            self._hooks.request(output.request)
-
-    def _infer_phase(self, now_ns: int, arm: ArmState | None) -> PhaseDecision:
-        period_s = 0.0 if self._last_ns is None else (now_ns - self._last_ns) / NS_PER_S
-        self._last_ns = now_ns
-        if arm is not None:
-            self._smoothed.update(arm.tcp.position, arm.received_ns)
-        before = self._tracker.phase
-        decision = self._tracker.step(
-            speed=self._smoothed.speed,
-            vertical_speed=self._smoothed.vertical_speed,
-            closed=arm.gripper_closed if arm is not None else None,
-            period_s=period_s,
-        )
-        if decision.phase is not before:
-            self._hooks.phase_began(PhaseChange(now_ns, decision.phase, decision.reason))
-        return decision
+            self._gate.request(output.request)
 
 
 def describe(output: TeleopOutput) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from hw.arm import Arm
@@ -11,6 +12,8 @@ from hw.controller import Controller
 from tams_app.config import ArmConfig
 from tams_app.records import SceneTruth
 from tams_app.runtime.process import HelperProcess
+from tams_app.session.arm_gate import ArmGate
+from tams_app.session.listener import Listener
 
 Note = Callable[[str, str], None]  # level and sentence, for the log and the console
 
@@ -46,3 +49,14 @@ class Devices(Protocol):
 
     def close(self) -> None:
         """Let go of everything; may be called after a failed start."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectedDevices:
+    """The devices that a session's engine works with, once they are there."""
+
+    arm: Arm
+    gate: ArmGate
+    controller: Controller
+    truth: Callable[[], SceneTruth | None] | None
+    guard: Listener | None = None  # in virtual time there is none: no control loop falls silent

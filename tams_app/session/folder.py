@@ -37,7 +37,7 @@ def save_config(config: Config, folder: Path) -> None:
 
 
 def furnish_session_folder(config: Config, folder: Path) -> None:
-    """Put the effective configuration into a folder that somebody else has made.
+    """Put the effective configuration into a folder that is there already.
 
     LogError if it cannot be written or the disk is nearly full.
     """

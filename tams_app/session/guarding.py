@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from hw.guard.link import GuardLink, guard_specification
 from tams_app.config import ArmConfig
+from tams_app.records import ArmState
 from tams_app.runtime.clock import NS_PER_MS
 from tams_app.runtime.process import HelperProcess
-from tams_app.session.signals import Signals
-from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.session.control import Signals
+from tams_app.session.devices import Note
+from tams_app.session.listener import Listener
+from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import Reason
 
 SILENCE_NS = 200 * NS_PER_MS  # without an answer the guard is gone
 
 
-class Guarding:
+class Guarding(Listener):
     """Starts the guard, beats it from the control loop, turns its silence and stops into faults."""
 
-    def __init__(
-        self,
-        arm: ArmConfig,
-        log_directory: Path,
-        signals: Signals,
-        note: Callable[[str, str], None],
-    ) -> None:
+    def __init__(self, arm: ArmConfig, log_directory: Path, signals: Signals, note: Note) -> None:
         specification = guard_specification(arm)
         self.process = HelperProcess("guard", "hw.guard.process", specification, log_directory)
         self._signals = signals
@@ -41,13 +38,10 @@ class Guarding:
         ready = self.process.wait_ready()
         self._link = GuardLink(int(ready["port"]), SILENCE_NS)
 
-    def follow(self, arming: ArmingState, stopping: bool) -> None:
-        """Arm and disarm the guard with the arm; `stopping`: the arm does not stand yet.
-
-        In the control thread.
-        """
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        """Arm and disarm the guard with the arm; it stays armed while the arm is being stopped."""
         link = self._link
-        wanted = arming.is_armed or (stopping and link is not None and link.armed)
+        wanted = output.arming.is_armed or (output.stop and link is not None and link.armed)
         if link is None or link.armed == wanted:
             return
         if wanted:
@@ -55,11 +49,8 @@ class Guarding:
         else:
             link.disarm()
 
-    def beat(self, now_ns: int) -> None:
-        """One heartbeat, and what the guard said becomes a fault of the tick that begins.
-
-        In the control thread, before it takes the signals; does not block.
-        """
+    def before_tick(self, now_ns: int) -> None:
+        """One heartbeat, and what the guard said becomes a fault of the tick that begins."""
         link = self._link
         if link is None:
             return

@@ -1,38 +1,45 @@
-"""The policy thread: 20 Hz, and at once when a phase begins."""
+"""The policy loop: new targets 20 times a second, and at once when a phase begins."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Sequence
 
+from tams_app.config import Config
 from tams_app.policy.engine import Policy
-from tams_app.records import Allocation, Phase
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.records import Phase, PhaseChange
+from tams_app.runtime.clock import Clock
+from tams_app.session.listener import Listener
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.video import Video
+from tams_app.units import NS_PER_S
 
 
-class PolicyLoop:
-    """Turns the newest phase into bitrate targets; the body of a Worker."""
+class PolicyLoop(Listener):
+    """Owner of the policy: turns the newest phase into targets of `video`; the body of a Worker."""
 
     def __init__(
         self,
+        config: Config,
         clock: Clock,
-        rate_hz: float,
-        policy: Policy,
-        before_step: Callable[[int], None],
-        apply: Callable[[Allocation], None],
+        video: Video,
+        log: SessionRecords,
+        listeners: Sequence[Listener] = (),
     ) -> None:
-        self._clock = clock
-        self._period_ns = round(NS_PER_S / rate_hz)
+        """`listeners` hear of each allocation once the encoders have it."""
+        self._policy = Policy.of(config, video.capacity)
+        self._period_ns = round(NS_PER_S / config.policy.rate_hz)
         self.due_ns = clock.now_ns()  # of the next step, unless a phase begins before
-        self._policy = policy
-        self._before_step = before_step
-        self._apply = apply
+        self._clock = clock
+        self._video = video
+        self._log = log
+        self._listeners = tuple(listeners)
         self._phase = Phase.REACH
         self._woken = threading.Event()
 
-    def enter(self, phase: Phase) -> None:
-        """A phase began: step at once. Called by the control thread; does not block."""
-        self._phase = phase
+    def on_phase(self, change: PhaseChange) -> None:
+        """Step at once for the phase that begins."""
+        self._phase = change.phase
         self._woken.set()
 
     def run(self, stop: threading.Event) -> None:
@@ -50,5 +57,8 @@ class PolicyLoop:
         if now_ns < self.due_ns:
             return
         self.due_ns = max(self.due_ns + self._period_ns, now_ns)
-        self._before_step(now_ns)
-        self._apply(self._policy.step(now_ns, self._phase))
+        self._log.capacity(now_ns, self._video.capacity)
+        allocation = self._policy.step(now_ns, self._phase, self._video.wire_bytes())
+        self._video.set_targets(allocation.target_kbps)
+        for listener in self._listeners:
+            listener.on_allocation(allocation)

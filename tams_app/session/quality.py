@@ -1,4 +1,4 @@
-"""How good the frames are while a session runs: measured beside it, never in its way."""
+"""The frames' quality while a session runs: measured beside it, without holding it up."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ class LiveQuality:
         process = self._client.process
         return process.pid if process is not None and self._started else None
 
-    def push_capture(self, frame: Frame) -> None:
+    def captured(self, frame: Frame) -> None:
         """Hand over a captured frame before it is sent; each view from one thread."""
         self._client.push_capture(frame)
 
-    def push_shown(self, shown: ShownFrame) -> None:
+    def shown(self, shown: ShownFrame) -> None:
         """Hand over a frame that reached the screen; each view from one thread."""
         self._client.push_shown(shown)
 
@@ -76,7 +76,7 @@ class LiveQuality:
         return sum(scores) / len(scores) if scores else None
 
     def close(self) -> None:
-        """Take the last results, when nobody pushes any more."""
+        """Take the last results, once no more frames are pushed."""
         try:
             self._client.close()
         except (TamsError, OSError) as failure:

@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
+
+import psutil
 
 from tams_app import __version__
 from tams_app.capacity import Capacity
 from tams_app.config import Config
 from tams_app.recording import Facts, Header, Recorder, ReferenceRecorder
 from tams_app.recording.topics import Recordable
-from tams_app.records import Frame, LinkCapacity, PacketRecord, PhaseChange
+from tams_app.records import (
+    Allocation,
+    Frame,
+    LinkCapacity,
+    Note,
+    PacketRecord,
+    PhaseChange,
+    SystemSample,
+    Tick,
+)
 from tams_app.runtime.clock import Clock
+from tams_app.session.listener import Listener
 
 LOG_NAME = "session.mcap"
 REFERENCE_NAME = "reference.mcap"
+LOAD_INTERVAL_S = 1.0
 
 
 class Log(Protocol):
@@ -30,13 +44,21 @@ class Log(Protocol):
         """Keep several records."""
 
 
-class SessionRecords:
+class SessionRecords(Listener):
     """What a session tells its log: live (`Recorders`) and in virtual time."""
 
-    def __init__(self, clock: Clock, log: Log, reference: ReferenceRecorder | None = None) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        log: Log,
+        reference: ReferenceRecorder | None = None,
+        show: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        """`show` gets the text of each note, too."""
         self._clock = clock
         self._log = log
         self._reference = reference
+        self._show = show
         self._last_capacity_kbps: float | None = None
         self._capacity_ns = clock.now_ns()
 
@@ -54,9 +76,19 @@ class SessionRecords:
         if self._reference is not None:
             self._reference.record(frame)
 
-    def phase(self, change: PhaseChange) -> None:
-        """Keep the beginning of a phase."""
+    def on_phase(self, change: PhaseChange) -> None:
         self._log.record(change)
+
+    def on_tick(self, tick: Tick) -> None:
+        self._log.record(tick)
+
+    def on_allocation(self, allocation: Allocation) -> None:
+        self._log.record(allocation)
+
+    def note(self, level: str, text: str) -> None:
+        """Keep a sentence for people; `level` is info, warning or error."""
+        self._show(text)
+        self._log.record(Note(self._clock.now_ns(), level, text))
 
     def fact(self, name: str, value: str) -> None:
         """Keep something that was learned after the start."""
@@ -80,6 +112,7 @@ class Recorders(SessionRecords):
         clock: Clock,
         folder: Path,
         on_failure: Callable[[str, BaseException], None],
+        show: Callable[[str], None] = lambda _text: None,
     ) -> None:
         started_ns = clock.now_ns()
         wall_offset_ns = time.time_ns() - started_ns
@@ -97,7 +130,7 @@ class Recorders(SessionRecords):
                 reference.start()
             log.start()
             self._stack = stack.pop_all()
-        super().__init__(clock, log, reference)
+        super().__init__(clock, log, reference, show)
 
     def close(self) -> None:
         """Write what is queued and finish the files."""
@@ -122,3 +155,37 @@ def session_header(config: Config, started_ns: int, wall_offset_ns: int) -> Head
         wall_offset_ns=wall_offset_ns,
         config=config.model_dump(mode="json"),
     )
+
+
+class LoadMonitor:
+    """Samples the load of the application and its helpers once a second; the body of a Worker."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        helpers: Mapping[str, int],
+        record: Callable[[SystemSample], None],
+    ) -> None:
+        self._clock = clock
+        self._app = psutil.Process()
+        self._helpers = {name: psutil.Process(pid) for name, pid in helpers.items()}
+        self._record = record
+
+    def run(self, stop: threading.Event) -> None:
+        self.sample()  # the first figures of cpu_percent are meaningless
+        while not stop.wait(LOAD_INTERVAL_S):
+            self._record(self.sample())
+
+    def sample(self) -> SystemSample:
+        """Percent of one core since the last call, and resident memory now."""
+        helper_cpu: dict[str, float] = {}
+        rss = self._app.memory_info().rss
+        for name, process in self._helpers.items():
+            try:
+                helper_cpu[name] = process.cpu_percent()
+                rss += process.memory_info().rss
+            except psutil.NoSuchProcess:
+                helper_cpu[name] = 0.0  # it died; the session's watch deals with that
+        return SystemSample(
+            self._clock.now_ns(), self._app.cpu_percent(), helper_cpu, rss / 1_000_000
+        )

@@ -1,4 +1,4 @@
-"""One session: every part built from the configuration, started, watched and stopped in order."""
+"""The live session: threads and helper processes around the engine, and their order."""
 
 from __future__ import annotations
 
@@ -6,45 +6,37 @@ import gc
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
-from hw.arm import Arm
+from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.records import (
-    Activity,
-    Note,
-    Phase,
-    PhaseChange,
-    SceneTruth,
-    ShownFrame,
-    Tick,
-)
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import Activity, PacketRecord, ShownFrame
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.worker import Worker
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.control import Signals
+from tams_app.session.devices import ConnectedDevices
+from tams_app.session.engine import Engine
 from tams_app.session.guarding import Guarding
-from tams_app.session.load import LoadMonitor
-from tams_app.session.observer import TickObserver
-from tams_app.session.recorders import Recorders
-from tams_app.session.signals import Signals
+from tams_app.session.quality import LiveQuality
+from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
-from tams_app.session.stops import StopWatch
-from tams_app.session.streaming import Streaming
-from tams_app.session.trial_loop import TrialLoop
-from tams_app.study.trial import Trial, TrialJudge, UnjudgedTrial
+from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import Reason
+from tams_app.video.networks import resolve_network
 
-STOP_PATIENCE_NS = 300 * NS_PER_MS
+STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
 LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
-CONTROL_PATIENCE_S = 0.1
-SUPERVISOR_PATIENCE_S = 10.0  # enabling the arm may be under way
+CONTROL_TIMEOUT_S = 0.1
+SUPERVISOR_TIMEOUT_S = 10.0  # enabling the arm may be under way
 
 
 class Session:
@@ -71,7 +63,7 @@ class Session:
         self._requested_end = ""
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
-        self._trial: Trial = UnjudgedTrial()
+        self._weights = WeightMatrix(config.policy.weights.matrix)
         self._started_ns = clock.now_ns()
         self._arm: Arm | None = None
         self._gate: ArmGate | None = None
@@ -95,42 +87,62 @@ class Session:
             self._stack.callback(use_ordinary)
         helper_logs = self.folder / "helpers"
         helper_logs.mkdir()
-        self._recorders = Recorders(config, clock, self.folder, self._on_worker_failure)
-        self._stack.callback(self._recorders.close)
-        self._record = self._recorders.record
+        failed = self._on_worker_failure
+        self._log = Recorders(config, clock, self.folder, failed, self.board.note)
+        self._stack.callback(self._log.close)
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
         self._stack.callback(self._devices.close)
         self._devices.start()
-        self._streaming = Streaming(
-            config, clock, self._recorders, self.board, self._on_worker_failure, self.note
-        )
-        self._stack.callback(self._streaming.close)
-        self._streaming.start(helper_logs)
+        self._start_video(helper_logs)
+        cameras = self._stack.enter_context(ExitStack())  # closed after arm and controller
         self._go_on()
         self._devices.wait_ready()
         self._helpers.update(self._devices.helpers)
         self._go_on()
-        arm, gate = self._start_arm(helper_logs)
+        connected = self._connect_devices(helper_logs)
         self._go_on()
-        self._start_workers(arm, gate)
+        self._engine = Engine(
+            config,
+            clock,
+            connected,
+            self._video,
+            self._log,
+            self.signals,
+            lambda: self.end("the trial is over"),
+            (self.board,),
+            self._arm_at_once,
+        )
+        self._stack.callback(self._engine.stops.finish)
+        self._start_workers(connected, cameras)
         gc.collect()
         gc.freeze()  # what lives as long as the session need not be looked at again
         self._stack.callback(gc.unfreeze)
-        control = self._build_control(arm, gate)
         self._go_on()
-        self._control = self._run("control", lambda stop: self._control_thread(control, stop))
+        self._control = self._run("control", self._control_thread)
 
     def _go_on(self) -> None:
         """Between two stages of the start: TamsError if a part failed or we were told to end."""
         if self.failure or self._requested_end:
             raise TamsError(self.failure or f"{self._requested_end} before it had started")
 
-    def _start_arm(self, helper_logs: Path) -> tuple[Arm, ArmGate]:
-        self._guarding = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
-        self._stack.callback(self._guarding.close)
-        self._guarding.start()
+    def _start_video(self, helper_logs: Path) -> None:
+        config, log = self.config, self._log
+        self._quality = LiveQuality(config.video, helper_logs, log.record, self.note)
+        self._stack.callback(self._quality.close)
+        self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
+        network, failed = resolve_network(config, config.network), self._on_worker_failure
+        self._video = Uplink(
+            config, network, self._clock, log, self._quality, helper_logs, self._on_packets, failed
+        )
+        self._stack.callback(self._video.close)
+        self._video.start()
+
+    def _connect_devices(self, helper_logs: Path) -> ConnectedDevices:
+        guard = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
+        self._stack.callback(guard.close)
+        guard.start()
         arm = self._devices.make_arm()
         if self._dry_run:
             arm = build.dry_run(arm, self.config, self._clock)
@@ -139,15 +151,15 @@ class Session:
         arm.connect()
         self._hurry(arm.realtime_thread_ids)
         boundary = session_boundary(self.config.arm, self.config.limits)
-        gate = ArmGate(arm, build.servo(self.config), boundary, self.note)
+        gate = ArmGate(arm, ServoMode(self.config.arm.servo), boundary, self.note)
         self._arm, self._gate = arm, gate
-        self._guarding.wait_ready()
-        self._helpers["guard"] = self._guarding.process
-        self._controller = self._devices.make_controller(self.note)
-        self._stack.callback(self._controller.close)
-        self._controller.start()
-        self._hurry(self._controller.realtime_thread_ids)
-        return arm, gate
+        guard.wait_ready()
+        self._helpers["guard"] = guard.process
+        controller = self._devices.make_controller(self.note)
+        self._stack.callback(controller.close)
+        controller.start()
+        self._hurry(controller.realtime_thread_ids)
+        return ConnectedDevices(arm, gate, controller, self._devices.truth, guard)
 
     def _hurry(self, thread_ids: Mapping[str, int]) -> None:
         """Real-time priority, just below the control loop's, for what it waits for."""
@@ -155,81 +167,46 @@ class Session:
             for thread_id in thread_ids.values():
                 use_fifo(priority - 1, thread_id)
 
-    def _start_workers(self, arm: Arm, gate: ArmGate) -> None:
-        self._stops = StopWatch(self._record)
-        self._stack.callback(self._stops.finish)
-        self._run("arm-supervisor", gate.run, SUPERVISOR_PATIENCE_S)
-        self._streaming.run(self._devices.make_cameras(self.note), self._run)
-        self._run("load", LoadMonitor(self._clock, self._helper_pids(), self._record).run)
-        if self._devices.truth is not None:
-            self._run("trial", self._build_trial(arm, self._devices.truth).run)
+    def _start_workers(self, connected: ConnectedDevices, cameras: ExitStack) -> None:
+        engine = self._engine
+        self._run("arm-supervisor", connected.gate.run, SUPERVISOR_TIMEOUT_S)
+        self._run("policy", engine.policy.run)
+        for camera in self._devices.make_cameras(self.note):
+            camera.start()
+            cameras.callback(camera.close)
+            self._run(f"capture-{camera.view}", Capture(camera, self._video.push).run)
+        self._run("load", LoadMonitor(self._clock, self._helper_pids(), self._log.record).run)
+        if connected.truth is not None:
+            self._run("trial", engine.trial.run)
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
-        pids.update(self._streaming.helper_pids)
+        pids.update(relay=self._video.relay_pid, quality=self._quality.pid)
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def _build_control(self, arm: Arm, gate: ArmGate) -> ControlLoop:
-        config = self.config
-        observer = TickObserver(
-            self._guarding,
-            self._trial,
-            self._stops,
-            self.board,
-            self.signals,
-            self.note,
-            self._arm_at_once,
-        )
-        hooks = ControlHooks(
-            beat=self._guarding.beat,
-            video_age_ns=self._streaming.primary_age_ns,
-            stop=gate.stop,
-            request=gate.request,
-            arm_ready=lambda: gate.ready,
-            phase_began=self._on_phase,
-            record=self._keep_tick,
-            output=observer.observe,
-        )
-        delay_ns = self._streaming.video_delay_ns
-        return build.control_loop(
-            config, self._clock, self._controller, arm, delay_ns, self.signals, hooks
-        )
-
-    def _build_trial(self, arm: Arm, truth: Callable[[], SceneTruth | None]) -> TrialLoop:
-        self._trial = judge = TrialJudge(self.config.trial, build.task_geometry())
-        return TrialLoop(
-            self._clock,
-            judge,
-            truth,
-            lambda: state.gripper_closed if (state := arm.state()) else None,
-            self._record,
-            ended=lambda: self.end("the trial is over"),
-        )
-
     def _run(
-        self, name: str, body: Callable[[threading.Event], None], patience_s: float = 2.0
+        self, name: str, body: Callable[[threading.Event], None], timeout_s: float = 2.0
     ) -> Worker:
         worker = Worker(name, body, self._on_worker_failure)
-        self._stack.callback(worker.stop, patience_s)
+        self._stack.callback(worker.stop, timeout_s)
         worker.start()
         return worker
 
-    def _control_thread(self, control: ControlLoop, stop: threading.Event) -> None:
+    def _control_thread(self, stop: threading.Event) -> None:
         scheduler = use_fifo(self.config.control.realtime_priority)
-        self._recorders.fact("scheduler", scheduler.split(":")[0])
         if scheduler != "fifo":
             self.note("warning", f"control runs without real-time priority, {scheduler}")
-        self._recorders.phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
-        control.run(stop)
+        self._engine.begin(scheduler.split(":")[0])
+        self._engine.control.run(stop)
 
     # --- while it runs --------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Look after what nobody else does: helpers, pipelines, the clock. From the main thread."""
+        """Look after helper processes, streams and the time limit. From the main thread."""
         for name, process in self._helpers.items():
             if process.exit_code is not None:
                 self.fail(f"the helper process {name} ended unasked; see {self.folder}/helpers")
-        if failure := self._streaming.poll():
+        if failure := self._video.poll():
             self.fail(failure)
         if self._requested_end:
             self.end(self._requested_end)
@@ -263,16 +240,19 @@ class Session:
 
     def note(self, level: str, text: str) -> None:
         """Keep a sentence in the log and show it."""
-        self.board.note(text)
-        self._record(Note(self._clock.now_ns(), level, text))
+        self._log.note(level, text)
 
     def shown(self, view: str) -> ShownFrame | None:
         """The newest frame of `view`, for a window."""
-        return self._streaming.shown(view)
+        return self._video.shown(view)
 
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
-        return self._streaming.snapshot(self._clock.now_ns(), self.elapsed_s())
+        now_ns, video = self._clock.now_ns(), self._video
+        snapshot = self.board.snapshot(now_ns, self.elapsed_s(), video, video.capacity)
+        primary = self._weights.primary_view(self.board.phase)
+        live_ssim = self._quality.recent_live(primary, now_ns)
+        return replace(snapshot, primary_view=primary, live_ssim=live_ssim)
 
     def stop_arm(self) -> None:
         """Stop the arm: the first thing when a session ends; may be called twice.
@@ -287,7 +267,7 @@ class Session:
             if self.failure:
                 self._await_stop(arm, control)  # so that the log shows how the arm stopped
             control.request_stop()
-            control.join(CONTROL_PATIENCE_S)
+            control.join(CONTROL_TIMEOUT_S)
         gate.stop()
 
     def close(self) -> None:
@@ -297,7 +277,7 @@ class Session:
         """
         try:
             self.stop_arm()
-            self._record(self._trial.outcome(self._end_reason))
+            self._log.record(self._engine.trial.outcome(self._end_reason))
         finally:
             self._unwind()
 
@@ -309,7 +289,7 @@ class Session:
 
     def _await_stop(self, arm: Arm, control: Worker) -> None:
         """Wait, but not for long, until the log has the arm's report that it has stopped."""
-        deadline_ns = self._clock.now_ns() + STOP_PATIENCE_NS
+        deadline_ns = self._clock.now_ns() + STOP_TIMEOUT_NS
         while control.alive and self._clock.now_ns() < deadline_ns:
             state = arm.state()
             if state is not None and state.activity is Activity.STOPPED:
@@ -322,11 +302,6 @@ class Session:
         sentence = str(failure) if isinstance(failure, TamsError) else f"{name}: {failure!r}"
         self.fail(sentence)
 
-    def _keep_tick(self, tick: Tick) -> None:
-        self.board.buttons(tick.controller)
-        self._record(tick)
-
-    def _on_phase(self, change: PhaseChange) -> None:
-        self._recorders.phase(change)
-        self.board.phase = change.phase
-        self._streaming.enter(change.phase)
+    def _on_packets(self, packets: list[PacketRecord]) -> None:
+        self.board.packets(packets)
+        self._log.packets(packets)

@@ -1,4 +1,4 @@
-"""What people look at while a session runs, collected from the threads that know it."""
+"""What the console shows of a running session, collected from the threads that know it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from tams_app.records import (
     PacketKind,
     PacketRecord,
     Phase,
+    PhaseChange,
+    Tick,
     Vector,
 )
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
-from tams_app.session.control import describe
-from tams_app.session.uplink import Uplink
+from tams_app.session.control import ShownVideo, describe
+from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 
@@ -57,12 +59,12 @@ class StatusSnapshot:
     live_ssim: float | None = None  # of the primary view, over its last scored frames
 
 
-class StatusBoard:
+class StatusBoard(Listener):
     """Written by control, policy and relay threads, read by the console."""
 
     def __init__(self, views: tuple[str, ...]) -> None:
         self.phase = Phase.REACH
-        self.allocation: Allocation | None = None
+        self._allocation: Allocation | None = None
         self._views = views
         self._output: TeleopOutput | None = None
         self._arm: ArmState | None = None
@@ -72,15 +74,19 @@ class StatusBoard:
         self._packets: deque[PacketRecord] = deque()
         self._notes: deque[str] = deque(maxlen=50)
 
-    def tick(self, output: TeleopOutput, arm: ArmState | None) -> None:
-        """The newest tick of the control loop."""
+    def on_phase(self, change: PhaseChange) -> None:
+        self.phase = change.phase
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self._output, self._arm = output, arm
         if output.reason is not None and output.arming is not ArmingState.DISARMED:
             self._reason = describe(output)
 
-    def buttons(self, sample: ControllerSample) -> None:
-        """The newest reading of the controller."""
-        self._sample = sample
+    def on_tick(self, tick: Tick) -> None:
+        self._sample = tick.controller
+
+    def on_allocation(self, allocation: Allocation) -> None:
+        self._allocation = allocation
 
     def packets(self, packets: list[PacketRecord]) -> None:
         """Newly decided packet fates; those older than the window are forgotten."""
@@ -102,7 +108,7 @@ class StatusBoard:
         return notes
 
     def snapshot(
-        self, now_ns: int, elapsed_s: float, uplink: Uplink, capacity: Capacity
+        self, now_ns: int, elapsed_s: float, video: ShownVideo, capacity: Capacity
     ) -> StatusSnapshot:
         """Everything at this moment."""
         with self._lock:
@@ -112,8 +118,8 @@ class StatusBoard:
             if packet.kind is not PacketKind.RTCP:
                 bits[packet.view] += packet.size_bytes * 8
         per_kbps = 1000 * WINDOW_NS / NS_PER_S
-        targets = self.allocation.target_kbps if self.allocation else {}
-        ages = {view: uplink.age_ns(view, now_ns) for view in self._views}
+        targets = self._allocation.target_kbps if self._allocation else {}
+        ages = {view: video.age_ns(view, now_ns) for view in self._views}
         output, arm = self._output, self._arm
         return StatusSnapshot(
             t_s=elapsed_s,

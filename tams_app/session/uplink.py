@@ -1,85 +1,69 @@
-"""The three video streams over the link: senders, relay, receivers."""
+"""The live video: one sender and one receiver per view, and the relay process between them."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
+from hw.camera import Camera
 from tams_app.config import Config, Network
-from tams_app.records import (
-    DroppedFrame,
-    EncodedFrame,
-    Frame,
-    PacketRecord,
-    Phase,
-    ShownFrame,
-)
+from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
-from tams_app.session.captures import CaptureTimes
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.video import Quality, Video
 from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.relay_client import RelayClient
-from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.sender import VideoSender
 
-
-@dataclass(frozen=True, slots=True)
-class UplinkRecords:
-    """Where the uplink's events go; called from several threads, must not block."""
-
-    encoded: Callable[[EncodedFrame], None]
-    dropped: Callable[[DroppedFrame], None]
-    shown: Callable[[ShownFrame], None]
-    packets: Callable[[list[PacketRecord]], None]
-    failed: Callable[[str, BaseException], None]
+_CAMERA_TIMEOUT_S = 0.2
 
 
-class Uplink:
-    """All views of one session, from pushed frame to mailbox."""
+class Uplink(Video):
+    """The streams of all views over the emulated link; its callbacks come from several threads."""
 
     def __init__(
         self,
         config: Config,
         network: Network,
-        epoch_ns: int,
         clock: Clock,
-        records: UplinkRecords,
+        log: SessionRecords,
+        quality: Quality,
         logs: Path,
+        on_packets: Callable[[list[PacketRecord]], None],
+        on_failure: Callable[[str, BaseException], None],
+        epoch_ns: int | None = None,
     ) -> None:
-        """A capacity trace of `network` begins at `epoch_ns`."""
+        """A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process."""
+        self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
+        super().__init__(config, network, self._epoch_ns, log, quality)
         self._config = config
         self._network = network
-        self._epoch_ns = epoch_ns
         self._clock = clock
-        self._records = records
-        video = config.video
-        self.rule: RepairRule = repair_rule(network, video.pli_min_interval_ms, video.repair)
-        self.times = {view: CaptureTimes() for view in config.video.views}
+        self._logs = logs
+        self._on_packets = on_packets
+        self._on_failure = on_failure
         self.receivers: dict[str, VideoReceiver] = {}
         self._senders: dict[str, VideoSender] = {}
         self._relay: RelayClient | None = None
-        self._logs = logs
 
-    def start(self, start_kbps: dict[str, int]) -> None:
+    def start(self) -> None:
         """Bind the ends, start the relay between them, let the streams run."""
         config, exits = self._config, {}
         for view in config.video.views:
-            receiver = VideoReceiver(
-                view, config.video, self.rule, self._clock, self._records.shown
-            )
+            receiver = VideoReceiver(view, config.video, self._rule, self._clock, self._on_shown)
             self.receivers[view] = receiver
             sender = VideoSender(
                 view,
                 config.video,
-                self.rule.rtx,
+                self._rule.rtx,
                 self._clock,
-                start_kbps[view],
+                self._start_kbps[view],
                 config.policy.allocation.source_drop_below_kbps,
-                self._records.encoded,
-                self._records.dropped,
+                self._log.record,
+                self._log.record,
             )
             self._senders[view] = sender
             exits[view] = ViewPorts(
@@ -93,8 +77,8 @@ class Uplink:
             exits,
             seed=config.seed,
             log_directory=self._logs,
-            on_packets=self._records.packets,
-            on_failure=self._records.failed,
+            on_packets=self._on_packets,
+            on_failure=self._on_failure,
             epoch_ns=self._epoch_ns,
         )
         entrances = self._relay.start()
@@ -107,31 +91,22 @@ class Uplink:
         """The relay's process id; None before the start."""
         return self._relay.pid if self._relay else None
 
-    def push(self, frame: Frame) -> None:
-        """Send a captured frame."""
-        self._senders[frame.view].push(frame)
+    def shown(self, view: str) -> ShownFrame | None:
+        return self.receivers[view].mailbox.latest()
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
-        """The wire rate each view is to meet from now on."""
         for view, kbps in target_kbps.items():
             self._senders[view].set_target_kbps(kbps)
 
     def wire_bytes(self) -> int:
-        """IP datagram bytes sent so far, all views together."""
         return sum(sender.stats().wire_bytes for sender in self._senders.values())
 
-    def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the frame shown of `view`; None before the first, and if nobody knows."""
-        return self.times[view].age_ns(self.receivers[view].mailbox.latest(), now_ns)
-
     def poll(self) -> str:
-        """The first failure of any stream in one sentence, "" while all work."""
         failures = [sender.poll() for sender in self._senders.values()]
         failures += [receiver.poll() for receiver in self.receivers.values()]
         return next(filter(None, failures), "")
 
     def close(self) -> None:
-        """Stop everything that was started."""
         with ExitStack() as stack:  # one that fails keeps none of the others open
             if self._relay is not None:
                 stack.callback(self._relay.close)
@@ -140,20 +115,19 @@ class Uplink:
             for sender in self._senders.values():
                 stack.callback(sender.close)
 
-
-class VideoAges(Protocol):
-    """Knows how old the shown frames are."""
-
-    def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the frame shown of `view`; None before the first, and if nobody knows."""
+    def _send(self, frame: Frame) -> None:
+        self._senders[frame.view].push(frame)
 
 
-def primary_age_ns(ages: VideoAges, primary: Callable[[Phase], str]) -> Callable[[int, Phase], int]:
-    """Age of the shown primary view of a phase; endless before the first frame."""
-    endless_ns = 1 << 62
+class Capture:
+    """Hands the frames of one camera on; the body of a Worker."""
 
-    def age_ns(now_ns: int, phase: Phase) -> int:
-        age = ages.age_ns(primary(phase), now_ns)
-        return endless_ns if age is None else age
+    def __init__(self, camera: Camera, consume: Callable[[Frame], None]) -> None:
+        self._camera = camera
+        self._consume = consume
 
-    return age_ns
+    def run(self, stop: threading.Event) -> None:
+        while not stop.is_set():
+            frame = self._camera.next_frame(_CAMERA_TIMEOUT_S)
+            if frame is not None:  # a frozen camera shows as stale video
+                self._consume(frame)

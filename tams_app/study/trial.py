@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -24,26 +23,6 @@ class TaskGeometry:
     container_inner: float
     container_height: float
     block_rest_height: float  # of the block's centre on the table
-
-
-class Trial(Protocol):
-    """What a session tells a trial, and asks of it at the end."""
-
-    def engaged(self, now_ns: int) -> None:
-        """The operator holds the deadman and the arm follows; the first time starts the clock."""
-
-    def outcome(self, reason: str = "") -> Outcome:
-        """The verdict; `reason` says why the session ended."""
-
-
-class UnjudgedTrial:
-    """A trial that no simulator knows: what became of it only a person can say."""
-
-    def engaged(self, now_ns: int) -> None:
-        """Nobody asks for the time."""
-
-    def outcome(self, reason: str = "") -> Outcome:
-        return Outcome(None, None, None, None, reason)
 
 
 class TrialJudge:

@@ -13,7 +13,7 @@ from rich.console import Console
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
 from tams_app.console.terminal import TerminalKeys
-from tams_app.session.signals import Signals
+from tams_app.session.control import Signals
 from tams_app.session.status import StatusBoard
 
 pytestmark = pytest.mark.waiting

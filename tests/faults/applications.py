@@ -26,8 +26,7 @@ from tams_app.config import DEFAULT_CONFIG, Config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.control import ControlLoop
-from tams_app.session.signals import Signals
+from tams_app.session.control import ControlLoop, Signals
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 

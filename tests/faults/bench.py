@@ -19,17 +19,15 @@ from hw.arm import Arm, ServoMode
 from hw.boundary import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config, load_config
-from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
 from tams_app.runtime.clock import NS_PER_S, Clock
-from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.control import ControlLoop, Signals
+from tams_app.session.listener import Listener
+from tams_app.session.observers import StopWatch
 from tams_app.session.recorders import LOG_NAME, Recorders
-from tams_app.session.signals import Signals
-from tams_app.session.stops import StopWatch
-from tams_app.session.uplink import primary_age_ns
+from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.safety import Request as ArmRequest
@@ -59,7 +57,7 @@ class Pace:
     standing_ticks: int  # for which an arm that stands is looked at
 
 
-class Bench(ABC):
+class Bench(Listener, ABC):
     """Hand, arm, frames and signals at the test's disposal; `tick` and `run` move time."""
 
     pace: Pace
@@ -103,31 +101,11 @@ class Bench(ABC):
             self.cleaning.callback(self._recorders.close)
         self._stop_watch = StopWatch(self._keep_stop)
         self._kinematics = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
-        self.loop = self._control_loop(sight or self.frames)
-        self.cleaning.callback(arm.close)
-
-    def _control_loop(self, sight: Sight) -> ControlLoop:
-        config = self.config
+        self._sight = sight or self.frames
         network = config.networks[NETWORK]
-        weights = WeightMatrix(config.policy.weights.matrix)
-        return build.control_loop(
-            config,
-            self.clock,
-            self.hand,
-            self.arm,
-            build.video_delay_ns(network, repair_rule(network, 300.0)),
-            self.signals,
-            ControlHooks(
-                beat=self._beat,
-                video_age_ns=primary_age_ns(sight, weights.primary_view),
-                stop=self._stop,
-                request=self._ask,
-                arm_ready=lambda: self.gate.ready,
-                phase_began=self._keep,
-                record=self._keep_tick,
-                output=self._observe,
-            ),
-        )
+        self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
+        self.loop = ControlLoop(config, clock, self.hand, arm, self, self, self.signals, (self,))
+        self.cleaning.callback(arm.close)
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -260,21 +238,31 @@ class Bench(ABC):
     def until_seen(self, sign: Callable[[ArmState], bool]) -> None:
         """Let time pass, without a tick, until the arm's state shows `sign`."""
 
-    # --- hooks of the control loop --------------------------------------------------------------
+    # --- what the control loop asks and tells ---------------------------------------------------
 
-    @abstractmethod
-    def _ask(self, request: ArmRequest) -> None: ...
+    @property
+    def ready(self) -> bool:
+        return self.gate.ready
 
-    def _stop(self) -> None:
+    def stop(self) -> None:
         self.gate.stop()
 
-    def _beat(self, now_ns: int) -> None:
+    @abstractmethod
+    def request(self, request: ArmRequest) -> None: ...
+
+    def age_ns(self, view: str, now_ns: int) -> int | None:
+        return self._sight.age_ns(view, now_ns)
+
+    def before_tick(self, now_ns: int) -> None:
         self.beats.append(now_ns)
 
-    def _observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self._stop_watch.observe(now_ns, output, arm)
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        self._stop_watch.on_output(now_ns, output, arm)
 
-    def _keep_tick(self, tick: Tick) -> None:
+    def on_phase(self, change: PhaseChange) -> None:
+        self._keep(change)
+
+    def on_tick(self, tick: Tick) -> None:
         self.ticks.append(tick)
         self._keep(tick)
 

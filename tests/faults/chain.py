@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -11,18 +11,17 @@ import numpy as np
 
 from hw.camera import Camera
 from tams_app.config import Network, load_config
-from tams_app.records import Frame, Image, ShownFrame
+from tams_app.records import Frame, Image, PacketRecord, ShownFrame
 from tams_app.runtime.clock import NS_PER_S, MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.session.captures import Capture
-from tams_app.session.uplink import Uplink, UplinkRecords
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import ArmingState
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.virtual_bench import VirtualBench
 
 WIDTH, HEIGHT, FPS = 320, 240, 30
 VIEWS = ("eih", "gt", "gs")
-START_KBPS = 600
 FRESH_NS = 400_000_000  # younger than any age that slows the arm
 PATIENCE_S = 40.0
 _SWING_S = 0.5
@@ -61,6 +60,30 @@ class PatternCamera(Camera):
         return np.ascontiguousarray(np.repeat(np.repeat(rolled, 8, axis=0), 4, axis=1))
 
 
+class NoLog:
+    """Keeps nothing."""
+
+    def record(self, item: object) -> None:
+        """Forgotten."""
+
+    def record_all(self, items: Iterable[object]) -> None:
+        """Forgotten."""
+
+
+class NoQuality:
+    """Compares nothing; `on_shown` sees what is shown."""
+
+    def __init__(self, on_shown: Callable[[ShownFrame], None]) -> None:
+        self.shown = on_shown
+
+    def captured(self, frame: Frame) -> None:
+        """Not looked at."""
+
+
+def _forget(packets: list[PacketRecord]) -> None:
+    """Nobody asks for the packets' fates."""
+
+
 class Chain:
     """Three views from camera to mailbox over one link; ages are those of this machine's clock."""
 
@@ -76,24 +99,20 @@ class Chain:
         )
         self.failures: list[tuple[str, BaseException]] = []
         self.ages_ns: list[int] = []  # of the primary view, as the control loop asked for it
-        records = UplinkRecords(
-            encoded=lambda frame: None,
-            dropped=lambda frame: None,
-            shown=on_shown,
-            packets=lambda packets: None,
-            failed=lambda name, failure: self.failures.append((name, failure)),
-        )
         clock = MonotonicClock()
-        self.uplink = Uplink(config, network, epoch_ns or clock.now_ns(), clock, records, logs)
+        log = SessionRecords(clock, NoLog())
+        self.uplink = Uplink(
+            config, network, clock, log, NoQuality(on_shown), logs, _forget, self._fail, epoch_ns
+        )
         self.cameras = {view: PatternCamera(view) for view in VIEWS}
         self._stack = ExitStack()
 
     def __enter__(self) -> Chain:
         with self._stack:
             self._stack.callback(self.uplink.close)
-            self.uplink.start(dict.fromkeys(VIEWS, START_KBPS))
+            self.uplink.start()
             for view, camera in self.cameras.items():
-                capture = Capture(camera, self.uplink.times[view], [self.uplink.push])
+                capture = Capture(camera, self.uplink.push)
                 worker = Worker(f"capture-{view}", capture.run, self._fail)
                 self._stack.callback(worker.stop, 10.0)
                 worker.start()

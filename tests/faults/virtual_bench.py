@@ -85,7 +85,7 @@ class VirtualBench(Bench):
             self.advance(PERIOD_NS // 4)
         raise AssertionError("the arm does not report it")
 
-    def _ask(self, request: ArmRequest) -> None:
+    def request(self, request: ArmRequest) -> None:
         self.gate.request(request)
         self.gate.carry_out(request, self._stops)
 

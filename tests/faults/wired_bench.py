@@ -189,20 +189,20 @@ class WiredBench(Bench):
             assert time.monotonic() < deadline_s, f"not within {PATIENCE_S:g} s, {self.notes}"
             time.sleep(_POLL_S)
 
-    # --- hooks of the control loop --------------------------------------------------------------
+    # --- what the control loop asks and tells ---------------------------------------------------
 
-    def _ask(self, request: ArmRequest) -> None:
+    def request(self, request: ArmRequest) -> None:
         self.gate.request(request)
 
-    def _beat(self, now_ns: int) -> None:
-        super()._beat(now_ns)
+    def before_tick(self, now_ns: int) -> None:
+        super().before_tick(now_ns)
         if self.guarding is not None:
-            self.guarding.beat(now_ns)
+            self.guarding.before_tick(now_ns)
 
-    def _observe(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if self.guarding is not None:  # as session.observer does
-            self.guarding.follow(output.arming, output.stop)
-        super()._observe(now_ns, output, arm)
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        if self.guarding is not None:  # first, as in a session
+            self.guarding.on_output(now_ns, output, arm)
+        super().on_output(now_ns, output, arm)
 
 
 MakeBench = Callable[..., WiredBench]  # servo and what else its __init__ takes

@@ -59,6 +59,6 @@ def test_the_sender_budget_neither_ratchets_down_nor_sees_free_capacity():
 def test_the_policy_applies_the_safety_factor_before_it_allocates():
     config = load_config().policy
     policy = Policy(make_strategy("tams", config), OracleBudget(Falling(), config.budget), config)
-    allocation = policy.step(4000 * MS, Phase.ALIGN)
+    allocation = policy.step(4000 * MS, Phase.ALIGN, sent_bytes=0)
     assert allocation.budget_kbps == pytest.approx(920)
     assert allocation.target_kbps == {"eih": 432, "gt": 244, "gs": 244}

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import PhasesConfig
-from tams_app.policy.phases import PhaseParameters, PhaseTracker, infer_phase
-from tams_app.policy.tcp_speed import SmoothedSpeed
+from tams_app.policy.phases import PhaseParameters, PhaseTracker, SmoothedSpeed, infer_phase
 from tams_app.records import Phase
 
 pytestmark = pytest.mark.untimed

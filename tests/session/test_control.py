@@ -13,9 +13,9 @@ from hw.sim.controller.plant import IdealPlant
 from tams_app.config import load_config
 from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session import build
-from tams_app.session.control import ControlHooks, ControlLoop
-from tams_app.session.signals import Signals
+from tams_app.session.control import ControlLoop, Signals
+from tams_app.session.listener import Listener
+from tams_app.session.video import video_delay_ns
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.video.repair import repair_rule
 
@@ -56,8 +56,8 @@ class HeldController(Controller):
         """Nothing to let go of."""
 
 
-class Bench:
-    """The control loop on a bench: hand, arm and hooks at the test's disposal."""
+class Bench(Listener):
+    """The control loop on a bench: gate, video and listener at the test's disposal."""
 
     def __init__(self):
         self.clock = VirtualClock()
@@ -71,35 +71,34 @@ class Bench:
         self.phases, self.ticks, self.beats = [], [], []
         self.beat = self.beats.append
         self.video_age_ns = 50_000_000
-        self._ready = False
+        self.ready = False
         network = CONFIG.networks["s2"]
+        self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
         self.loop = ControlLoop(
-            self.clock,
-            120.0,
-            self.hand,
-            self.arm,
-            build.teleop(CONFIG, build.video_delay_ns(network, repair_rule(network, 300.0))),
-            build.phase_tracker(CONFIG),
-            build.smoothed_speed(CONFIG),
-            self.signals,
-            ControlHooks(
-                beat=lambda now_ns: self.beat(now_ns),
-                video_age_ns=lambda now_ns, phase: self.video_age_ns,
-                stop=self.arm.stop,
-                request=self._carry_out,
-                arm_ready=lambda: self._ready,
-                phase_began=self.phases.append,
-                record=self.ticks.append,
-                output=lambda now_ns, output, arm: None,
-            ),
+            CONFIG, self.clock, self.hand, self.arm, self, self, self.signals, (self,)
         )
 
-    def _carry_out(self, request):
+    def age_ns(self, view, now_ns):
+        return self.video_age_ns
+
+    def before_tick(self, now_ns):
+        self.beat(now_ns)
+
+    def on_phase(self, change):
+        self.phases.append(change)
+
+    def on_tick(self, tick):
+        self.ticks.append(tick)
+
+    def stop(self):
+        self.arm.stop()
+
+    def request(self, request):
         if request is Request.ENABLE:
             self.arm.enable(ServoMode.VELOCITY)
-            self._ready = True
+            self.ready = True
         elif request is Request.CLEAR_ERRORS:
-            self._ready = False
+            self.ready = False
             self.arm.clear_errors()
 
     def run(self, seconds):

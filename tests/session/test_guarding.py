@@ -1,12 +1,15 @@
 """The guard follows the arm's arming."""
 
+from dataclasses import replace
+
 import pytest
 
 from hw.guard.link import GuardLink
 from tams_app.config import load_config
+from tams_app.session.control import Signals
 from tams_app.session.guarding import Guarding
-from tams_app.session.signals import Signals
 from tams_app.teleop.safety import ArmingState, Reason
+from tests.session.test_parts import output
 
 pytestmark = pytest.mark.waiting
 
@@ -41,7 +44,7 @@ def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
         (ArmingState.FAULT, True),
         (ArmingState.FAULT, False),
     ):
-        guard.follow(arming, stopping)
+        guard.on_output(0, replace(output(arming), stop=stopping), None)
         armed.append(guard._link.armed)
     guard.close()
     assert armed == [False, True, True, False]
@@ -54,7 +57,7 @@ def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
     taken = []
     for latched in (False, True, True, False, True):
         guard._link.latched = latched
-        guard.beat(0)
+        guard.before_tick(0)
         taken.append(signals.take().faults)
     stopped = (Reason.GUARD_STOPPED,)
     assert taken == [(), stopped, (), (), stopped]
@@ -64,10 +67,10 @@ def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
 def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
     signals = Signals()
     guard = guarding(tmp_path, signals)
-    guard.follow(ArmingState.READY, stopping=False)
-    guard.beat(0)
+    guard.on_output(0, output(ArmingState.READY), None)
+    guard.before_tick(0)
     assert signals.take().faults == ()
-    guard.beat(SILENCE_NS + 1)
+    guard.before_tick(SILENCE_NS + 1)
     guard.close()
     assert signals.take().faults == (Reason.GUARD_LOST,)
 
@@ -79,7 +82,7 @@ def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tm
     taken = []
     for lost in (False, True, True, False):
         guard._link.arm_lost = lost
-        guard.beat(0)
+        guard.before_tick(0)
         taken.append(signals.take().faults)
     blind = (Reason.GUARD_BLIND,)
     assert taken == [(), blind, blind, ()]

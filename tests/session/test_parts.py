@@ -9,22 +9,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.camera import Camera
-from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.policy.allocation import make_strategy
-from tams_app.policy.budget import OracleBudget
-from tams_app.policy.engine import Policy
-from tams_app.records import Activity, ArmState, Frame, Phase, Pose, ServoMode, Twist
+from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.realtime import use_fifo
 from tams_app.session import build
-from tams_app.session.captures import Capture, CaptureTimes
+from tams_app.session.control import Signals
 from tams_app.session.folder import create_session_folder, furnish_session_folder
-from tams_app.session.load import LoadMonitor
-from tams_app.session.policy_loop import PolicyLoop
-from tams_app.session.signals import Signals
-from tams_app.session.stops import StopWatch
+from tams_app.session.observers import StopWatch
+from tams_app.session.recorders import LoadMonitor
+from tams_app.session.uplink import Capture
+from tams_app.session.video import CaptureTimes
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
 
@@ -119,14 +115,11 @@ def frame(index):
     return Frame("gt", index, index * 33 * MS, np.zeros((2, 2, 3), np.uint8))
 
 
-def test_every_frame_reaches_every_consumer_and_its_time_is_remembered():
-    stop, times, seen = threading.Event(), CaptureTimes(), ([], [])
+def test_every_frame_of_a_camera_is_handed_on():
+    stop, seen = threading.Event(), []
     frames = [frame(0), frame(1), frame(4)]
-    camera = ListCamera(frames, stop)
-    Capture(camera, times, [consumer.append for consumer in seen]).run(stop)
-    assert seen[0] == seen[1] == frames
-    assert times.of(4) == 132 * MS
-    assert times.of(2) is None
+    Capture(ListCamera(frames, stop), seen.append).run(stop)
+    assert seen == frames
 
 
 def test_only_the_last_seconds_of_capture_times_are_kept():
@@ -135,34 +128,6 @@ def test_only_the_last_seconds_of_capture_times_are_kept():
         times.add(index, index)
     assert times.of(0) is None
     assert times.of(999) == 999
-
-
-# --- policy loop --------------------------------------------------------------------------------
-
-
-def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period():
-    settings = load_config().policy
-    budget = OracleBudget(ConstantCapacity(6000.0), settings.budget)
-    policy = Policy(make_strategy("tams", settings), budget, settings)
-    applied, arrived = [], threading.Event()
-
-    def apply(allocation):
-        applied.append(allocation)
-        if allocation.phase is Phase.ALIGN:
-            arrived.set()
-
-    clock = VirtualClock()
-    loop = PolicyLoop(clock, 0.001, policy, before_step=lambda now_ns: None, apply=apply)
-    stop = threading.Event()
-    thread = threading.Thread(target=loop.run, args=(stop,))
-    thread.start()
-    loop.enter(Phase.ALIGN)  # the period is a quarter of an hour
-    assert arrived.wait(10)
-    stop.set()
-    loop.enter(Phase.REACH)
-    thread.join(10)
-    assert applied[-1].target_kbps["eih"] > 0
-    assert not thread.is_alive()
 
 
 # --- stops --------------------------------------------------------------------------------------
@@ -195,10 +160,10 @@ def test_a_stop_lasts_from_the_fault_to_the_report_of_an_arm_at_rest():
     records = []
     watch = StopWatch(records.append)
     holding = output(ArmingState.HOLDING, Reason.STALE_VIDEO)
-    watch.observe(0, output(ArmingState.ENGAGED), arm_at(0.300, 0))
-    watch.observe(8 * MS, holding, arm_at(0.301, 8 * MS))
-    watch.observe(16 * MS, holding, arm_at(0.3015, 16 * MS))
-    watch.observe(24 * MS, holding, arm_at(0.3015, 24 * MS))
+    watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.300, 0))
+    watch.on_output(8 * MS, holding, arm_at(0.301, 8 * MS))
+    watch.on_output(16 * MS, holding, arm_at(0.3015, 16 * MS))
+    watch.on_output(24 * MS, holding, arm_at(0.3015, 24 * MS))
     (stop,) = records
     assert (stop.reason, stop.visible_ns, stop.stopped_ns) == ("stale video", 8 * MS, 24 * MS)
 
@@ -206,9 +171,9 @@ def test_a_stop_lasts_from_the_fault_to_the_report_of_an_arm_at_rest():
 def test_releasing_the_trigger_is_no_stop():
     records = []
     watch = StopWatch(records.append)
-    watch.observe(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))
-    watch.observe(8 * MS, output(ArmingState.READY), arm_at(0.3, 8 * MS))
-    watch.observe(16 * MS, output(ArmingState.READY), arm_at(0.3, 16 * MS))
+    watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))
+    watch.on_output(8 * MS, output(ArmingState.READY), arm_at(0.3, 8 * MS))
+    watch.on_output(16 * MS, output(ArmingState.READY), arm_at(0.3, 16 * MS))
     watch.finish()
     assert records == []
 
@@ -216,8 +181,8 @@ def test_releasing_the_trigger_is_no_stop():
 def test_a_stop_whose_end_nobody_saw_is_recorded_as_such():
     records = []
     watch = StopWatch(records.append)
-    watch.observe(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))
-    watch.observe(8 * MS, output(ArmingState.FAULT, Reason.ARM_SILENT), arm_at(0.3, 0))
+    watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))
+    watch.on_output(8 * MS, output(ArmingState.FAULT, Reason.ARM_SILENT), arm_at(0.3, 0))
     watch.finish()
     assert records[0].stopped_ns is None
 

@@ -1,19 +1,55 @@
-"""When the policy steps, under a virtual clock; the thread around it is in test_parts."""
+"""When the policy steps, and who hears of it."""
 
 from __future__ import annotations
+
+import threading
 
 import pytest
 
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
-from tams_app.policy.allocation import make_strategy
-from tams_app.policy.budget import OracleBudget
-from tams_app.policy.engine import Policy
-from tams_app.records import Allocation, Phase
+from tams_app.records import Allocation, Phase, PhaseChange
 from tams_app.runtime.clock import NS_PER_MS, VirtualClock
+from tams_app.session.listener import Listener
 from tams_app.session.policy_loop import PolicyLoop
 
 pytestmark = pytest.mark.waiting
+
+
+class Encoders:
+    """What the policy tells the encoders."""
+
+    def __init__(self) -> None:
+        self.capacity = ConstantCapacity(6000.0)
+        self.targets: list[dict[str, int]] = []
+        self.sent_bytes = 0
+
+    def set_targets(self, target_kbps: dict[str, int]) -> None:
+        self.targets.append(target_kbps)
+
+    def wire_bytes(self) -> int:
+        return self.sent_bytes
+
+
+class Heard(Listener):
+    """Allocations in the order in which they came, and the capacity's times."""
+
+    def __init__(self) -> None:
+        self.allocations: list[Allocation] = []
+        self.capacities_ns: list[int] = []
+        self.arrived = threading.Event()
+
+    def on_allocation(self, allocation: Allocation) -> None:
+        self.allocations.append(allocation)
+        if allocation.phase is Phase.ALIGN:
+            self.arrived.set()
+
+    def capacity(self, now_ns: int, capacity: object) -> None:
+        self.capacities_ns.append(now_ns)
+
+
+def began(phase: Phase) -> PhaseChange:
+    return PhaseChange(0, phase, "the test says so")
 
 
 @pytest.fixture
@@ -22,16 +58,23 @@ def clock() -> VirtualClock:
 
 
 @pytest.fixture
-def applied() -> list[Allocation]:
-    return []
+def encoders() -> Encoders:
+    return Encoders()
 
 
 @pytest.fixture
-def loop(clock, applied) -> PolicyLoop:
-    settings = load_config().policy
-    budget = OracleBudget(ConstantCapacity(6000.0), settings.budget)
-    policy = Policy(make_strategy("tams", settings), budget, settings)
-    return PolicyLoop(clock, 20.0, policy, lambda now_ns: None, applied.append)
+def heard() -> Heard:
+    return Heard()
+
+
+@pytest.fixture
+def applied(heard) -> list[Allocation]:
+    return heard.allocations
+
+
+@pytest.fixture
+def loop(clock, encoders, heard) -> PolicyLoop:
+    return PolicyLoop(load_config(), clock, encoders, heard, (heard,))
 
 
 def step_at(loop, clock, *times_ms):
@@ -53,7 +96,7 @@ def test_a_phase_that_begins_is_answered_at_once_and_the_period_counts_from_ther
     start_ns = clock.now_ns()
     step_at(loop, clock, 0)
     clock.advance_ns(10 * NS_PER_MS)
-    loop.enter(Phase.ALIGN)
+    loop.on_phase(began(Phase.ALIGN))
     loop.step_if_due()
     loop.step_if_due()
     assert loop.due_ns == start_ns + 60 * NS_PER_MS
@@ -64,3 +107,41 @@ def test_a_standstill_is_made_up_for_once_and_not_for_each_period(loop, clock, a
     start_ns = clock.now_ns()
     step_at(loop, clock, 0, 500, 501, 502, 520, 551)
     assert [(one.t_ns - start_ns) / NS_PER_MS for one in applied] == [0, 500, 501, 551]
+
+
+def test_the_encoders_have_the_targets_before_anything_else_hears_of_them(
+    loop, clock, encoders, heard
+):
+    seen = []
+    heard.on_allocation = lambda allocation: seen.append(list(encoders.targets))
+    loop.step_if_due()
+    assert seen == [encoders.targets]
+    assert len(encoders.targets) == 1
+    assert heard.capacities_ns == [clock.now_ns()]
+
+
+def test_the_sender_budget_follows_the_bytes_that_the_encoders_sent(clock, encoders, heard):
+    config = load_config(None, {"policy.budget.mode": "sender"})
+    loop = PolicyLoop(config, clock, encoders, heard, (heard,))
+    for _ in range(100):
+        loop.step_if_due()
+        clock.advance_ns(50 * NS_PER_MS)
+        encoders.sent_bytes += 6250  # 1000 kbit/s
+    sent_kbps = 1000 / config.policy.budget.safety_factor
+    assert heard.allocations[-1].capacity_kbps == pytest.approx(sent_kbps)
+
+
+def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period(
+    clock, encoders, heard
+):
+    config = load_config(None, {"policy.rate_hz": 1.0})
+    loop, stop = PolicyLoop(config, clock, encoders, heard, (heard,)), threading.Event()
+    thread = threading.Thread(target=loop.run, args=(stop,))
+    thread.start()
+    loop.on_phase(began(Phase.ALIGN))  # the clock stands: the next period never comes
+    assert heard.arrived.wait(10)
+    stop.set()
+    loop.on_phase(began(Phase.REACH))
+    thread.join(10)
+    assert encoders.targets[-1]["eih"] > 0
+    assert not thread.is_alive()

@@ -1,6 +1,7 @@
 """What the console shows, from what the threads told the board."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -16,6 +17,8 @@ UP = ControllerSample(ControllerStatus.OK, None, 0, 0, 0.0, 0.0, False, False, F
 
 
 class NoFrames:
+    delay_ns = 0
+
     def age_ns(self, view, now_ns):
         return None
 
@@ -39,7 +42,7 @@ def snapshot(board):
 def test_each_pressed_button_is_shown(change, shown):
     board = StatusBoard(("gt",))
     assert snapshot(board).pressed == ()
-    board.buttons(replace(UP, **change))
+    board.on_tick(SimpleNamespace(controller=replace(UP, **change)))
     assert snapshot(board).pressed == shown
 
 
@@ -47,5 +50,6 @@ def test_each_pressed_button_is_shown(change, shown):
 def test_the_gripper_is_shown_as_the_arm_has_acknowledged_it(closed):
     board = StatusBoard(("gt",))
     assert snapshot(board).gripper_closed is None
-    board.tick(output(ArmingState.READY), replace(arm_at(0.3, 0), gripper_closed=closed))
+    arm = replace(arm_at(0.3, 0), gripper_closed=closed)
+    board.on_output(0, output(ArmingState.READY), arm)
     assert snapshot(board).gripper_closed is closed

@@ -1,12 +1,12 @@
 """The second shell around the same parts: a trial in virtual time, in one thread of one process.
 
-Live, threads and processes hand things to each other; here one events says what is due. What is
-modelled of the time that things take, besides network and jitter buffer (measured live on the
-machine of docs/BENCHMARKS.md, medians):
+Live, threads and processes hand things to each other; here one queue of events says what is due.
+What is modelled of the time that things take, besides network and jitter buffer (measured live on
+the machine of docs/BENCHMARKS.md, medians):
 
 | from | to | takes |
 |---|---|---|
-| instant of a frame | handed to the sender | `cameras.DELIVERY_NS`, 23 ms |
+| instant of a frame | handed to the sender | `rig.DELIVERY_NS`, 23 ms |
 | handed over | first packet on the link | `ProcessingTimes.encoding_ns`, 4.5 ms |
 | access unit out of the jitter buffer | on the screen | `ProcessingTimes.decoding_ns`, 2.5 ms |
 | arm's report | control loop | none; reports come at 100 Hz as live |
@@ -17,6 +17,6 @@ No tick, frame or packet is ever late for want of a processor, there is no guard
 for it to watch), and load and memory of a machine are not recorded: null in summary.json.
 """
 
-from tams_app.session.virtual.runner import SimulatedTrialRunner
+from tams_app.session.virtual.trial import SimulatedTrialRunner
 
 __all__ = ["SimulatedTrialRunner"]

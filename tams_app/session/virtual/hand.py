@@ -26,7 +26,7 @@ class Hand(Protocol):
 
 
 class SeeingHand:
-    """The simulated participant. He gets `frames` and the feel of his controller."""
+    """The simulated participant, who gets `frames` and the feel of the controller."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class SeeingHand:
         frames: Images,
         record: Callable[[OperatorGlance], None],
     ) -> None:
-        """`record` keeps each of his glances."""
+        """`record` keeps each glance."""
         self._participant = SeeingParticipant(config, participant_seed, frames, self._tell)
         self._record = record
         self.controller: Controller = self._participant.controller

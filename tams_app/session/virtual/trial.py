@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
+import gc
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+
+import cv2
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.recording import read_log
 from tams_app.recording.direct import DirectRecorder
-from tams_app.records import Note, Outcome, Phase, PhaseChange, ShownFrame
+from tams_app.records import Outcome, PhaseChange, ShownFrame
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlHooks, ControlLoop
+from tams_app.session.control import Signals
+from tams_app.session.devices import ConnectedDevices
+from tams_app.session.engine import Engine
 from tams_app.session.folder import save_config
-from tams_app.session.observer import TickObserver
+from tams_app.session.listener import Listener
+from tams_app.session.observers import TRIAL_RATE_HZ
 from tams_app.session.recorders import LOG_NAME, SessionRecords, session_header
-from tams_app.session.signals import Signals
-from tams_app.session.status import StatusBoard
-from tams_app.session.stops import StopWatch
-from tams_app.session.trial_loop import RATE_HZ, TrialLoop
-from tams_app.session.virtual.cameras import VirtualCameras
 from tams_app.session.virtual.hand import make_hand
-from tams_app.session.virtual.rhythm import repeat
-from tams_app.session.virtual.robot import VirtualRobot
-from tams_app.session.virtual.streaming import VirtualStreaming
-from tams_app.study.trial import TrialJudge
+from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
+from tams_app.session.virtual.video import TrialVideo
+from tams_app.study.runner import TrialSpec
 from tams_app.summary.file import save_summary
-from tams_app.teleop.safety import ArmingState
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 START_NS = NS_PER_S
-ENGAGED_WITHIN_S = 30.0  # else the operator never will: he needs about three
+ENGAGED_WITHIN_S = 30.0  # else they never will: they need about three
 
 
 def run_virtual_trial(
@@ -55,8 +56,25 @@ def run_virtual_trial(
     return outcome
 
 
-class VirtualTrial:
-    """The parts of one trial and the events that moves them; `run` it once, then `close`."""
+@dataclass(frozen=True, slots=True)
+class SimulatedTrialRunner:
+    """Runs a study's trials in virtual time; a `TrialRunner` for `study run --sim`.
+
+    One process per trial, one core per process. The logs are kept without the bitstream.
+    """
+
+    config: Config  # the study's
+
+    def run(self, spec: TrialSpec, folder: Path) -> None:
+        cv2.setNumThreads(1)
+        recording = self.config.recording.model_copy(update={"bitstream": False})
+        config = spec.configure(self.config).model_copy(update={"recording": recording})
+        gc.freeze()  # what was imported lives as long as the process
+        run_virtual_trial(config, spec.participant_seed, folder, time.time_ns())
+
+
+class VirtualTrial(Listener):
+    """One engine and the events that move it; `run` it once, then `close`."""
 
     def __init__(
         self,
@@ -82,19 +100,24 @@ class VirtualTrial:
         self._events = EventQueue()
         self._ended = ""
         with ExitStack() as stack:
-            self._records = self._open_log(folder, wall_start_ns, stack)
-            self._robot = VirtualRobot(config, self._clock, self._note)
-            self._streaming = VirtualStreaming(config, self._clock, self._records, watch)
-            stack.callback(self._streaming.close)
-            self._cameras = VirtualCameras(config, self._robot, self._events, self._streaming.push)
+            self._log = self._open_log(folder, wall_start_ns, stack)
+            self._robot = VirtualRobot(config, self._clock, self._log.note)
+            self._video = TrialVideo(config, self._clock, self._log, watch)
+            stack.callback(self._video.close)
+            self._cameras = VirtualCameras(config, self._robot, self._events, self._video.push)
             stack.callback(self._cameras.close)
-            self._hand = make_hand(
-                config, participant_seed, self._streaming.frames, self._records.record
+            self._hand = make_hand(config, participant_seed, self._video.frames, self._log.record)
+            robot = self._robot
+            self._engine = Engine(
+                config,
+                self._clock,
+                ConnectedDevices(robot.arm, robot.gate, self._hand.controller, robot.truth),
+                self._video,
+                self._log,
+                Signals(),
+                lambda: self._end("the trial is over"),
+                (self,),
             )
-            self._judge = TrialJudge(config.trial, build.task_geometry())
-            self._stops = StopWatch(self._records.record)
-            self._control = self._build_control()
-            self._trial_loop = self._build_trial_loop()
             self._stack = stack.pop_all()
 
     def run(self) -> Outcome:
@@ -103,21 +126,19 @@ class VirtualTrial:
         while not self._ended:
             due_ns = self._events.next_ns
             assert due_ns is not None, "cameras and control always have something to do"
-            self._streaming.advance_to(due_ns)
+            self._video.advance_to(due_ns)
             self._clock.sleep_until_ns(due_ns)
             self._events.do_next()
         self._robot.stop()
-        self._stops.finish()
-        self._streaming.finish(self._clock.now_ns())
-        outcome = self._judge.outcome(self._ended)
-        self._records.record(outcome)
+        self._engine.stops.finish()
+        self._video.finish(self._clock.now_ns())
+        outcome = self._engine.trial.outcome(self._ended)
+        self._log.record(outcome)
         return outcome
 
     def close(self) -> None:
         """Finish the log and give everything back; may be called twice."""
         self._stack.close()
-
-    # --- building -------------------------------------------------------------------------------
 
     def _open_log(self, folder: Path, wall_start_ns: int, stack: ExitStack) -> SessionRecords:
         config, clock = self._config, self._clock
@@ -129,55 +150,17 @@ class VirtualTrial:
         stack.callback(log.close)
         return SessionRecords(clock, log)
 
-    def _build_control(self) -> ControlLoop:
-        gate, signals = self._robot.gate, Signals()
-        observer = TickObserver(
-            NoGuard(),
-            self._judge,
-            self._stops,
-            StatusBoard(self._config.video.views),
-            signals,
-            self._note,
-            arm_at_once=False,
-        )
-        hooks = ControlHooks(
-            beat=lambda _now_ns: None,
-            video_age_ns=self._streaming.primary_age_ns,
-            stop=gate.stop,
-            request=gate.request,
-            arm_ready=lambda: gate.ready,
-            phase_began=self._on_phase,
-            record=self._records.record,
-            output=observer.observe,
-        )
-        delay_ns = self._streaming.video_delay_ns
-        return build.control_loop(
-            self._config, self._clock, self._hand.controller, self._robot.arm, delay_ns, signals,
-            hooks,
-        )  # fmt: skip
-
-    def _build_trial_loop(self) -> TrialLoop:
-        return TrialLoop(
-            self._clock,
-            self._judge,
-            self._robot.truth,
-            self._robot.gripper_closed,
-            self._records.record,
-            ended=lambda: self._end("the trial is over"),
-        )
-
     # --- what is due when -----------------------------------------------------------------------
 
     def _begin(self) -> None:
         now_ns = self._clock.now_ns()
         self._robot.arm.connect()
         self._hand.controller.start()
-        self._records.fact("scheduler", "virtual")
-        self._records.phase(PhaseChange(now_ns, Phase.REACH, "start"))
+        self._engine.begin("virtual")
         self._cameras.start(now_ns)
         self._events.post(now_ns, self._step_policy)
         repeat(self._events, now_ns, self._config.control.rate_hz, self._tick)
-        repeat(self._events, now_ns, RATE_HZ, lambda _due_ns: self._trial_loop.look())
+        repeat(self._events, now_ns, TRIAL_RATE_HZ, lambda _due_ns: self._engine.trial.look())
         self._events.post(now_ns + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
         if (limit_s := self._config.seconds) is not None:
             end = partial(self._end, f"ended after {limit_s:g} s")
@@ -185,36 +168,38 @@ class VirtualTrial:
 
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
-        self._control.tick(due_ns)
+        self._engine.control.tick(due_ns)
         self._robot.gate.serve()
 
     def _step_policy(self) -> None:
         """Step if it is due, and again in time; what a phase change has outdated ends here."""
-        policy = self._streaming.policy
+        policy = self._engine.policy
         before_ns = policy.due_ns
         policy.step_if_due()
         if policy.due_ns != before_ns:
             self._events.post(policy.due_ns, self._step_policy)
 
-    def _on_phase(self, change: PhaseChange) -> None:
-        self._records.phase(change)
-        self._streaming.policy.enter(change.phase)
+    def on_phase(self, change: PhaseChange) -> None:
+        """The policy loop has been woken: let it step."""
         self._events.post(change.t_ns, self._step_policy)
 
     def _give_up(self) -> None:
-        if not self._judge.started:
+        if not self._engine.trial.started:
             self._end("the operator never engaged")
 
     def _end(self, reason: str) -> None:
         """The first reason counts."""
         self._ended = self._ended or reason
 
-    def _note(self, level: str, text: str) -> None:
-        self._records.record(Note(self._clock.now_ns(), level, text))
 
+def repeat(
+    events: EventQueue, now_ns: int, rate_hz: float, action: Callable[[int], object]
+) -> None:
+    """Do `action` with its due time `rate_hz` times a second, first one period after `now_ns`."""
+    period_ns = round(NS_PER_S / rate_hz)
 
-class NoGuard:
-    """There is no guard process: in virtual time no control loop falls silent."""
+    def again(due_ns: int) -> None:
+        events.post(due_ns + period_ns, partial(again, due_ns + period_ns))
+        action(due_ns)
 
-    def follow(self, arming: ArmingState, stopping: bool) -> None:
-        """Nobody watches."""
+    events.post(now_ns + period_ns, partial(again, now_ns + period_ns))

@@ -16,8 +16,7 @@ from tams_app.records import Outcome
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import ControlHooks, ControlLoop
-from tams_app.session.signals import Signals
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.study.trial import TrialJudge
 
 
@@ -35,26 +34,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     gate = ArmGate(arm, ServoMode(config.arm.servo), boundary, _ignore)
     controller = demo_controller(config, lambda: world.truth(clock.now_ns()))
     judge = TrialJudge(config.trial, build.task_geometry())
-    loop = ControlLoop(
-        clock,
-        config.control.rate_hz,
-        controller,
-        arm,
-        build.teleop(config, 0),
-        build.phase_tracker(config),
-        build.smoothed_speed(config),
-        Signals(),
-        ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: 0,
-            stop=gate.stop,
-            request=lambda request: gate.carry_out(request, 0),
-            arm_ready=lambda: gate.ready,
-            phase_began=_ignore,
-            record=_ignore,
-            output=_ignore,
-        ),
-    )
+    loop = ControlLoop(config, clock, controller, arm, gate, SteadyVideo(), Signals())
     arm.connect()
     controller.start()
     end_ns = clock.now_ns() + round(longest_s * NS_PER_S)
@@ -62,6 +42,7 @@ def drive(config: Config, longest_s: float) -> Outcome:
     while not ended and clock.now_ns() < end_ns:
         clock.advance_ns(round(NS_PER_S / config.control.rate_hz))
         output = loop.tick(clock.now_ns())
+        gate.serve()
         if output.deadman and output.arming.value == "engaged":
             judge.engaged(clock.now_ns())
         state = arm.state()

@@ -1,22 +1,66 @@
-"""The rig's cameras in virtual time: each frame at its instant, handed over a little later."""
+"""The simulated rig in this process, under the caller's clock: arm, world and cameras."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+
+from hw.arm import ServoMode
+from hw.arms import arm_kind
+from hw.boundary import session_boundary
+from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
+from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import Frame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
-from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.records import Frame, SceneTruth, Vector
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.session.arm_gate import ArmGate
+from tams_app.session.devices import Note
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
 # over (`make bench`, "before: rendering and hand-over" p50); a USB camera takes about as long.
 DELIVERY_NS = 23 * NS_PER_MS
+
+
+class VirtualRobot:
+    """The simulated rig's scene of `config.seed` with the arm at its ready pose. One thread."""
+
+    def __init__(self, config: Config, clock: Clock, note: Note) -> None:
+        joints = np.radians(np.array(config.arm.ready_joints_deg))
+        boundary = session_boundary(config.arm, config.limits)
+        self.layout = draw_layout(config.seed)
+        self._world = World(self.layout, joints)
+        kind = arm_kind(config.arm.model)
+        self.arm = kind.simulate(config.arm, clock, joints, boundary, self._world)
+        self.gate = ArmGate(self.arm, ServoMode(config.arm.servo), boundary, note)
+
+    def catch_up(self) -> int:
+        """Bring arm and world up to the clock; the instant [ns] that they stand at then."""
+        self.arm.state()
+        return self.arm.simulated_ns
+
+    @property
+    def qpos(self) -> Vector:
+        """All that a renderer needs to draw the world, shape (nq,)."""
+        return self._world.qpos
+
+    def truth(self) -> SceneTruth:
+        """Where things really are now: for the trial's rules, never for the operator."""
+        return self._world.truth(self.catch_up())
+
+    def gripper_closed(self) -> bool | None:
+        """The last command to the gripper, as the arm reports it."""
+        state = self.arm.state()
+        return state.gripper_closed if state is not None else None
+
+    def stop(self) -> None:
+        """Stop the arm for good."""
+        self.gate.stop()
 
 
 class VirtualCameras:

@@ -1,25 +1,18 @@
-"""What the operator reads when the arming changes, and when a confirmation does not count."""
+"""What the operator reads when the arming changes, and who judges a trial."""
 
 from dataclasses import replace
 
 import pytest
 
-from tams_app.session.observer import TickObserver
-from tams_app.session.signals import Signals
-from tams_app.session.status import StatusBoard
-from tams_app.session.stops import StopWatch
-from tams_app.study.trial import UnjudgedTrial
+from tams_app.config import TrialConfig
+from tams_app.records import Outcome
+from tams_app.runtime.clock import VirtualClock
+from tams_app.session.control import Signals
+from tams_app.session.observers import ArmingObserver, TrialObserver
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.session.test_parts import output
 
 pytestmark = pytest.mark.untimed
-
-
-class Follower:
-    """Stands for the guard."""
-
-    def follow(self, arming, stopping):
-        """The guard is not looked at here."""
 
 
 @pytest.fixture
@@ -28,16 +21,10 @@ def notes():
 
 
 def observer(notes, arm_at_once=False):
-    part, board = Follower(), StatusBoard(("gt",))
-    return TickObserver(
-        part,
-        UnjudgedTrial(),
-        StopWatch(lambda record: None),
-        board,
-        Signals(),
-        lambda level, text: notes.append(text),
-        arm_at_once,
-    )
+    def note(level, text):
+        notes.append(text)
+
+    return ArmingObserver(Signals(), note, arm_at_once)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +53,7 @@ def test_a_fault_says_once_what_happened_and_what_to_do(notes, reason, detail, t
     fault = replace(output(ArmingState.FAULT, reason), detail=detail)
     watching = observer(notes)
     for tick in range(3):
-        watching.observe(tick, fault, None)
+        watching.on_output(tick, fault, None)
     assert notes == [told]
 
 
@@ -74,11 +61,22 @@ def test_a_confirmation_that_does_not_count_is_answered_every_time(notes):
     refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
     watching = observer(notes)
     for tick in (refused, replace(refused, refusal=""), refused):
-        watching.observe(0, tick, None)
+        watching.on_output(0, tick, None)
     assert notes == ["not confirmed: release the trigger first."] * 2
 
 
 def test_nobody_is_told_where_nobody_confirmed(notes):
     refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
-    observer(notes, arm_at_once=True).observe(0, refused, None)
+    observer(notes, arm_at_once=True).on_output(0, refused, None)
     assert notes == []
+
+
+def test_where_the_truth_is_not_known_the_trial_is_not_judged():
+    records, ended = [], []
+    trial = TrialObserver(
+        TrialConfig(), VirtualClock(), None, None, records.append, lambda: ended.append(True)
+    )
+    trial.on_output(0, output(ArmingState.ENGAGED), None)
+    assert not trial.look()
+    assert trial.outcome("ended by q") == Outcome(None, None, None, None, "ended by q")
+    assert records == ended == []

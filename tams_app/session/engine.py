@@ -1,0 +1,64 @@
+"""The parts between controller, arm and encoders, built once for both clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from tams_app.config import Config
+from tams_app.records import Phase, PhaseChange
+from tams_app.runtime.clock import Clock
+from tams_app.session.control import ControlLoop, Signals
+from tams_app.session.devices import ConnectedDevices
+from tams_app.session.listener import Listener
+from tams_app.session.observers import ArmingObserver, StopWatch, TrialObserver
+from tams_app.session.policy_loop import PolicyLoop
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.video import Video
+
+
+class Engine:
+    """Control, policy, observers and judge of one session; it makes no thread and no file.
+
+    Its owner runs the loops: `session.Session` gives each a thread, `virtual.trial.VirtualTrial`
+    events. A phase change goes from the control loop through the
+    listeners straight to the policy loop, which sets the encoders' targets.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        devices: ConnectedDevices,
+        video: Video,
+        log: SessionRecords,
+        signals: Signals,
+        ended: Callable[[], None],
+        listeners: Sequence[Listener] = (),
+        arm_at_once: bool = False,
+    ) -> None:
+        """`ended` is told that the trial is over; `listeners` hear everything last."""
+        self._clock = clock
+        self._log = log
+        self.stops = StopWatch(log.record)
+        self.trial = TrialObserver(
+            config.trial, clock, devices.arm, devices.truth, log.record, ended
+        )
+        self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
+        arming = ArmingObserver(signals, log.note, arm_at_once)
+        guard = () if devices.guard is None else (devices.guard,)
+        self.control = ControlLoop(
+            config,
+            clock,
+            devices.controller,
+            devices.arm,
+            devices.gate,
+            video,
+            signals,
+            # the guard first: its heartbeat before all else, armed and disarmed before it is told
+            (*guard, arming, self.trial, self.stops, log, self.policy, *listeners),
+        )
+
+    def begin(self, scheduler: str) -> None:
+        """Log the start; `scheduler` says what runs the control loop."""
+        self._log.fact("scheduler", scheduler)
+        self._log.on_phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))

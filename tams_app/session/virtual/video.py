@@ -1,0 +1,114 @@
+"""The video of one trial in virtual time, and its scores; beside it `session.uplink`, live."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from tams_app.config import Config
+from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.runtime.clock import Clock
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.video import Video
+from tams_app.video.networks import resolve_network
+from tams_app.video.quality import Fate, Scorer, ViewQuality
+from tams_app.video.ssim import luma_of
+from tams_app.video.virtual_time.shared import VideoRecords
+from tams_app.video.virtual_time.video import VirtualVideo
+
+
+class FrameScores:
+    """The accounts of `views`; each captured frame's record comes once its fate is decided.
+
+    Every frame is scored: nothing is left out where time waits. Frames of other views are ignored.
+    """
+
+    def __init__(self, views: Iterable[str], record: Callable[[FrameQuality], None]) -> None:
+        self._views = {view: (ViewQuality(view), Scorer()) for view in views}
+        self._record = record
+
+    def captured(self, frame: Frame) -> None:
+        """A camera's frame, in the order of capture."""
+        if frame.view in self._views:
+            accounts, _ = self._views[frame.view]
+            fates = accounts.captured(frame.index, frame.capture_ns, luma_of(frame.image))
+            self._score(frame.view, fates)
+
+    def shown(self, shown: ShownFrame) -> None:
+        """A frame that reached the screen, after the captures that came before it."""
+        if shown.view in self._views:
+            accounts, _ = self._views[shown.view]
+            fates = accounts.shown(shown.index, shown.shown_ns, luma_of(shown.image))
+            self._score(shown.view, fates)
+
+    def finish(self, end_ns: int) -> None:
+        """Nothing more comes."""
+        for view, (accounts, _) in self._views.items():
+            self._score(view, accounts.finish(end_ns))
+
+    def _score(self, view: str, fates: list[Fate]) -> None:
+        scorer = self._views[view][1]
+        for fate in fates:
+            self._record(scorer.score(fate))
+
+
+class TrialVideo(Video):
+    """All views of one trial over its network; `advance_to` lets them happen."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        log: SessionRecords,
+        watch: Callable[[ShownFrame], None],
+    ) -> None:
+        """Start the chains; SetupError if GStreamer lacks something. `watch` sees what is shown."""
+        video, epoch_ns = config.video, clock.now_ns()
+        network = resolve_network(config, config.network)
+        self._scores = FrameScores(video.views if video.quality.enabled else (), log.record)
+        super().__init__(config, network, epoch_ns, log, self._scores)
+        self._watch = watch
+        self._chains = VirtualVideo(
+            video,
+            network,
+            self._rule,
+            config.seed,
+            epoch_ns,
+            self._start_kbps,
+            config.policy.allocation.source_drop_below_kbps,
+            VideoRecords(log.record, log.record, self._on_shown, log.packets),
+        )
+
+    def advance_to(self, now_ns: int) -> None:
+        """Let everything happen to the video that is due up to `now_ns`."""
+        self._chains.advance_to(now_ns)
+
+    def frames(self) -> Mapping[str, Image | None]:
+        """What is on the operator's screen, by view; None before the first frame."""
+        shown = {view: self.shown(view) for view in self._times}
+        return {view: None if one is None else one.image for view, one in shown.items()}
+
+    def shown(self, view: str) -> ShownFrame | None:
+        return self._chains.shown(view)
+
+    def set_targets(self, target_kbps: dict[str, int]) -> None:
+        self._chains.set_targets(target_kbps)
+
+    def wire_bytes(self) -> int:
+        return self._chains.wire_bytes()
+
+    def poll(self) -> str:
+        return ""  # a chain that fails raises
+
+    def finish(self, now_ns: int) -> None:
+        """Nothing more is shown: score what is left."""
+        self._scores.finish(now_ns)
+
+    def close(self) -> None:
+        self._chains.close()
+
+    def _send(self, frame: Frame) -> None:
+        self._chains.push(frame)
+
+    def _on_shown(self, shown: ShownFrame) -> None:
+        super()._on_shown(shown)
+        self._watch(shown)
