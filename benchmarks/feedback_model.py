@@ -21,7 +21,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.arrivals import Arrivals, NotingLink
-from benchmarks.moving_frames import image
+from benchmarks import moving_frames
 from benchmarks.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
@@ -232,7 +232,7 @@ def _drive(
         now_ns = START_NS + index * NS_PER_S // fps
         advance_to(now_ns)
         for place, view in enumerate(config.video.views):
-            push(Frame(view, index, now_ns, image(index + 40 * place)))
+            push(Frame(view, index, now_ns, moving_frames.frame(index + 40 * place)))
     advance_to(START_NS + seconds * NS_PER_S + AFTER_NS)
 
 

@@ -16,19 +16,31 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Connect; DeviceError with one sentence if there is nothing to connect to."""
+        """Connect to the device.
+
+        Raises:
+            DeviceError: there is nothing to connect to, in one sentence.
+        """
 
     @abstractmethod
     def sample(self, now_ns: int) -> ControllerSample:
-        """The newest reading at `now_ns`; does not block."""
+        """The newest reading; called at every control tick, so it must not block.
+
+        Args:
+            now_ns: the time of the tick [ns] on the session's clock.
+
+        Returns:
+            Status, pose (position [m], rotation; None unless it can be trusted), trigger and grip
+            (0 to 1), buttons, and when pose and buttons were last new [ns].
+        """
 
     @abstractmethod
     def pulse(self, haptic: Haptic) -> None:
-        """Let the hand feel something; does not block."""
+        """Play a vibration pattern on the controller; does not block."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the device; may be called twice."""
+        """Release the device; may be called twice."""
 
     @property
     def realtime_thread_ids(self) -> dict[str, int]:
