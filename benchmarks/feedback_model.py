@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.arrivals import Arrivals, NotingLink
 from benchmarks import moving_frames
+from benchmarks.arrivals import Arrivals, NotingLink
 from benchmarks.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
@@ -33,7 +33,7 @@ from tams_app.video.virtual_time.event_queue import EventQueue
 from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.video import VirtualVideo
-from tams_app.video.virtual_time.wait_idle import Quiescence
+from tams_app.video.virtual_time.wait_idle import IdleWaiter
 
 NETWORKS = ("s1", "s2", "s3")
 START_NS = NS_PER_S
@@ -157,7 +157,7 @@ def run_rtpsession(
 ) -> Counter[str]:
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
-    clock, events, quiescence = SteppedClock(START_NS), EventQueue(), Quiescence()
+    clock, events, waiter = SteppedClock(START_NS), EventQueue(), IdleWaiter()
     clock.become_default()
     capacity = network_capacity(network, START_NS)
     arrivals = Arrivals(START_NS)
@@ -169,7 +169,7 @@ def run_rtpsession(
     }
 
     def settle() -> None:
-        quiescence.wait()
+        waiter.wait()
         for view in views.values():
             view.collect()
 
@@ -206,7 +206,7 @@ def run_rtpsession(
         )
         print(each.view, dict(each.report_bytes), file=sys.stderr)
         each.close()
-    quiescence.close()
+    waiter.close()
     return counts
 
 

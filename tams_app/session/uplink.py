@@ -19,11 +19,11 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.session.captures import CaptureTimes
-from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.relay_client import RelayClient
 from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from tams_app.capacity import Capacity
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.runtime.clock import NS_PER_MS
-from tams_app.video.loss import loss_model
 
 
 class Bottleneck:
@@ -48,6 +47,56 @@ class Bottleneck:
         self._queue.append((departed_ns, size_bytes))
         self.backlog_bytes += size_bytes
         return departed_ns
+
+
+class IndependentLoss:
+    """Every packet is lost with the same probability."""
+
+    def __init__(self, probability: float, random: Random) -> None:
+        self._probability = probability
+        self._random = random
+
+    def lost(self) -> bool:
+        return self._random.random() < self._probability
+
+
+class GilbertElliottLoss:
+    """Bursts: a two-state Markov chain over packets that loses all in its bad state, else none.
+
+    `probability` is the long-run share lost, `mean_burst` the mean number of packets lost in a
+    row: P(bad→good) = 1/mean_burst, P(good→bad) = probability / (mean_burst·(1−probability)).
+    The chain starts in its stationary distribution. ValueError if no such chain exists.
+    """
+
+    def __init__(self, probability: float, mean_burst: float, random: Random) -> None:
+        self._random = random
+        self._recover = 1.0 / mean_burst
+        self._fail = good_to_bad(probability, mean_burst)
+        if self._fail > 1:
+            raise ValueError("so much loss cannot come in such short bursts")
+        self._bad = random.random() < probability
+
+    def lost(self) -> bool:
+        fate = self._bad
+        threshold = 1.0 - self._recover if self._bad else self._fail
+        self._bad = self._random.random() < threshold
+        return fate
+
+
+def good_to_bad(probability: float, mean_burst: float) -> float:
+    """P(good→bad) of the chain with this long-run loss and mean burst; > 1 if there is none."""
+    if probability >= 1:
+        return 1.0
+    return probability / (mean_burst * (1.0 - probability))
+
+
+def loss_model(
+    probability: float, mean_burst: float, random: Random
+) -> IndependentLoss | GilbertElliottLoss:
+    """Independent loss for a mean burst of 1, Gilbert-Elliott above."""
+    if mean_burst == 1 or probability in (0, 1):
+        return IndependentLoss(probability, random)
+    return GilbertElliottLoss(probability, mean_burst, random)
 
 
 class _Draws:

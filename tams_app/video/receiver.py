@@ -11,9 +11,9 @@ from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
-from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
+from tams_app.video.packets import media_ssrc
 from tams_app.video.repair import RepairRule
-from tams_app.video.shells import UdpSocket
+from tams_app.video.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
 
 
@@ -64,7 +64,17 @@ class VideoReceiver:
         """Begin to receive; feedback goes into the link's entrance. SetupError if refused."""
         Gst = gst.load().Gst
         pipeline = gst.parse_pipeline(
-            pipelines.live_receiver(self._config, self.view, self._rule, self._decoder, link)
+            pipelines.session_receiver(
+                self._config,
+                self.view,
+                self._rule,
+                self._decoder,
+                rtp_in=udp_source("rtp_in", pipelines.rtp_caps()),
+                reports_in=udp_source("reports_in", pipelines.RTCP_CAPS),
+                feedback_out=udp_sink(
+                    "feedback_out", self._config.bind_host, link.host, link.feedback
+                ),
+            )
         )
         self._pipeline = pipeline
         self._rtp_socket.attach(pipeline.get_by_name("rtp_in"))

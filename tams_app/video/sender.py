@@ -11,8 +11,15 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
-from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
-from tams_app.video.shells import UdpSocket, wire_bytes_sent
+from tams_app.video.packets import media_ssrc
+from tams_app.video.udp import (
+    UdpSocket,
+    ViewPorts,
+    requested_ports,
+    udp_sink,
+    udp_source,
+    wire_bytes_sent,
+)
 from tams_app.video.view_encoder import ViewEncoder
 
 
@@ -70,12 +77,20 @@ class VideoSender:
         """Begin to send into the link's entrances; SetupError if GStreamer refuses."""
         self._link = link
         pipeline = gst.parse_pipeline(
-            pipelines.live_sender(
-                self._config, self.view, self._rtx, self._frames.encoder_kbps, link
+            pipelines.session_sender(
+                self._config,
+                self.view,
+                self._rtx,
+                self._frames.encoder_kbps,
+                rtp_out=udp_sink("rtp_out", self._config.bind_host, link.host, link.rtp),
+                reports_out=udp_sink(
+                    "reports_out", self._config.bind_host, link.host, link.reports
+                ),
+                feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
             )
         )
         self._pipeline = pipeline
-        self._images = pipeline.get_by_name("frames")
+        self._source = pipeline.get_by_name("frames")
         self._udpsink = pipeline.get_by_name("rtp_out")
         self._resender = pipeline.get_by_name("rtx")
         self._socket.attach(pipeline.get_by_name("feedback_in"))
@@ -92,7 +107,7 @@ class VideoSender:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
         buffer = self._frames.admit(frame, wire_bytes_sent(self._udpsink, self._link))
         if buffer is not None:
-            self._images.emit("push-buffer", buffer)
+            self._source.emit("push-buffer", buffer)
 
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""

@@ -137,7 +137,7 @@ class ViewDecoder:
         self._keep_in_line(buffer)
         if not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT):
             with self._requests_lock:
-                self._requests.keyframe(damaged=buffer.has_flags(Gst.BufferFlags.DISCONT))
+                self._requests.keyframe(complete=not buffer.has_flags(Gst.BufferFlags.DISCONT))
         return Gst.PadProbeReturn.OK
 
     def _keep_in_line(self, access_unit: Any) -> None:

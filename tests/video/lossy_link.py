@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from random import Random
 
-from tams_app.video.ports import ViewPorts
+from tams_app.video.udp import ViewPorts
 
 Keep = Callable[[int, bytes], bool]  # ordinal and datagram -> whether it gets through
 

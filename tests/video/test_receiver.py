@@ -12,7 +12,7 @@ import pytest
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError, SetupError
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.ports import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
+from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tests.video.lossy_link import LossyLink
@@ -129,7 +129,7 @@ def test_identity_is_exact_under_loss_and_jitter() -> None:
         if checksum(each) in index_of
     ]
     assert stats.packets_lost > 5
-    assert len(recognised) > 30  # damaged frames are like none of the references
+    assert len(recognised) > 30  # concealed frames are like none of the references
     assert any(said > 60 for said, _ in recognised)
     assert all(said == true for said, true in recognised)
     assert joined.shown_indices() == sorted(set(joined.shown_indices()))

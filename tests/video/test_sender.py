@@ -14,8 +14,9 @@ from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.records import EncodedFrame
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.ports import ViewPorts, media_ssrc
+from tams_app.video.packets import media_ssrc
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, Stream, decoded_checksums, stream

@@ -16,7 +16,8 @@ from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder
 from tams_app.video.virtual_time.chains import DecoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
-from tams_app.video.virtual_time.shared import LaterClock, Shared
+from tams_app.video.virtual_time.shared import Shared
+from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _SEQUENCES = 1 << 16
 
@@ -29,7 +30,7 @@ class ReceivingCounts:
     plis_sent: int = 0
 
 
-class LockstepReceiver:
+class VirtualReceiver:
     """Receives and decodes one view; `return_feedback` is called when its feedback arrives."""
 
     def __init__(
@@ -63,17 +64,17 @@ class LockstepReceiver:
         in_order = header is not None and not resent and header.sequence == self._expected
         if header is not None and not resent:
             self._expected = (header.sequence + 1) % _SEQUENCES
-        self._shared.rest.disturb(in_order, ends_frame=header is None or header.marker)
+        self._shared.idle_gate.packet_enters(in_order, ends_frame=header is None or header.marker)
         self._chain.feed(packet, resent)
 
     def collect(self) -> None:
-        """Take what the chain's threads have left behind; they are at rest now."""
+        """Take what the chain's threads have left; they are idle now."""
         reason = self._frames.failure or self._chain.poll()
         if reason:
             raise TamsError(f"the receiver of view {self.view} failed: {reason}")
         now_ns = self._shared.clock.now_ns()
-        for sequence, patience_ms in self._chain.take_nacks():
-            self._session.ask_again(now_ns, sequence, patience_ms)
+        for sequence, time_left_ms in self._chain.take_nacks():
+            self._session.ask_again(now_ns, sequence, time_left_ms)
         if self._chain.take_pli():
             self._session.ask_keyframe(now_ns)
         for shown in self._decoded:

@@ -15,7 +15,8 @@ from tams_app.video.pipelines import RTX_HISTORY_MS
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import EncoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, SenderSession, SentPackets
-from tams_app.video.virtual_time.shared import LaterClock, Shared
+from tams_app.video.virtual_time.shared import Shared
+from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _ORIGINAL_SEQUENCE_BYTES = 2  # what RTX adds to a packet (RFC 4588)
 
@@ -31,7 +32,7 @@ class SendingCounts:
     repair_bytes: int = 0
 
 
-class LockstepSender:
+class VirtualSender:
     """Encodes and sends one view into the shared link.
 
     `deliver(packet, resent)` is called when a packet arrives, `deliver_report(transit_ns, bytes)`

@@ -1,4 +1,4 @@
-"""The views in lock-step: exact, repeatable, and with the repair that live runs have."""
+"""The views in virtual time: exact, repeatable, and with the repair that live runs have."""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.encoder_servo import WINDOW_FRAMES, EncoderServo
-from tams_app.video.ports import ViewPorts
+from tams_app.video.rate_control import WINDOW_FRAMES, EncoderServo
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 from tests.video.scenes import frame
 
 pytestmark = pytest.mark.waiting

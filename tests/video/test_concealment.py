@@ -1,4 +1,4 @@
-"""Damage inferred from loss, against the law and against what a decoder really makes of it."""
+"""Concealed frames inferred from loss: against the rule and against a real decoder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.damage import damaged_frames
+from tams_app.video.concealment import concealed_frames
 from tams_app.video.packets import identify
 from tams_app.video.repair import RepairRule
 from tests.video.lossy_link import LossyLink
@@ -41,51 +41,51 @@ def packet(kind: PacketKind, index: int, part: int, delivered_ns: int) -> Packet
     )
 
 
-def damaged(found: list[PacketRecord], shown: dict[int, int] = SHOWN) -> list[int]:
-    return sorted(damaged_frames(KEYFRAMES, found, shown, 30))
+def concealed(found: list[PacketRecord], shown: dict[int, int] = SHOWN) -> list[int]:
+    return sorted(concealed_frames(KEYFRAMES, found, shown, 30))
 
 
-def test_without_loss_nothing_is_damaged() -> None:
-    assert damaged(packets()) == []
+def test_without_loss_nothing_is_concealed() -> None:
+    assert concealed(packets()) == []
 
 
-def test_a_loss_damages_what_follows_up_to_the_next_keyframe() -> None:
-    assert damaged(packets(lost=(3,))) == [3, 4, 5]
-    assert damaged(packets(lost=(8,))) == [8, 9]
+def test_a_loss_conceals_what_follows_up_to_the_next_keyframe() -> None:
+    assert concealed(packets(lost=(3,))) == [3, 4, 5]
+    assert concealed(packets(lost=(8,))) == [8, 9]
 
 
 def test_a_keyframe_that_is_incomplete_repairs_nothing() -> None:
-    assert damaged(packets(lost=(3, 6))) == [3, 4, 5, 6, 7, 8, 9]
-    assert damaged(packets(lost=(0,))) == [0, 1, 2, 3, 4, 5]
+    assert concealed(packets(lost=(3, 6))) == [3, 4, 5, 6, 7, 8, 9]
+    assert concealed(packets(lost=(0,))) == [0, 1, 2, 3, 4, 5]
 
 
-def test_a_repair_that_arrives_in_time_leaves_no_damage() -> None:
-    assert damaged([*packets(lost=(3,)), packet(PacketKind.REPAIR, 3, 1, SHOWN[3] - 1)]) == []
+def test_a_repair_that_arrives_in_time_leaves_nothing_concealed() -> None:
+    assert concealed([*packets(lost=(3,)), packet(PacketKind.REPAIR, 3, 1, SHOWN[3] - 1)]) == []
 
 
 def test_a_repair_that_comes_after_its_frame_or_a_later_one_was_shown_is_too_late() -> None:
     late = [*packets(lost=(3,)), packet(PacketKind.REPAIR, 3, 1, SHOWN[3] + 1)]
-    assert damaged(late) == [3, 4, 5]
+    assert concealed(late) == [3, 4, 5]
     without_3 = {index: at_ns for index, at_ns in SHOWN.items() if index != 3}
-    assert damaged(late, without_3) == []
+    assert concealed(late, without_3) == []
     later = [*packets(lost=(3,)), packet(PacketKind.REPAIR, 3, 1, SHOWN[4] + 1)]
-    assert damaged(later, without_3) == [3, 4, 5]
-    assert damaged(packets(late=(3,))) == [3, 4, 5]
+    assert concealed(later, without_3) == [3, 4, 5]
+    assert concealed(packets(late=(3,))) == [3, 4, 5]
 
 
 def test_a_packet_of_another_lap_of_the_sequence_replaces_nothing() -> None:
     other_lap = PacketRecord(
         "eih", PacketKind.MEDIA, 1, 1000, 10**6, 10**6, 10**6, PacketFate.DELIVERED, 90_000_000
     )
-    assert damaged([*packets(lost=(3,)), other_lap]) == [3, 4, 5]
+    assert concealed([*packets(lost=(3,)), other_lap]) == [3, 4, 5]
 
 
 def test_packets_that_never_came_to_the_link_are_seen_by_the_gap_they_leave() -> None:
     every = packets()
     tail_of_3 = [one for one in every if one is not every[7]]
-    assert damaged(tail_of_3)[0] == 3
+    assert concealed(tail_of_3)[0] == 3
     all_of_8 = [one for one in every if one not in every[16:18]]
-    assert set(damaged(all_of_8)) >= {8, 9}
+    assert set(concealed(all_of_8)) >= {8, 9}
 
 
 VERY_PATIENT = RepairRule(rtx=True, latency_ms=2000, pli_interval_ms=300.0)
@@ -108,9 +108,9 @@ def fates_of(link: LossyLink) -> list[PacketRecord]:
 
 
 @pytest.mark.parametrize("rule", [UNREPAIRED, VERY_PATIENT])
-def test_undamaged_frames_are_bit_exact_and_damaged_ones_are_found(rule: RepairRule) -> None:
-    """A real stream over a link that jitters and loses 3 % of media and repairs: each frame shown
-    as index i is the decode of the undamaged bitstream at i, unless the fates say it is damaged."""
+def test_all_other_frames_are_bit_exact_and_concealed_ones_are_found(rule: RepairRule) -> None:
+    """A real stream over a link that jitters and loses 3 % of media and repairs: what is shown as
+    index i is the decode of the complete bitstream at i, unless the fates say it is concealed."""
 
     def keep(ordinal: int, datagram: bytes) -> bool:
         repair = identify(datagram)[0] is PacketKind.REPAIR
@@ -124,7 +124,7 @@ def test_undamaged_frames_are_bit_exact_and_damaged_ones_are_found(rule: RepairR
     references = decoded_checksums(joined.encoded)
     shown_ns = {each.index: each.shown_ns for each in joined.shown}
     keyframe_of = {each.index: each.keyframe for each in joined.encoded}
-    found = damaged_frames(keyframe_of, fates_of(link), shown_ns, 30) & shown_ns.keys()
+    found = concealed_frames(keyframe_of, fates_of(link), shown_ns, 30) & shown_ns.keys()
     whole = {each.index for each in joined.shown if checksum(each) == references[each.index]}
     assert len(link.rtp) - len(link.delivered) > 5
     assert len(shown_ns) == len(joined.shown) > 60
