@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import struct
-from random import Random
-
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.video.concealment import concealed_frames
-from tams_app.video.packets import identify
 from tams_app.video.repair import RepairRule
-from tests.video.lossy_link import LossyLink
-from tests.video.streams import UNREPAIRED, checksum, decoded_checksums, stream
+from tests.video.streams import PATIENT, UNREPAIRED, checksum
+from tests.video.virtual_time.runs import shared_run
 
-pytestmark = pytest.mark.waiting
+pytestmark = pytest.mark.untimed
 
 KEYFRAMES = {index: index in (0, 6) for index in range(10)}
 SHOWN = {index: 1000 + index * 33 for index in range(10)}
@@ -88,48 +84,22 @@ def test_packets_that_never_came_to_the_link_are_seen_by_the_gap_they_leave() ->
     assert set(concealed(all_of_8)) >= {8, 9}
 
 
-VERY_PATIENT = RepairRule(rtx=True, latency_ms=2000, pli_interval_ms=300.0)
-
-
-def fates_of(link: LossyLink) -> list[PacketRecord]:
-    """Of everything that went in; the link keeps the order of what comes out."""
-    found, came_out = [], iter([*link.delivered, (0, b"")])
-    delivered_ns, next_out = next(came_out)
-    for order, data in enumerate(link.rtp):
-        kind, sequence, timestamp = identify(data)
-        fate, at_ns = PacketFate.LOST, 0
-        if data is next_out:
-            fate, at_ns = PacketFate.DELIVERED, delivered_ns
-            delivered_ns, next_out = next(came_out)
-        found.append(
-            PacketRecord("eih", kind, sequence, len(data), order, 0, at_ns, fate, timestamp)
-        )
-    return found
-
-
-@pytest.mark.parametrize("rule", [UNREPAIRED, VERY_PATIENT])
+@pytest.mark.parametrize("rule", [UNREPAIRED, PATIENT])
 def test_all_other_frames_are_bit_exact_and_concealed_ones_are_found(rule: RepairRule) -> None:
-    """A real stream over a link that jitters and loses 3 % of media and repairs: what is shown as
-    index i is the decode of the complete bitstream at i, unless the fates say it is concealed."""
-
-    def keep(ordinal: int, datagram: bytes) -> bool:
-        repair = identify(datagram)[0] is PacketKind.REPAIR
-        (sequence,) = struct.unpack_from(">H", datagram, 2)
-        return ordinal <= 20 or Random(sequence << 1 | repair).random() >= 0.03
-
-    link = LossyLink(keep, 0.01, 0.008, 0.0001)
-    with stream(link, rule, fps=30) as joined:
-        joined.push(range(110))
-        assert joined.wait_until(lambda: joined.shown[-1].index >= 105)
-    references = decoded_checksums(joined.encoded)
-    shown_ns = {each.index: each.shown_ns for each in joined.shown}
-    keyframe_of = {each.index: each.keyframe for each in joined.encoded}
-    found = concealed_frames(keyframe_of, fates_of(link), shown_ns, 30) & shown_ns.keys()
-    whole = {each.index for each in joined.shown if checksum(each) == references[each.index]}
-    assert len(link.rtp) - len(link.delivered) > 5
-    assert len(shown_ns) == len(joined.shown) > 60
+    """Over a link that jitters, queues and loses: what is shown as index i is the decode of the
+    complete bitstream at i, unless the packets say that it is concealed."""
+    run = shared_run("queueing", 90, rule)
+    references = run.references
+    assert len(set(references.values())) == len(references)  # no two frames alike
+    shown_ns = {each.index: each.shown_ns for each in run.shown}
+    keyframe_of = {each.index: each.keyframe for each in run.encoded}
+    found = concealed_frames(keyframe_of, run.packets, shown_ns, 30) & shown_ns.keys()
+    whole = {each.index for each in run.shown if checksum(each) == references[each.index]}
+    assert sum(packet.fate is not PacketFate.DELIVERED for packet in run.packets) > 5
+    assert len(shown_ns) == len(run.shown) > 60
     assert shown_ns.keys() - found <= whole
     if rule is UNREPAIRED:
         assert len(found - whole) > 3  # but what carried parameter sets again leaves no trace
+        assert len(shown_ns.keys() - found) > 20
     else:
-        assert len(whole) > 100
+        assert len(whole) > 60
