@@ -1,7 +1,7 @@
 """The emulated uplink: one bottleneck for all views, then delay and jitter, then loss.
 
-Analytic: every packet's way is known the moment it enters, so the same object serves the relay
-process live and a run in virtual time.
+Analytic: when a packet enters, its fate and its times are computed at once, so the same object
+serves the relay process live and a run in virtual time.
 """
 
 from __future__ import annotations
@@ -137,6 +137,14 @@ class Link:
     def __init__(
         self, network: Network, capacity: Capacity, views: Iterable[str], seed: int
     ) -> None:
+        """Seed all draws.
+
+        Args:
+            network: latency and jitter [ms], loss and its mean burst, queue.
+            capacity: the rate of the bottleneck over time; see `networks.network_capacity`.
+            views: the names of the views that share the link.
+            seed: the same seed gives the n-th packet of a stream the same delay and loss.
+        """
         views = tuple(views)
         self._bottleneck = Bottleneck(capacity, network.queue_ms, network.queue_min_bytes)
         self._rtp = {view: _Draws(network, seed, f"{view}/rtp") for view in views}
@@ -155,9 +163,22 @@ class Link:
         sequence: int,
         rtp_timestamp: int = 0,
     ) -> PacketRecord:
-        """A datagram of `size_bytes` (IP) enters; its record tells when it leaves and arrives.
+        """Send a datagram into the uplink.
 
-        `now_ns` never goes back (ValueError).
+        Args:
+            now_ns: the time [ns] on the clock of `capacity`.
+            view: the stream it belongs to.
+            kind: media, repair (RTX) or RTCP.
+            size_bytes: its size with IP and UDP headers.
+            sequence: RTP sequence number of the media packet it carries; 0 for RTCP.
+            rtp_timestamp: RTP timestamp; 0 for RTCP.
+
+        Returns:
+            Its record: the fate, when it leaves the bottleneck and when it arrives [ns], 0 where
+            it does not.
+
+        Raises:
+            ValueError: `now_ns` is earlier than in the call before.
         """
         if now_ns < self._now_ns:
             raise ValueError("packets must be offered in the order of time")

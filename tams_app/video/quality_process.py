@@ -41,7 +41,7 @@ _GROWTH, _BACK_OFF = 0.05, 0.5
 class SparePace:
     """The share of a core that may be used: halved while no core is idle, else grown slowly.
 
-    `idle_fraction` tells how much of all cores nobody has used since its last call (0 to 1).
+    `idle_fraction` tells how much of all cores was idle since its last call (0 to 1).
     """
 
     def __init__(self, idle_fraction: Callable[[], float], now_ns: int) -> None:
@@ -144,7 +144,7 @@ def _score_one_each(views: list[ViewScores]) -> bool:
 
 
 def idle_fraction() -> float:
-    """How much of all cores nobody has used since the last call."""
+    """The share of all cores that was idle since the last call."""
     return 1 - psutil.cpu_percent() / 100
 
 

@@ -20,7 +20,7 @@ from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payl
 class VideoReceiver:
     """Receives and decodes one view; the newest frame waits in `mailbox`.
 
-    `on_shown` runs in the decoder's thread, once per frame: it must only hand over.
+    Construct, tell the sender's side the ports, `start`, read `mailbox`, `poll`, `close`.
     """
 
     def __init__(
@@ -31,7 +31,19 @@ class VideoReceiver:
         clock: Clock,
         on_shown: Callable[[ShownFrame], None],
     ) -> None:
-        """Bind the ports; ConfigError if one is taken, SetupError if GStreamer lacks something."""
+        """Bind the ports for RTP and for the sender's RTCP.
+
+        Args:
+            view: the view's name, one of `config.views`.
+            config: size and rate of the frames, decoder, ports.
+            rule: how lost packets are repaired; the sender's `rtx` must agree.
+            clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
+            on_shown: called once per frame in the decoder's thread: it must only hand over.
+
+        Raises:
+            ConfigError: a port is taken.
+            SetupError: GStreamer lacks an element or the decoder.
+        """
         gst.require_elements()
         self.view = view
         self._config = config
@@ -61,7 +73,7 @@ class VideoReceiver:
         return self._reports_socket.port
 
     def start(self, link: ViewPorts) -> None:
-        """Begin to receive; feedback goes into the link's entrance. SetupError if refused."""
+        """Begin to receive; RTCP feedback goes to `link.feedback`. SetupError if refused."""
         Gst = gst.load().Gst
         pipeline = gst.parse_pipeline(
             pipelines.session_receiver(
@@ -110,7 +122,7 @@ class VideoReceiver:
     # --- in GStreamer's threads -------------------------------------------------------------
 
     def _on_stream(self, _: Any, pad: Any) -> None:
-        """Lead a stranger's packets away: an unlinked stream would end the whole receiver."""
+        """Drain other senders' packets: an unlinked stream would end the whole receiver."""
         name = pad.get_name()
         if not name.startswith("src_") or name == f"src_{media_ssrc(self._config, self.view)}":
             return

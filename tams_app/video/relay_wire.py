@@ -20,7 +20,7 @@ from tams_app.runtime.clock import NS_PER_S
 REPORT_BUFFER_BYTES = 4_000_000
 
 _HEADER = struct.Struct("<I9Q")
-_RECORD = struct.Struct("<BBBxHHIQQQ")
+_RECORD = struct.Struct("<BBHHQQQBI")  # in the order of PacketRecord
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 
@@ -50,13 +50,13 @@ def encode_batch(
         _RECORD.pack(
             place[record.view],
             record.kind.value,
-            record.fate.value,
             record.sequence,
             record.size_bytes,
-            record.rtp_timestamp,
             record.entered_ns,
             record.departed_ns,
             record.delivered_ns,
+            record.fate.value,
+            record.rtp_timestamp,
         )
         for record in records
     ]
@@ -138,15 +138,15 @@ class BatchDecoder:
         )
 
     def _record(self, fields: tuple[int, ...]) -> PacketRecord:
-        view, kind, fate, sequence, size_bytes, timestamp, entered, departed, delivered = fields
+        view, kind, sequence, size_bytes, entered, departed, delivered, fate, timestamp = fields
         return PacketRecord(
-            view=self._views[view],
-            kind=_KINDS[kind],
-            sequence=sequence,
-            size_bytes=size_bytes,
-            entered_ns=entered,
-            departed_ns=departed,
-            delivered_ns=delivered,
-            fate=_FATES[fate],
-            rtp_timestamp=timestamp,
+            self._views[view],
+            _KINDS[kind],
+            sequence,
+            size_bytes,
+            entered,
+            departed,
+            delivered,
+            _FATES[fate],
+            timestamp,
         )

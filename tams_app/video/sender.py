@@ -40,8 +40,7 @@ class SenderStats:
 class VideoSender:
     """Encodes and sends one view; `push` from one thread, `set_target_kbps` from any.
 
-    `on_encoded` runs in the encoder's thread, once per frame: it must only hand over.
-    `on_dropped` runs in the thread that pushes. `start_kbps`: target until the first is set.
+    Construct, tell the receiver's side `feedback_port`, `start`, `push` each frame, `close`.
     """
 
     def __init__(
@@ -55,7 +54,22 @@ class VideoSender:
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
     ) -> None:
-        """Bind the port for feedback; ConfigError if it is taken, SetupError without GStreamer."""
+        """Bind the port for feedback.
+
+        Args:
+            view: the view's name, one of `config.views`.
+            config: size and rate of the frames, encoder, MTU, ports.
+            rtx: whether packets are kept to be sent again (`RepairRule.rtx`).
+            clock: CLOCK_MONOTONIC, for the times on the records.
+            start_kbps: wire rate to meet until the first `set_target_kbps` [kbit/s].
+            source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
+            on_encoded: called once per frame in the encoder's thread: it must only hand over.
+            on_dropped: called once per dropped frame in the thread that pushes.
+
+        Raises:
+            ConfigError: the port is taken.
+            SetupError: GStreamer lacks an element.
+        """
         gst.require_elements()
         self.view = view
         self._config = config
@@ -74,7 +88,10 @@ class VideoSender:
         return self._socket.port
 
     def start(self, link: ViewPorts) -> None:
-        """Begin to send into the link's entrances; SetupError if GStreamer refuses."""
+        """Begin to send to `link`: the relay's entrances, or the receiver's own ports.
+
+        SetupError if GStreamer refuses.
+        """
         self._link = link
         pipeline = gst.parse_pipeline(
             pipelines.session_sender(

@@ -1,6 +1,6 @@
-"""One view's way into the encoder and out of it, the same live and in virtual time.
+"""One view into the encoder and out of it, the same live and in virtual time.
 
-Around it stand the shells: `sender.VideoSender` with sockets, `virtual_time` under a virtual clock.
+`sender.VideoSender` puts it behind sockets, `virtual_time` under a virtual clock.
 """
 
 from __future__ import annotations

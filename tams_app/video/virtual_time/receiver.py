@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from random import Random
 
@@ -16,18 +15,10 @@ from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder
 from tams_app.video.virtual_time.chains import DecoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
-from tams_app.video.virtual_time.shared import Shared
+from tams_app.video.virtual_time.shared import RepairCounts, Shared
 from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _SEQUENCES = 1 << 16
-
-
-@dataclass(slots=True)
-class ReceivingCounts:
-    """What the receiver asked for; NACKs count packets."""
-
-    nacks_sent: int = 0
-    plis_sent: int = 0
 
 
 class VirtualReceiver:
@@ -40,11 +31,12 @@ class VirtualReceiver:
         rule: RepairRule,
         seed: int,
         shared: Shared,
+        counts: RepairCounts,
         return_feedback: Callable[[Feedback], None],
     ) -> None:
         self.view = view
         self.shown: ShownFrame | None = None
-        self.counts = ReceivingCounts()
+        self._counts = counts
         self._shared = shared
         self._return_feedback = return_feedback
         self._expected = 0  # sequence number of the next media packet, if none is lost
@@ -91,8 +83,8 @@ class VirtualReceiver:
         feedback = self._session.step(self._shared.clock.now_ns())
         if feedback is None:
             return
-        self.counts.nacks_sent += len(feedback.nacks)
-        self.counts.plis_sent += feedback.pli
+        self._counts.nacks_sent += len(feedback.nacks)
+        self._counts.plis_sent += feedback.pli
         due_ns = self._shared.link.feedback(feedback.sent_ns, self.view)
         self._shared.events.post(due_ns, partial(self._return_feedback, feedback))
 

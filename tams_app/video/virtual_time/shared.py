@@ -30,6 +30,19 @@ class ProcessingTimes:
     decoding_ns: int = 2_500_000
 
 
+@dataclass(slots=True)
+class RepairCounts:
+    """What repair of one view asked for, got and cost; NACKs count packets asked for."""
+
+    nacks_sent: int = 0
+    plis_sent: int = 0
+    nacks_arrived: int = 0
+    plis_arrived: int = 0
+    keyframes_forced: int = 0  # PLIs that the sender did not ignore
+    repairs_sent: int = 0
+    repair_bytes: int = 0
+
+
 @dataclass(frozen=True, slots=True)
 class Shared:
     """The one link, the one clock, and the queue of events."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import replace
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
@@ -14,29 +14,12 @@ from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats
 from tams_app.video.virtual_time.event_queue import EventQueue
-from tams_app.video.virtual_time.receiver import ReceivingCounts, VirtualReceiver
+from tams_app.video.virtual_time.receiver import VirtualReceiver
 from tams_app.video.virtual_time.rtcp_sessions import Feedback
-from tams_app.video.virtual_time.sender import SendingCounts, VirtualSender
-from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRecords
+from tams_app.video.virtual_time.sender import VirtualSender
+from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, Shared, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
-
-
-@dataclass(frozen=True, slots=True)
-class RepairCounts:
-    """What repair of one view asked for, got and cost; NACKs count packets asked for."""
-
-    nacks_sent: int
-    plis_sent: int
-    nacks_arrived: int
-    plis_arrived: int
-    keyframes_forced: int  # PLIs that the sender did not ignore
-    repairs_sent: int
-    repair_bytes: int
-
-    @staticmethod
-    def of(receiving: ReceivingCounts, sending: SendingCounts) -> RepairCounts:
-        return RepairCounts(**asdict(receiving), **asdict(sending))
 
 
 class VirtualVideo:
@@ -69,10 +52,13 @@ class VirtualVideo:
         shared = Shared(
             link, self._events, self._clock, self._idle_gate, records, times or ProcessingTimes()
         )
+        self._counts = {view: RepairCounts() for view in config.views}
         self._senders: dict[str, VirtualSender] = {}
         self._receivers: dict[str, VirtualReceiver] = {}
         for view in config.views:
-            receiver = VirtualReceiver(view, config, rule, seed, shared, self._way_back(view))
+            receiver = VirtualReceiver(
+                view, config, rule, seed, shared, self._counts[view], self._return_to(view)
+            )
             self._receivers[view] = receiver
             self._senders[view] = VirtualSender(
                 view,
@@ -82,6 +68,7 @@ class VirtualVideo:
                 start_kbps[view],
                 source_drop_below_kbps,
                 shared,
+                self._counts[view],
                 receiver.arrive,
                 receiver.arrive_report,
             )
@@ -130,7 +117,7 @@ class VirtualVideo:
 
     def counts(self, view: str) -> RepairCounts:
         """What repair of `view` has asked for, got and cost so far."""
-        return RepairCounts.of(self._receivers[view].counts, self._senders[view].counts)
+        return replace(self._counts[view])
 
     def stats(self, view: str) -> ReceiverStats:
         """The receiver's counts of `view`, as live."""
@@ -144,7 +131,7 @@ class VirtualVideo:
             for end in self._ends:
                 stack.callback(end.close)
 
-    def _way_back(self, view: str) -> Callable[[Feedback], None]:
+    def _return_to(self, view: str) -> Callable[[Feedback], None]:
         return lambda feedback: self._senders[view].obey(feedback)
 
     def _due_ns(self) -> int | None:

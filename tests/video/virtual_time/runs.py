@@ -16,8 +16,8 @@ from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, Sh
 from tams_app.runtime.clock import NS_PER_S
 from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.view_decoder import ReceiverStats
-from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
-from tams_app.video.virtual_time.video import RepairCounts, VirtualVideo
+from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, VideoRecords
+from tams_app.video.virtual_time.video import VirtualVideo
 from tests.video.scenes import frame
 from tests.video.streams import decoded_checksums
 
