@@ -243,6 +243,19 @@ def test_a_run_can_be_closed_twice() -> None:
     video.close()
 
 
+def test_a_receiver_that_waited_for_its_sender_still_waits_for_repair() -> None:
+    # with mode=none the jitter buffer's clock runs from the receiver's start
+    run, begin_ns = Run(), START_NS + NS_PER_S  # longer than the jitter buffer's latency
+    with closing(make(run, NETWORKS["far"], rule=PATIENT)) as video:
+        for index in range(40):
+            video.advance_to(begin_ns + index * NS_PER_S // 30)
+            video.push(frame(index, capture_ns=video.now_ns))
+        video.advance_to(video.now_ns + NS_PER_S)
+        stats = video.stats("eih")
+    assert stats.rtx_received > 0
+    assert stats.packets_lost == 0
+
+
 def test_a_link_that_was_down_for_seconds_leaves_identity_and_repair_right(tmp_path: Path) -> None:
     # after 3 s without packets the jitter buffer restarts its PTS from 0
     trace = tmp_path / "down.csv"
