@@ -15,6 +15,7 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene import build_model
 from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
+from tams_app.records import FrameQuality
 from tams_app.video.quality import Fate, Image, Scorer
 from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
 
@@ -83,7 +84,8 @@ def _theirs(one: Luma, other: Luma) -> float:
 def _fate(captured: Luma, shown: Luma) -> Fate:
     """A frame that was shown, while its like was on screen at its capture (moments not known)."""
     own = Image(shown)
-    return Fate("eih", 0, 0, 1, None, False, None, Image(captured), own, own, Image(shown))
+    record = FrameQuality("eih", 0, 0, 1, None, False, None, None, None, None)
+    return Fate(record, Image(captured), own, own, Image(shown))
 
 
 def _renders(seed: int) -> list[Luma]:

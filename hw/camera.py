@@ -8,29 +8,33 @@ from tams_app.records import Frame
 
 
 class Camera(ABC):
-    """One camera of 640x480 BGR frames at 30 frames per second."""
+    """One camera; `start` and `close` belong to one thread, `next_frame` to one other.
 
-    view: str
+    Its size and rate are those of `video` in the configuration: 640x480 BGR at 30 frames/s.
+    """
+
+    view: str  # the name that its frames carry
 
     @abstractmethod
     def start(self) -> None:
-        """Open the device.
+        """Open the device and wait until it delivers.
 
         Raises:
-            DeviceError: it is not there, or gives no frames of that size and rate.
+            DeviceError: the device is not there or refuses, in one sentence.
         """
 
     @abstractmethod
     def next_frame(self, timeout_s: float) -> Frame | None:
-        """The next frame that was not returned yet; older unread ones are skipped.
+        """The newest frame not returned yet; older ones not returned either are skipped.
 
         Args:
-            timeout_s: how long to wait for it [s].
+            timeout_s: how long to wait for one [s].
 
         Returns:
-            The frame, or None after `timeout_s`. `Frame.index` is its place on the camera's fixed
-            time grid (30 per second from its first frame), so a frame that the camera missed leaves
-            a gap. The image, shape (height, width, 3), belongs to the caller.
+            The frame, or None if none came in time. `image` is BGR uint8, shape (height, width,
+            3), and belongs to the caller. `capture_ns` is when it was taken (CLOCK_MONOTONIC).
+            `index` is its place on the camera's time grid, `fps` places a second from its first
+            frame on: a frame that the camera missed leaves a gap, and no index comes twice.
         """
 
     @abstractmethod

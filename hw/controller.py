@@ -16,26 +16,27 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Connect.
+        """Connect to the device.
 
         Raises:
-            DeviceError: there is nothing to connect to.
+            DeviceError: there is nothing to connect to, in one sentence.
         """
 
     @abstractmethod
     def sample(self, now_ns: int) -> ControllerSample:
-        """The newest reading; does not block.
+        """The newest reading; called at every control tick, so it must not block.
 
         Args:
-            now_ns: the instant [ns] it is for, by the monotonic clock.
+            now_ns: the time of the tick [ns] on the session's clock.
 
         Returns:
-            The pose in the tracking frame [m], the buttons, and when each was read.
+            Status, pose (position [m], rotation; None unless it can be trusted), trigger and grip
+            (0 to 1), buttons, and when pose and buttons were last new [ns].
         """
 
     @abstractmethod
     def pulse(self, haptic: Haptic) -> None:
-        """Let the hand feel a pulse; does not block."""
+        """Play a vibration pattern on the controller; does not block."""
 
     @abstractmethod
     def close(self) -> None:

@@ -1,27 +1,38 @@
-"""The camera a configuration asks for."""
+"""The camera a configuration asks for: one entry of `SOURCES` for each word of `source`."""
 
 from __future__ import annotations
 
-from hw.v4l2.camera import V4l2Source
-from hw.v4l2.file_camera import FileSource, PatternSource
-from hw.v4l2.gst_camera import FrameSource, GstCamera, Note
+from collections.abc import Callable
+
+from hw.gstreamer.camera import FrameSource, GstCamera, Note
+from hw.gstreamer.file_source import FileSource, PatternSource
+from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.runtime.clock import Clock
+
+# `cameras.VIEW.source` in the configuration → what makes its frames: a function of the view's
+# name, its camera's configuration and the stream's
+SOURCES: dict[str, Callable[[str, CameraConfig, VideoConfig], FrameSource]] = {
+    "v4l2": V4l2Source,
+    "file": lambda _view, config, video: FileSource(config.file, video),
+    "pattern": lambda _view, _config, video: PatternSource(video),
+}
 
 
 def make_camera(
     view: str, config: CameraConfig, video: VideoConfig, clock: Clock, note: Note
 ) -> GstCamera:
-    """The camera of `view`, not started yet; ConfigError if its settings cannot go together.
+    """The camera of one view, not started yet.
 
-    `clock` must be CLOCK_MONOTONIC, by which the frames are timed. `note` is called with level
-    and sentence, from the thread that calls next_frame, when the camera goes blind and comes back.
+    Args:
+        view: the view's name; it is on every frame.
+        config: `cameras.VIEW`; its `source` is a key of `SOURCES`.
+        video: size [pixels] and rate [frames/s] of the frames.
+        clock: CLOCK_MONOTONIC, by which the frames are timed.
+        note: called with level and sentence when the camera stops delivering and when it is back,
+            in the thread that calls `next_frame`.
+
+    Raises:
+        ConfigError: its settings cannot go together.
     """
-    source: FrameSource
-    if config.source == "file":
-        source = FileSource(config.file, video)
-    elif config.source == "pattern":
-        source = PatternSource(video)
-    else:
-        source = V4l2Source(view, config, video)
-    return GstCamera(view, source, video, clock, note)
+    return GstCamera(view, SOURCES[config.source](view, config, video), video, clock, note)

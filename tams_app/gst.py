@@ -197,3 +197,13 @@ def buffers_of(probe: Any) -> Iterator[Any]:
         yield from (buffers.get(number) for number in range(buffers.length()))
     else:
         yield probe.get_buffer()
+
+
+def pull_available(appsink: Any) -> Iterator[Any]:
+    """The buffers that wait in `appsink`, without waiting for more; lists are taken apart."""
+    while (sample := appsink.emit("try-pull-sample", 0)) is not None:
+        several = sample.get_buffer_list()
+        if several is None:
+            yield sample.get_buffer()
+        else:
+            yield from (several.get(number) for number in range(several.length()))

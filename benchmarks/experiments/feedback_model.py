@@ -21,7 +21,6 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.experiments.arrivals import Arrivals, NotingLink
-from benchmarks.experiments.moving_frames import image
 from benchmarks.experiments.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
@@ -33,7 +32,7 @@ from tams_app.video.virtual_time.event_queue import EventQueue
 from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.video import VirtualVideo
-from tams_app.video.virtual_time.wait_idle import Quiescence
+from tams_app.video.virtual_time.wait_idle import IdleWaiter
 
 NETWORKS = ("s1", "s2", "s3")
 START_NS = NS_PER_S
@@ -157,7 +156,7 @@ def run_rtpsession(
 ) -> Counter[str]:
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
-    clock, events, quiescence = SteppedClock(START_NS), EventQueue(), Quiescence()
+    clock, events, waiter = SteppedClock(START_NS), EventQueue(), IdleWaiter()
     clock.become_default()
     capacity = network_capacity(network, START_NS)
     arrivals = Arrivals(START_NS)
@@ -169,7 +168,7 @@ def run_rtpsession(
     }
 
     def settle() -> None:
-        quiescence.wait()
+        waiter.wait()
         for view in views.values():
             view.collect()
 
@@ -206,7 +205,7 @@ def run_rtpsession(
         )
         print(each.view, dict(each.report_bytes), file=sys.stderr)
         each.close()
-    quiescence.close()
+    waiter.close()
     return counts
 
 

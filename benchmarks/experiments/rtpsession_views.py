@@ -23,8 +23,7 @@ from tams_app.records import (
 )
 from tams_app.video import pipelines
 from tams_app.video.link import Link
-from tams_app.video.packets import identify
-from tams_app.video.ports import media_ssrc
+from tams_app.video.packets import identify, media_ssrc
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
 from tams_app.video.view_encoder import ViewEncoder
@@ -173,14 +172,8 @@ def _ignore(_: object) -> None:
 
 
 def _pull(pipeline: Any, sink: str) -> Iterator[bytes]:
-    element = pipeline.get_by_name(sink)
-    while (sample := element.emit("try-pull-sample", 0)) is not None:
-        several = sample.get_buffer_list()
-        if several is None:
-            buffers = [sample.get_buffer()]
-        else:
-            buffers = [several.get(number) for number in range(several.length())]
-        yield from (buffer.extract_dup(0, buffer.get_size()) for buffer in buffers)
+    for buffer in gst.pull_available(pipeline.get_by_name(sink)):
+        yield buffer.extract_dup(0, buffer.get_size())
 
 
 def _requests(compound: bytes) -> tuple[int, int]:

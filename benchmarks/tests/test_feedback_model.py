@@ -23,12 +23,11 @@ def counts_of_a_fresh_process(kind: str, network: str, seed: int) -> dict[str, i
     return counts
 
 
-@pytest.mark.parametrize("network", ["s2", "s3"])
-def test_the_first_frame_meets_no_report_on_its_way(network: str) -> None:
+def test_the_first_frame_meets_no_report_on_its_way() -> None:
     # a report ahead of it would lend it its jitter, and the jitter buffer would then wait as much
     # longer for every repair
     model, real = (
-        counts_of_a_fresh_process(kind, network, seed=2) for kind in ("model", "rtpsession")
+        counts_of_a_fresh_process(kind, "s3", seed=2) for kind in ("model", "rtpsession")
     )
     assert model["first_arrivals_us"] == real["first_arrivals_us"] > 0
     assert min(model["frames_shown"], real["frames_shown"]) > 60  # of three views' 90

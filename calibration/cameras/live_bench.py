@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from calibration.cameras.bench import Settings, Shot, Task
 from calibration.cameras.latency import ScreenTimes
 from calibration.cameras.screen import shown_pattern
-from hw.v4l2.camera import V4l2Source
+from hw.gstreamer.camera import GstCamera
 from hw.v4l2.controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
-from hw.v4l2.gst_camera import GstCamera
-from hw.v4l2.wire import V4l2Device
+from hw.v4l2.ioctl import V4l2Device
+from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Image

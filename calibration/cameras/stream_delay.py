@@ -10,10 +10,10 @@ from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, Image, ShownFrame
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.video.networks import resolve_network
-from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import repair_rule
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 
 _KBPS = 2000.0  # a third of what network s2 carries
 _WARM_UP = 10  # frames: the first keyframe, the decoder's start

@@ -13,7 +13,7 @@ from calibration.frame.prompts import Prompt
 from calibration.frame.rotation import Matrix
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
-from hw.openvr.raw import RawComponents
+from hw.openvr.legacy import ComponentReader
 from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig
@@ -70,7 +70,7 @@ class LiveSetup:
 
     @contextmanager
     def buttons(self) -> Iterator[ButtonSource]:
-        components = RawComponents(self._config.controller)
+        components = ComponentReader(self._config.controller)
         try:
             yield _Live(self._clock, lambda _: components.read())
         finally:

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hw.openvr.bindings import ACTION_SET, HAPTIC_ACTION, input_action
-from hw.openvr.buttons import Buttons
-from hw.openvr.components import ROLES
+from hw.openvr.components import ROLES, Buttons
 from hw.openvr.haptics import Vibration
 from hw.openvr.runtime import OpenVrRuntime
 
@@ -71,7 +70,7 @@ class ActionButtons:
             )
         except self._lost:
             raise
-        except self._refusals:  # not bound, or the controller is gone: nobody holds it
+        except self._refusals:  # not bound, or the controller is gone
             return
 
     def _grip(self) -> float | None:

@@ -1,7 +1,7 @@
-"""What the supported controllers have to press, and which part each component plays.
+"""The buttons of the supported controllers: their components, roles and readings.
 
 SteamVR's names. Left out on purpose: the system button, which SteamVR keeps, and the trigger's
-click, which nobody can press without the deadman. Nothing here was checked against SteamVR: names
+click, which cannot be pressed without the deadman. Nothing here was checked against SteamVR: names
 and modes follow its published drivers and bindings.
 """
 
@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
+from hw.openvr.haptics import Vibration
 from tams_app.config import ControllerConfig
 from tams_app.errors import ConfigError
 
@@ -79,6 +80,33 @@ class ComponentReading:
 
     controller_type: str
     values: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Buttons:
+    """One complete reading: trigger and grip 0..1."""
+
+    trigger: float = 0.0
+    grip: float = 0.0
+    a: bool = False
+    b: bool = False
+    menu: bool = False
+
+
+class ButtonSource(Protocol):
+    """SteamVR Input's actions, or the legacy controller state."""
+
+    pulse_every_s: float | None  # how often a pulse must be repeated to vibrate on; None: never
+
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """What the last `read` could not read."""
+
+    def read(self, device: int, controller_type: str) -> Buttons | None:
+        """The buttons now; None unless every one of them is there and this process may have it."""
+
+    def vibrate(self, device: int, vibration: Vibration) -> None:
+        """Let the controller vibrate; does not wait until it has."""
 
 
 _PAD_SIDES = tuple(Component(f"trackpad/{s.name.lower()}", "dpad", s) for s in PadSide)

@@ -92,7 +92,7 @@ class OpenVrController(Controller):
         self._pulses.put(haptic)
 
     def close(self) -> None:
-        """Let go of SteamVR; TamsError if it hangs and holds the thread."""
+        """Disconnect from SteamVR; TamsError if it hangs and holds the thread."""
         try:
             if self._worker is not None:
                 self._worker.stop()

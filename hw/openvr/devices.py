@@ -52,7 +52,7 @@ def list_controllers() -> list[ControllerInfo]:
 
 
 def identify(runtime: OpenVrRuntime, index: int) -> DeviceIdentity:
-    """Who plays the device `index`; asks the runtime twice, so not for every sample."""
+    """Serial and type of device `index`; two queries of the runtime: not for every sample."""
     vr = runtime.vr
     serial = _text(runtime, index, vr.Prop_SerialNumber_String)
     kind = _text(runtime, index, vr.Prop_ControllerType_String)

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from hw.openvr.buttons import Buttons
 from hw.openvr.components import (
     ASSUMED_TYPE,
     COMPONENTS,
     ROLES,
     Axis,
     Button,
+    Buttons,
+    ComponentReading,
     LegacySource,
     PadSide,
     configured_role_map,
 )
+from hw.openvr.devices import identify
 from hw.openvr.haptics import Vibration
-from hw.openvr.runtime import OpenVrRuntime
+from hw.openvr.runtime import OpenVrRuntime, binding_errors
 from tams_app.config import ControllerConfig
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, DeviceError
 
 _PAD_BUTTON = 32  # k_EButton_SteamVR_Touchpad, axis 0
 _PAD_EDGE = 0.3  # from the middle, of the pad's radius
@@ -72,6 +74,61 @@ class LegacyButtons:
     def vibrate(self, device: int, vibration: Vibration) -> None:
         length_us = round(vibration.amplitude * _MAX_PULSE_US)
         self._system.triggerHapticPulse(device, _HAPTIC_AXIS, length_us)
+
+
+class ComponentReader:
+    """Reads every component of the operator's controller, whatever part it plays.
+
+    For `calibrate frame`: the legacy state knows nothing of actions and bindings, so a wrong
+    mapping cannot hide a button. No thread: calls wait for the runtime. Not while an
+    `OpenVrController` is open.
+    """
+
+    def __init__(self, config: ControllerConfig) -> None:
+        """DeviceError or SetupError with one sentence if there is no runtime."""
+        self._hand = config.hand
+        self._runtime = OpenVrRuntime.join()
+
+    def read(self) -> ComponentReading | None:
+        """Now; None while the controller is away or SteamVR keeps its input.
+
+        DeviceError for a controller that is not in the table, and if SteamVR is gone.
+        """
+        runtime = self._runtime
+        try:
+            for event in runtime.events():
+                if event == runtime.vr.VREvent_Quit:
+                    runtime.acknowledge_quit()
+                    raise DeviceError("SteamVR has quit: start it, then try again.")
+            return self._read(runtime)
+        except binding_errors(runtime.vr) as error:
+            raise DeviceError(
+                f"The connection to SteamVR broke ({type(error).__name__}): try again."
+            ) from error
+
+    def close(self) -> None:
+        """Disconnect from the runtime; may be called twice."""
+        self._runtime.close()
+
+    def _read(self, runtime: OpenVrRuntime) -> ComponentReading | None:
+        index = runtime.hand_device(self._hand)
+        if index is None:
+            return None
+        kind = identify(runtime, index).controller_type
+        if kind not in COMPONENTS:
+            raise DeviceError(
+                f"Controllers of the type {kind or 'that SteamVR does not tell'} are not known: "
+                f"use one of {', '.join(COMPONENTS)}, or leave the buttons with --no-buttons."
+            )
+        available, state = runtime.system.getControllerState(index)
+        if not available:
+            return None
+        values = {
+            component.path: component_value(state, component.legacy)
+            for component in COMPONENTS[kind][self._hand]
+            if component.legacy is not None
+        }
+        return ComponentReading(kind, values)
 
 
 def component_value(state: Any, place: LegacySource) -> float:

@@ -27,14 +27,18 @@ from typing import Any
 
 from hw.openvr.actions import ActionButtons
 from hw.openvr.announcer import Announcer
-from hw.openvr.buttons import Buttons, ButtonSource
-from hw.openvr.components import COMPONENTS
+from hw.openvr.components import COMPONENTS, Buttons, ButtonSource
 from hw.openvr.devices import DeviceIdentity, identify
 from hw.openvr.haptics import HapticPlayer
 from hw.openvr.legacy import LegacyButtons
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
-from hw.openvr.tracking import HandKeeper, PoseKeeper, tracking_problem
-from hw.openvr.tracking_frame import FrameKeeper, frame_events
+from hw.openvr.tracking import (
+    FrameKeeper,
+    HandKeeper,
+    PoseKeeper,
+    frame_events,
+    tracking_problem,
+)
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
@@ -119,7 +123,7 @@ class OpenVrPoller:
             self._haptics.start(haptic, now_ns, self._source.pulse_every_s)
 
     def close(self) -> None:
-        """Let go of the runtime; may be called twice."""
+        """Disconnect from the runtime; may be called twice."""
         self._haptics.silence()
         self._source = self._overlay = self._device = self._identity = None
         if self._runtime is not None:
@@ -214,7 +218,7 @@ class OpenVrPoller:
             return _View(ControllerStatus.STANDBY, "pick it up to go on")
         problem = tracking_problem(runtime.vr, poses[index])
         pose = None if problem else self._pose.update(poses[index], now_ns)
-        taken = self._who_takes_input(runtime, read)
+        taken = self._input_taken_by(runtime, read)
         if taken:
             return _View(ControllerStatus.DASHBOARD, taken, pose)
         self._take(read, now_ns)
@@ -235,8 +239,8 @@ class OpenVrPoller:
         if read is not None:
             self._buttons, self._buttons_ns = read, now_ns
 
-    def _who_takes_input(self, runtime: OpenVrRuntime, read: Buttons | None) -> str:
-        """Who keeps the buttons from this process; "" if nobody does."""
+    def _input_taken_by(self, runtime: OpenVrRuntime, read: Buttons | None) -> str:
+        """What keeps the buttons from this process; "" if nothing does."""
         if self._overlay.isDashboardVisible():
             return "close it to go on"
         if read is None and not runtime.system.isInputAvailable():
@@ -245,15 +249,10 @@ class OpenVrPoller:
 
     def _find_hand(self, runtime: OpenVrRuntime, poses: Any) -> int | None:
         """The index of the connected device that plays the operator's hand."""
-        vr = runtime.vr
-        role = {
-            "left": vr.TrackedControllerRole_LeftHand,
-            "right": vr.TrackedControllerRole_RightHand,
-        }[self._config.hand]
-        index = int(runtime.system.getTrackedDeviceIndexForControllerRole(role))
-        if index < len(poses) and poses[index].bDeviceIsConnected:
+        index = runtime.hand_device(self._config.hand)
+        if index is not None and poses[index].bDeviceIsConnected:
             return index
-        self._device = None  # whoever comes next is asked who it is
+        self._device = None  # the next device is identified anew
         return None
 
     def _identify(self, runtime: OpenVrRuntime, index: int) -> DeviceIdentity:

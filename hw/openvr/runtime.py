@@ -113,12 +113,22 @@ class OpenVrRuntime:
             self.vr.TrackingUniverseStanding, 0.0, self._poses
         )
 
+    def hand_device(self, hand: str) -> int | None:
+        """The index of the device that plays `hand` ("left" or "right"); None if none does."""
+        vr = self.vr
+        role = {
+            "left": vr.TrackedControllerRole_LeftHand,
+            "right": vr.TrackedControllerRole_RightHand,
+        }[hand]
+        index = int(self.system.getTrackedDeviceIndexForControllerRole(role))
+        return index if index < vr.k_unMaxTrackedDeviceCount else None
+
     def raw_to_standing(self) -> Any:
         """HmdMatrix34_t from the tracking's own frame to the standing universe."""
         return self.system.getRawZeroPoseToStandingAbsoluteTrackingPose()
 
     def acknowledge_quit(self) -> None:
-        """Tell a runtime that quits that this process is letting go of it."""
+        """Tell a runtime that quits that this process disconnects."""
         self.system.acknowledgeQuit_Exiting()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Where the controller is, since when, and which device is the operator's hand."""
+"""Which poses can be trusted: tracking results, the operator's hand, and the standing frame."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from scipy.spatial.transform import Rotation
 from tams_app.records import Pose
 from tams_app.runtime.clock import NS_PER_S
 
-ADOPT_AFTER_NS = NS_PER_S  # a new device's trigger must have been up for this long
-_TRIGGER_UP = 0.2
+RELEASED_FOR_NS = NS_PER_S  # how long the trigger must have been up
+TRIGGER_UP = 0.2
 _ORTHONORMAL_WITHIN = 1e-2
+_SAME_WITHIN_M = 0.005
+_SAME_WITHIN_RAD = np.radians(0.5)
 
 
 def tracking_problem(vr: Any, device: Any) -> str:
@@ -53,19 +55,39 @@ class PoseKeeper:
         return self._pose
 
 
+class TriggerRelease:
+    """Notices that the trigger was seen up for RELEASED_FOR_NS without a break."""
+
+    def __init__(self) -> None:
+        self._up_since_ns: int | None = None
+
+    def restart(self) -> None:
+        """Forget what was seen."""
+        self._up_since_ns = None
+
+    def seen(self, trigger: float | None, now_ns: int) -> bool:
+        """Whether it was up for long enough; `trigger` (0 to 1) is None where it is unreadable."""
+        if trigger is None or not trigger <= TRIGGER_UP:  # NaN is not up
+            self._up_since_ns = None
+            return False
+        if self._up_since_ns is None:
+            self._up_since_ns = now_ns
+        return now_ns - self._up_since_ns >= RELEASED_FOR_NS
+
+
 class HandKeeper:
     """Notices that another device plays the operator's hand.
 
     The runtime may give the hand to another controller at any time: one is switched on, off or
     laid down. A pose and a trigger that jump from one hand to the other must not move the arm, so
-    the new device counts only after its trigger was seen up for ADOPT_AFTER_NS without a break,
-    which shows that someone holds it and lets go. The old device coming back counts at once.
+    the new device counts only after a `TriggerRelease`, which shows that it is held and let go.
+    The old device coming back counts at once.
     """
 
     def __init__(self) -> None:
         self._mine = ""
         self._other = ""
-        self._up_since_ns: int | None = None
+        self._release = TriggerRelease()
 
     def is_swapped(self, serial: str, trigger: float | None, now_ns: int) -> bool:
         """Take in who plays the hand now; `trigger` is None where it cannot be read."""
@@ -73,16 +95,62 @@ class HandKeeper:
             self._mine, self._other = serial, ""
             return False
         if serial != self._other:
-            self._other, self._up_since_ns = serial, None
-        if trigger is None or not trigger <= _TRIGGER_UP:
-            self._up_since_ns = None
-            return True
-        if self._up_since_ns is None:
-            self._up_since_ns = now_ns
-        if now_ns - self._up_since_ns < ADOPT_AFTER_NS:
+            self._other = serial
+            self._release.restart()
+        if not self._release.seen(trigger, now_ns):
             return True
         self._mine, self._other = serial, ""
         return False
+
+
+class FrameKeeper:
+    """Notices that the standing frame, in which every pose is given, was turned or moved.
+
+    Recentring the headset turns the frame under a hand that goes on as before: "forward" then
+    leads the arm elsewhere. So from a change on nothing counts until a `TriggerRelease`. Keep one
+    over all connections: a runtime that was restarted may have another frame than before.
+    """
+
+    def __init__(self) -> None:
+        self._frame: NDArray[np.float64] | None = None
+        self._changed = False
+        self._release = TriggerRelease()
+
+    def note_event(self) -> None:
+        """The runtime says that the frame was moved."""
+        self._changed = True
+        self._release.restart()
+
+    def look(self, raw_to_standing: Any) -> None:
+        """Compare an HmdMatrix34_t, from the tracking's own frame to the standing one.
+
+        Slow corrections of the runtime count once they add up.
+        """
+        frame = _matrix(bytes(raw_to_standing))
+        if self._frame is None:
+            self._frame = frame
+        elif not _is_same(frame, self._frame):
+            self._frame = frame
+            self.note_event()
+
+    def is_changed(self, trigger: float | None, now_ns: int) -> bool:
+        """Whether poses are not to be trusted yet; `trigger` is None where it is unreadable."""
+        if self._changed and self._release.seen(trigger, now_ns):
+            self._changed = False
+        return self._changed
+
+
+def frame_events(vr: Any) -> frozenset[int]:
+    """The events that say that the frame was moved: recentred, or another room."""
+    return frozenset(
+        {
+            vr.VREvent_ChaperoneDataHasChanged,
+            vr.VREvent_ChaperoneUniverseHasChanged,
+            vr.VREvent_ChaperoneRoomSetupCommitted,
+            vr.VREvent_SeatedZeroPoseReset,
+            vr.VREvent_StandingZeroPoseReset,
+        }
+    )
 
 
 def _matrix(raw: bytes) -> NDArray[np.float64]:
@@ -97,3 +165,11 @@ def _is_rigid(matrix: NDArray[np.float64]) -> bool:
     rotation = matrix[:, :3]
     error = np.abs(rotation @ rotation.T - np.eye(3)).max()
     return bool(error < _ORTHONORMAL_WITHIN and np.linalg.det(rotation) > 0)
+
+
+def _is_same(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """False also for what is not a number."""
+    moved_m = np.linalg.norm(a[:, 3] - b[:, 3])
+    # of a small turn: the Frobenius norm of the difference is the angle times the root of 2
+    turned_rad = np.linalg.norm(a[:, :3] - b[:, :3]) / np.sqrt(2.0)
+    return bool(moved_m <= _SAME_WITHIN_M and turned_rad <= _SAME_WITHIN_RAD)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from hw.v4l2.wire import V4l2Device
+from hw.v4l2.ioctl import V4l2Device
 from tams_app.config import CameraConfig
 from tams_app.errors import ConfigError, DeviceError
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from hw.v4l2.wire import (
+from hw.v4l2.ioctl import (
     CAPTURES_VIDEO,
     COMPRESSED,
     DISCRETE,

@@ -24,7 +24,7 @@ from tams_app.console.findings import Check, Finding
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
-from tams_app.video.ports import requested_ports
+from tams_app.video.udp import requested_ports
 
 RENDER_TIMEOUT_S = 60
 SHARED_BYTES = 8_000_000  # frames and world state of the rig

@@ -13,10 +13,10 @@ from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Quality, Video
-from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.relay_client import RelayClient
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 
 _CAMERA_TIMEOUT_S = 0.2
 

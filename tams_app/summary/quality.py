@@ -18,7 +18,7 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, PacketKind, Phase
 from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean, ratio
-from tams_app.video.damage import damaged_frames
+from tams_app.video.concealment import concealed_frames
 from tams_app.video.frame_identity import index_of_rtp_timestamp
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
@@ -175,7 +175,7 @@ def _concealed_and_shown(log: SessionLog, view: str) -> set[int] | None:
     for one in log.shown:
         if one.view == view:
             shown_ns.setdefault(one.index, one.shown_ns)
-    return damaged_frames(keyframe_of, packets, shown_ns, log.header.fps) & shown_ns.keys()
+    return concealed_frames(keyframe_of, packets, shown_ns, log.header.fps) & shown_ns.keys()
 
 
 def _packets_of(frames: list[FrameQuality], log: SessionLog) -> Floats:

@@ -1,7 +1,7 @@
 """The emulated uplink: one bottleneck for all views, then delay and jitter, then loss.
 
-Analytic: every packet's way is known the moment it enters, so the same object serves the relay
-process live and a run in virtual time.
+Analytic: when a packet enters, its fate and its times are computed at once, so the same object
+serves the relay process live and a run in virtual time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from tams_app.capacity import Capacity
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.runtime.clock import NS_PER_MS
-from tams_app.video.loss import loss_model
 
 
 class Bottleneck:
@@ -48,6 +47,56 @@ class Bottleneck:
         self._queue.append((departed_ns, size_bytes))
         self.backlog_bytes += size_bytes
         return departed_ns
+
+
+class IndependentLoss:
+    """Every packet is lost with the same probability."""
+
+    def __init__(self, probability: float, random: Random) -> None:
+        self._probability = probability
+        self._random = random
+
+    def lost(self) -> bool:
+        return self._random.random() < self._probability
+
+
+class GilbertElliottLoss:
+    """Bursts: a two-state Markov chain over packets that loses all in its bad state, else none.
+
+    `probability` is the long-run share lost, `mean_burst` the mean number of packets lost in a
+    row: P(bad→good) = 1/mean_burst, P(good→bad) = probability / (mean_burst·(1−probability)).
+    The chain starts in its stationary distribution. ValueError if no such chain exists.
+    """
+
+    def __init__(self, probability: float, mean_burst: float, random: Random) -> None:
+        self._random = random
+        self._recover = 1.0 / mean_burst
+        self._fail = good_to_bad(probability, mean_burst)
+        if self._fail > 1:
+            raise ValueError("so much loss cannot come in such short bursts")
+        self._bad = random.random() < probability
+
+    def lost(self) -> bool:
+        fate = self._bad
+        threshold = 1.0 - self._recover if self._bad else self._fail
+        self._bad = self._random.random() < threshold
+        return fate
+
+
+def good_to_bad(probability: float, mean_burst: float) -> float:
+    """P(good→bad) of the chain with this long-run loss and mean burst; > 1 if there is none."""
+    if probability >= 1:
+        return 1.0
+    return probability / (mean_burst * (1.0 - probability))
+
+
+def loss_model(
+    probability: float, mean_burst: float, random: Random
+) -> IndependentLoss | GilbertElliottLoss:
+    """Independent loss for a mean burst of 1, Gilbert-Elliott above."""
+    if mean_burst == 1 or probability in (0, 1):
+        return IndependentLoss(probability, random)
+    return GilbertElliottLoss(probability, mean_burst, random)
 
 
 class _Draws:
@@ -88,6 +137,14 @@ class Link:
     def __init__(
         self, network: Network, capacity: Capacity, views: Iterable[str], seed: int
     ) -> None:
+        """Seed all draws.
+
+        Args:
+            network: latency and jitter [ms], loss and its mean burst, queue.
+            capacity: the rate of the bottleneck over time; see `networks.network_capacity`.
+            views: the names of the views that share the link.
+            seed: the same seed gives the n-th packet of a stream the same delay and loss.
+        """
         views = tuple(views)
         self._bottleneck = Bottleneck(capacity, network.queue_ms, network.queue_min_bytes)
         self._rtp = {view: _Draws(network, seed, f"{view}/rtp") for view in views}
@@ -106,9 +163,22 @@ class Link:
         sequence: int,
         rtp_timestamp: int = 0,
     ) -> PacketRecord:
-        """A datagram of `size_bytes` (IP) enters; its record tells when it leaves and arrives.
+        """Send a datagram into the uplink.
 
-        `now_ns` never goes back (ValueError).
+        Args:
+            now_ns: the time [ns] on the clock of `capacity`.
+            view: the stream it belongs to.
+            kind: media, repair (RTX) or RTCP.
+            size_bytes: its size with IP and UDP headers.
+            sequence: RTP sequence number of the media packet it carries; 0 for RTCP.
+            rtp_timestamp: RTP timestamp; 0 for RTCP.
+
+        Returns:
+            Its record: the fate, when it leaves the bottleneck and when it arrives [ns], 0 where
+            it does not.
+
+        Raises:
+            ValueError: `now_ns` is earlier than in the call before.
         """
         if now_ns < self._now_ns:
             raise ValueError("packets must be offered in the order of time")

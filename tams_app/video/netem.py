@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tams_app.config import Config, Network
 from tams_app.errors import ConfigError, SetupError, TamsError
-from tams_app.video.loss import good_to_bad
+from tams_app.video.link import good_to_bad
 from tams_app.video.networks import resolve_network
 
 Runner = Callable[[list[str]], "subprocess.CompletedProcess[str]"]

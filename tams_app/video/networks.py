@@ -1,13 +1,19 @@
-"""From a network's name, or a trace's path, to the uplink condition and its capacity."""
+"""Uplink conditions by name or trace file, and the capacity of their bottleneck."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from tams_app.capacity import Capacity, ConstantCapacity, TraceCapacity, UnlimitedCapacity
+from tams_app.capacity import (
+    Capacity,
+    ConstantCapacity,
+    RateTrace,
+    TraceCapacity,
+    UnlimitedCapacity,
+)
 from tams_app.config import CONFIG_DIRECTORY, Config, Network
 from tams_app.errors import ConfigError
-from tams_app.video.traces import read_trace
+from tams_app.video.traces import parse_trace
 
 
 def resolve_network(config: Config, name: str) -> Network:
@@ -39,6 +45,17 @@ def network_capacity(network: Network, epoch_ns: int) -> Capacity:
     if network.rate_kbps is not None:
         return ConstantCapacity(network.rate_kbps)
     return UnlimitedCapacity()
+
+
+def read_trace(path: Path) -> RateTrace:
+    """The trace in `path`; ConfigError names file, line and reason."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not a text file, so it is no capacity trace") from error
+    return parse_trace(text, str(path))
 
 
 def _find(name: str) -> Path | None:

@@ -1,4 +1,7 @@
-"""Reading the headers of RTP (RFC 3550, RTX: RFC 4588) and RTCP (RFC 3550, RFC 4585) datagrams."""
+"""RTP and RTCP packets: the fixed numbers of our streams, and reading of headers.
+
+RTP and RTCP: RFC 3550. RTX, which resends a packet: RFC 4588. NACK and PLI: RFC 4585.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,13 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from tams_app.config import VideoConfig
 from tams_app.records import PacketKind
-from tams_app.video.ports import REPAIR_PAYLOAD_TYPE
 
+MEDIA_PAYLOAD_TYPE = 96
+REPAIR_PAYLOAD_TYPE = 97  # RTX (RFC 4588)
+
+_FIRST_SSRC = 0x54410000
 _RTP_HEADER = struct.Struct("!BBHII")
 _RTCP_HEADER = struct.Struct("!BBH")
 _VERSION = 2
@@ -45,8 +52,18 @@ class RtcpHeader:
 
     @property
     def is_pli(self) -> bool:
-        """It asks for a new keyframe (frame loss indication)."""
+        """It asks for a new keyframe (picture loss indication)."""
         return (self.packet_type, self.count) == (_PAYLOAD_FEEDBACK, _PICTURE_LOSS)
+
+
+def media_ssrc(config: VideoConfig, view: str) -> int:
+    """The SSRC of a view's media stream, fixed so that a packet tells its view."""
+    return _FIRST_SSRC + 2 * config.views.index(view)
+
+
+def repair_ssrc(config: VideoConfig, view: str) -> int:
+    """The SSRC of a view's RTX stream."""
+    return media_ssrc(config, view) + 1
 
 
 def read_rtp(datagram: bytes) -> RtpHeader | None:

@@ -1,24 +1,17 @@
 """The launch descriptions of the video chains, in pieces.
 
-`encoder_chain` and `decoder_chain` are the paper's chains without their ends. `live_sender` and
-`live_receiver` put an appsrc or appsink, an rtpsession and UDP around them; `virtual_sender` and
-`virtual_receiver` leave the entrance open for pads that a run in virtual time pushes from.
-Settings and their reasons: FINDINGS 2 and 3.
+`encoder_chain` and `decoder_chain` are the paper's chains without their ends. `session_sender` and
+`session_receiver` put an appsrc or appsink and an rtpsession around them, between the network's
+ends; `virtual_sender` and `virtual_receiver` leave the entrance open for pads that a run in virtual
+time pushes from. Settings and their reasons: FINDINGS 2 and 3.
 """
 
 from __future__ import annotations
 
 from tams_app.config import VideoConfig
 from tams_app.runtime.clock import NS_PER_MS
-from tams_app.video.ports import (
-    MEDIA_PAYLOAD_TYPE,
-    REPAIR_PAYLOAD_TYPE,
-    ViewPorts,
-    media_ssrc,
-    repair_ssrc,
-)
+from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc, repair_ssrc
 from tams_app.video.repair import RepairRule
-from tams_app.video.shells import udp_sink, udp_source
 
 RTCP_CAPS = "application/x-rtcp"
 # AVPF (RFC 4585) lets NACK and PLI leave early, but only one in each regular interval, which is
@@ -32,7 +25,7 @@ _RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
 _SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
 RTX_HISTORY_MS = 1000
 # Without async=false a live appsink never leaves PAUSED.
-_PICTURES = "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
+_FRAMES = "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
 
 
 def raw_caps(config: VideoConfig) -> str:
@@ -97,21 +90,6 @@ def decoder_chain(rule: RepairRule, decoder: str) -> str:
     )
 
 
-def live_sender(
-    config: VideoConfig, view: str, rtx: bool, encoder_kbps: int, link: ViewPorts
-) -> str:
-    """The whole sender of a view: appsrc `frames`, udpsink `rtp_out`, udpsrc `feedback_in`."""
-    return session_sender(
-        config,
-        view,
-        rtx,
-        encoder_kbps,
-        rtp_out=udp_sink("rtp_out", config.bind_host, link.host, link.rtp),
-        reports_out=udp_sink("reports_out", config.bind_host, link.host, link.reports),
-        feedback_in=udp_source("feedback_in", RTCP_CAPS),
-    )
-
-
 def session_sender(
     config: VideoConfig,
     view: str,
@@ -122,7 +100,10 @@ def session_sender(
     reports_out: str,
     feedback_in: str,
 ) -> str:
-    """A sender with its rtpsession between any ends; frames enter by the appsrc `frames`.
+    """A sender with its rtpsession; frames enter by the appsrc `frames`.
+
+    `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
+    `feedback_in`: of the source of the receiver's RTCP (live: UDP).
 
     max-buffers=4: with two the first frames are lost while x264 starts.
     """
@@ -137,21 +118,6 @@ def session_sender(
     )
 
 
-def live_receiver(
-    config: VideoConfig, view: str, rule: RepairRule, decoder: str, link: ViewPorts
-) -> str:
-    """The whole receiver of a view: udpsrcs `rtp_in` and `reports_in`, appsink `frames`."""
-    return session_receiver(
-        config,
-        view,
-        rule,
-        decoder,
-        rtp_in=udp_source("rtp_in", rtp_caps()),
-        reports_in=udp_source("reports_in", RTCP_CAPS),
-        feedback_out=udp_sink("feedback_out", config.bind_host, link.host, link.feedback),
-    )
-
-
 def session_receiver(
     config: VideoConfig,
     view: str,
@@ -162,7 +128,10 @@ def session_receiver(
     reports_in: str,
     feedback_out: str,
 ) -> str:
-    """A receiver with its rtpsession between any ends; frames leave by the appsink `frames`.
+    """A receiver with its rtpsession; frames leave by the appsink `frames`.
+
+    `rtp_in`, `reports_in`: launch descriptions of the sources of the sender's RTP and RTCP,
+    `feedback_out`: of the sink of its own RTCP.
 
     Only the view's own SSRC is linked on.
     """
@@ -171,7 +140,7 @@ def session_receiver(
         f"{_RECEIVING} {rtp_in} ! session.recv_rtp_sink "
         f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
         f"ssrcdemux.src_{media_ssrc(config, view)} ! {decoder_chain(rule, decoder)} "
-        f"! {_PICTURES} {reports_in} ! session.recv_rtcp_sink "
+        f"! {_FRAMES} {reports_in} ! session.recv_rtcp_sink "
         f"session.send_rtcp_src ! {feedback_out}"
     )
 
@@ -185,4 +154,4 @@ def virtual_sender(config: VideoConfig, view: str, encoder_kbps: int) -> str:
 
 def virtual_receiver(rule: RepairRule, decoder: str) -> str:
     """A view's receiver in virtual time: the entrance is open, appsink `frames` is the exit."""
-    return f"{decoder_chain(rule, decoder)} ! {_PICTURES}"
+    return f"{decoder_chain(rule, decoder)} ! {_FRAMES}"

@@ -7,7 +7,7 @@ once its fate is decided, with the images to compare. `Scorer` compares them (se
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tams_app.records import FrameQuality
 from tams_app.runtime.clock import NS_PER_MS
@@ -20,26 +20,20 @@ _KEPT_MOMENTS = 8  # images; one takes 3.7 MB
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Image:
-    """One image; `luma` is None where nobody has it any more. Equal only to itself."""
+    """One image; `luma` is None where it is no longer there. Equal only to itself."""
 
     luma: Luma | None
 
 
 @dataclass(frozen=True, slots=True)
 class Fate:
-    """A captured frame whose fate is decided, and the images to compare it with.
+    """A captured frame whose fate is decided: its record without scores, and what to score.
 
-    `shown`: its own, `stand_in`: what was shown in its place (its own, or of the greatest smaller
-    index), `on_screen`: at its capture. None where there is none.
+    `shown`: its own image as shown, `stand_in`: what was shown in its place (its own, or that of
+    the greatest smaller index), `on_screen`: what was shown at its capture. None: there is none.
     """
 
-    view: str
-    index: int
-    capture_ns: int
-    shown_ns: int | None
-    age_ns: int | None
-    frozen: bool
-    damaged: bool | None
+    record: FrameQuality
     captured: Image
     shown: Image | None
     stand_in: Image | None
@@ -58,19 +52,17 @@ class _Shown:
     shown_ns: int
     image: Image
     capture_ns: int | None  # None: shown without having been captured
-    damaged: bool | None
 
 
 class ViewQuality:
-    """The accounts of one view over the last `window_frames` captures.
+    """What became of the frames of one view, over the last `window_frames` captures.
 
     A frame's fate is decided when it or a later one is shown; or when the window moves past it:
-    shown later still, it stays "never shown" (`unmatched` counts it). Give a shown frame after
-    the captures that came before it.
+    shown later still, it stays "never shown". Give a shown frame after the captures that came
+    before it.
     """
 
     def __init__(self, view: str, window_frames: int = WINDOW_FRAMES) -> None:
-        self.unmatched = 0  # shown, but not among the captures of the window
         self._view = view
         self._window_frames = window_frames
         self._pending: OrderedDict[int, _Captured] = OrderedDict()
@@ -86,14 +78,11 @@ class ViewQuality:
         oldest, capture = self._pending.popitem(last=False)
         return [self._decide(oldest, capture, None, capture_ns)]
 
-    def shown(
-        self, index: int, shown_ns: int, luma: Luma | None, damaged: bool | None = None
-    ) -> list[Fate]:
+    def shown(self, index: int, shown_ns: int, luma: Luma | None) -> list[Fate]:
         """An image that reached the screen; decides all captures up to it."""
         own = self._pending.get(index)
-        self.unmatched += own is None
         capture_ns = own.capture_ns if own else None
-        shown = _Shown(index, shown_ns, Image(luma), capture_ns, damaged)
+        shown = _Shown(index, shown_ns, Image(luma), capture_ns)
         self._history.append(shown)
         due = [number for number in self._pending if number <= index]
         fates = [
@@ -118,19 +107,20 @@ class ViewQuality:
             key=lambda one: one.index,
             default=None,
         )
-        return Fate(
+        record = FrameQuality(
             view=self._view,
             index=index,
             capture_ns=capture.capture_ns,
             shown_ns=shown.shown_ns if shown else None,
             age_ns=_age_ns(on_screen, capture.capture_ns),
             frozen=on_screen is not None and self._stayed_ns(on_screen, now_ns) > FREEZE_NS,
-            damaged=shown.damaged if shown else None,
-            captured=capture.image,
-            shown=shown.image if shown else None,
-            stand_in=stand_in.image if stand_in else None,
-            on_screen=on_screen.image if on_screen else None,
+            concealed=None,  # known from the log alone (`concealment`)
+            received=None,
+            delivered=None,
+            live=None,
         )
+        images = (one.image if one else None for one in (shown, stand_in, on_screen))
+        return Fate(record, capture.image, *images)
 
     def _stayed_ns(self, on_screen: _Shown, now_ns: int) -> int:
         """How long an image stayed on screen, up to now."""
@@ -159,11 +149,16 @@ class Scorer:
     def score(self, fate: Fate) -> FrameQuality:
         """The frame's record with its three scores; None where an image is missing."""
         if fate.captured.luma is None:
-            return record_of(fate)
+            return fate.record
         captured = FrameMoments.of(fate.captured.luma)
         images = {fate.shown, fate.stand_in, fate.on_screen}  # two of them may be one
         scores = {image: self._compare(captured, image) for image in images}
-        return record_of(fate, scores[fate.shown], scores[fate.stand_in], scores[fate.on_screen])
+        return replace(
+            fate.record,
+            received=scores[fate.shown],
+            delivered=scores[fate.stand_in],
+            live=scores[fate.on_screen],
+        )
 
     def _compare(self, captured: FrameMoments, shown: Image | None) -> float | None:
         if shown is None or shown.luma is None:
@@ -175,27 +170,6 @@ class Scorer:
         if len(self._moments) > _KEPT_MOMENTS:
             self._moments.popitem(last=False)
         return ssim(captured, moments)
-
-
-def record_of(
-    fate: Fate,
-    received: float | None = None,
-    delivered: float | None = None,
-    live: float | None = None,
-) -> FrameQuality:
-    """The frame's record with the scores there are; without any, it was not sampled."""
-    return FrameQuality(
-        view=fate.view,
-        index=fate.index,
-        capture_ns=fate.capture_ns,
-        shown_ns=fate.shown_ns,
-        age_ns=fate.age_ns,
-        frozen=fate.frozen,
-        concealed=fate.damaged,
-        received=received,
-        delivered=delivered,
-        live=live,
-    )
 
 
 def _age_ns(on_screen: _Shown | None, now_ns: int) -> int | None:

@@ -1,22 +1,18 @@
-"""The session's side of the SSIM helper: hands frames over, gets their scores back."""
+"""The session's side of the SSIM helper: hands frames over, takes their scores."""
 
 from __future__ import annotations
 
 import json
 import mmap
-import socket
-import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from tams_app.errors import HelperError
 from tams_app.records import Frame, FrameQuality, ShownFrame
-from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
+from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_block import create_block, new_block_name, remove_block
-from tams_app.runtime.worker import Worker
 from tams_app.video.frame_ring import CAPTURED, KINDS, SHOWN, FrameWriter, RingLayout
-from tams_app.video.helper_stream import received
+from tams_app.video.reporting_helper import ReportingHelper
 
 _STOP_TIMEOUT_S = 9.0  # it may score for .7 s more, at the lowest priority
 
@@ -40,14 +36,20 @@ class QualityClient:
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
         self._layout = RingLayout(views, width, height)
-        self._log_directory = log_directory
         self._on_quality = on_quality
-        self._reader = Worker("quality-results", self._read, on_failure)
+        self._helper = ReportingHelper(
+            "quality",
+            "tams_app.video.quality_process",
+            log_directory=log_directory,
+            on_data=self._take_in,
+            on_failure=on_failure,
+            ended_unasked="the SSIM helper ended unasked, so frames are no longer compared; "
+            "start a new session if you need their quality",
+            stop_timeout_s=_STOP_TIMEOUT_S,
+        )
+        self._unread = b""  # the beginning of a line
         self._writers: dict[tuple[str, str], FrameWriter] = {}
-        self._connection: socket.socket | None = None
-        self._process: HelperProcess | None = None
         self._stack = ExitStack()
-        self._closing = False
 
     def start(self) -> None:
         """Start the helper and wait until it works; HelperError if it cannot."""
@@ -56,16 +58,16 @@ class QualityClient:
             block = create_block(name, self._layout.block_bytes)
             stack.callback(self._let_go, block)
             stack.callback(remove_block, name)
-            listener = socket.create_server(("127.0.0.1", 0), backlog=1)
-            with listener:
-                listener.settimeout(READY_TIMEOUT_S)
-                self._process = self._start_process(name, listener.getsockname()[1])
-                stack.callback(self._process.stop, _STOP_TIMEOUT_S)
-                self._process.wait_ready()
-                remove_block(name)  # both have it: nothing is left behind however we end
-                self._connection, _ = listener.accept()
-            stack.callback(self._connection.close)
-            self._reader.start()
+            stack.callback(self._helper.close)
+            self._helper.start(
+                {
+                    "memory_name": name,
+                    "views": self._layout.views,
+                    "width": self._layout.width,
+                    "height": self._layout.height,
+                }
+            )
+            remove_block(name)  # both have it: nothing is left behind however we end
             self._stack = stack.pop_all()
         self._writers = {
             (view, kind): FrameWriter(block, self._layout, view, kind)
@@ -76,7 +78,7 @@ class QualityClient:
     @property
     def process(self) -> HelperProcess | None:
         """The helper; None before the start."""
-        return self._process
+        return self._helper.process
 
     def push_capture(self, frame: Frame) -> None:
         """Hand over a captured frame; before the start and after the end it is left out."""
@@ -91,41 +93,15 @@ class QualityClient:
     def close(self) -> None:
         """Let the helper finish and take its last results; may be called twice.
 
-        Call it when nobody pushes any more.
+        Call it when nothing is pushed any more.
         """
-        self._closing = True
-        if self._process is not None and self._connection is not None:
-            self._process.stop(_STOP_TIMEOUT_S)
-            self._reader.stop()
         self._stack.close()
-
-    def _start_process(self, memory_name: str, results_port: int) -> HelperProcess:
-        specification = {
-            "memory_name": memory_name,
-            "views": self._layout.views,
-            "width": self._layout.width,
-            "height": self._layout.height,
-            "results_port": results_port,
-        }
-        process = HelperProcess(
-            "quality", "tams_app.video.quality_process", specification, self._log_directory
-        )
-        process.start()
-        return process
 
     def _let_go(self, block: mmap.mmap) -> None:
         self._writers = {}
         block.close()
 
-    def _read(self, stop: threading.Event) -> None:
-        assert self._connection is not None
-        unread = b""
-        for data in received(self._connection, stop):
-            *lines, unread = (unread + data).split(b"\n")
-            for line in lines:
-                self._on_quality(FrameQuality(**json.loads(line)))
-        if not self._closing:
-            raise HelperError(
-                "the SSIM helper ended unasked, so frames are no longer compared; "
-                "start a new session if you need their quality"
-            )
+    def _take_in(self, data: bytes) -> None:
+        *lines, self._unread = (self._unread + data).split(b"\n")
+        for line in lines:
+            self._on_quality(FrameQuality(**json.loads(line)))

@@ -1,6 +1,6 @@
 """The helper process that compares shown frames with captured ones, with the time left over.
 
-Specification: memory_name, views, width, height, results_port. It tells every captured frame's fate
+Specification: memory_name, views, width, height, reports_port. It tells every captured frame's fate
 as one line of JSON over TCP (FrameQuality's fields); with scores where there was time to spare
 (`spare_pace`), each view in turn, so that what is left out is spread evenly.
 """
@@ -24,13 +24,43 @@ from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import use_idle
 from tams_app.runtime.shared_block import open_block
 from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
-from tams_app.video.quality import Fate, Scorer, ViewQuality, record_of
-from tams_app.video.spare_pace import SparePace
+from tams_app.video.quality import Fate, Scorer, ViewQuality
 
 WAITING_FATES = 15  # per view: half a second; older ones go out without scores
 _POLL_S = 0.01
 _FINISH_NS = 700 * NS_PER_MS  # for what is left at the end
 _SEND_TIMEOUT_S = 30.0
+
+LEAST_SHARE = 0.04  # of one core: a few frames a second, so that there is always a figure
+LARGEST_SHARE = 0.5
+SCARCE_IDLE, AMPLE_IDLE = 0.05, 0.10  # of all cores
+_LOOK_NS = 500 * NS_PER_MS
+_GROWTH, _BACK_OFF = 0.05, 0.5
+
+
+class SparePace:
+    """The share of a core that may be used: halved while no core is idle, else grown slowly.
+
+    `idle_fraction` tells how much of all cores was idle since its last call (0 to 1).
+    """
+
+    def __init__(self, idle_fraction: Callable[[], float], now_ns: int) -> None:
+        self.share = LEAST_SHARE
+        self._idle_fraction = idle_fraction
+        self._looked_ns = now_ns
+
+    def rest_ns(self, worked_ns: int, now_ns: int) -> int:
+        """How long to rest after `worked_ns` of work that ends now."""
+        if now_ns - self._looked_ns >= _LOOK_NS:
+            self._looked_ns = now_ns
+            self._adapt(self._idle_fraction())
+        return round(worked_ns * (1 / self.share - 1))
+
+    def _adapt(self, idle: float) -> None:
+        if idle < SCARCE_IDLE:
+            self.share = max(LEAST_SHARE, self.share * _BACK_OFF)
+        elif idle > AMPLE_IDLE:
+            self.share = min(LARGEST_SHARE, self.share + _GROWTH)
 
 
 class ViewScores:
@@ -79,7 +109,7 @@ class ViewScores:
 
     def _leave_out(self, room: int) -> None:
         while len(self._waiting) > room:
-            self._report(record_of(self._waiting.popleft()))
+            self._report(self._waiting.popleft().record)
 
 
 def run(views: list[ViewScores], clock: Clock, pace: SparePace, stop: threading.Event) -> None:
@@ -109,7 +139,7 @@ def _score_one_each(views: list[ViewScores]) -> bool:
 
 
 def idle_fraction() -> float:
-    """How much of all cores nobody has used since the last call."""
+    """The share of all cores that was idle since the last call."""
     return 1 - psutil.cpu_percent() / 100
 
 
@@ -120,7 +150,7 @@ def main() -> None:
     specification: dict[str, Any] = side.specification
     names = tuple(specification["views"])
     layout = RingLayout(names, int(specification["width"]), int(specification["height"]))
-    address = ("127.0.0.1", int(specification["results_port"]))
+    address = ("127.0.0.1", int(specification["reports_port"]))
     with (
         open_block(str(specification["memory_name"])) as block,
         socket.create_connection(address, _SEND_TIMEOUT_S) as results,

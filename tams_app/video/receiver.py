@@ -11,16 +11,16 @@ from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
-from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
+from tams_app.video.packets import media_ssrc
 from tams_app.video.repair import RepairRule
-from tams_app.video.shells import UdpSocket
+from tams_app.video.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
 
 
 class VideoReceiver:
     """Receives and decodes one view; the newest frame waits in `mailbox`.
 
-    `on_shown` runs in the decoder's thread, once per frame: it must only hand over.
+    Construct, tell the sender's side the ports, `start`, read `mailbox`, `poll`, `close`.
     """
 
     def __init__(
@@ -31,7 +31,19 @@ class VideoReceiver:
         clock: Clock,
         on_shown: Callable[[ShownFrame], None],
     ) -> None:
-        """Bind the ports; ConfigError if one is taken, SetupError if GStreamer lacks something."""
+        """Bind the ports for RTP and for the sender's RTCP.
+
+        Args:
+            view: the view's name, one of `config.views`.
+            config: size and rate of the frames, decoder, ports.
+            rule: how lost packets are repaired; the sender's `rtx` must agree.
+            clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
+            on_shown: called once per frame in the decoder's thread: it must only hand over.
+
+        Raises:
+            ConfigError: a port is taken.
+            SetupError: GStreamer lacks an element or the decoder.
+        """
         gst.require_elements()
         self.view = view
         self._config = config
@@ -61,10 +73,20 @@ class VideoReceiver:
         return self._reports_socket.port
 
     def start(self, link: ViewPorts) -> None:
-        """Begin to receive; feedback goes into the link's entrance. SetupError if refused."""
+        """Begin to receive; RTCP feedback goes to `link.feedback`. SetupError if refused."""
         Gst = gst.load().Gst
         pipeline = gst.parse_pipeline(
-            pipelines.live_receiver(self._config, self.view, self._rule, self._decoder, link)
+            pipelines.session_receiver(
+                self._config,
+                self.view,
+                self._rule,
+                self._decoder,
+                rtp_in=udp_source("rtp_in", pipelines.rtp_caps()),
+                reports_in=udp_source("reports_in", pipelines.RTCP_CAPS),
+                feedback_out=udp_sink(
+                    "feedback_out", self._config.bind_host, link.host, link.feedback
+                ),
+            )
         )
         self._pipeline = pipeline
         self._rtp_socket.attach(pipeline.get_by_name("rtp_in"))
@@ -100,7 +122,7 @@ class VideoReceiver:
     # --- in GStreamer's threads -------------------------------------------------------------
 
     def _on_stream(self, _: Any, pad: Any) -> None:
-        """Lead a stranger's packets away: an unlinked stream would end the whole receiver."""
+        """Drain other senders' packets: an unlinked stream would end the whole receiver."""
         name = pad.get_name()
         if not name.startswith("src_") or name == f"src_{media_ssrc(self._config, self.view)}":
             return

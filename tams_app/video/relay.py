@@ -26,9 +26,8 @@ from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import identify, read_rtcp
-from tams_app.video.ports import ViewPorts
-from tams_app.video.relay_reports import ReportStream
-from tams_app.video.relay_wire import RelayStatistics
+from tams_app.video.relay_wire import RelayStatistics, ReportStream
+from tams_app.video.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
 LATE_NS = NS_PER_MS
@@ -204,7 +203,7 @@ def build(specification: dict[str, Any], connection: socket.socket) -> Relay:
 def main() -> None:
     """The helper's main function; its specification is made by `RelayClient`."""
     side = HelperSide()
-    session = ("127.0.0.1", side.specification["records_port"])
+    session = ("127.0.0.1", side.specification["reports_port"])
     connection = socket.create_connection(session, timeout=5)
     try:
         relay = build(side.specification, connection)

@@ -1,24 +1,19 @@
-"""The session's side of the link relay: starts it, reads its records, ends it."""
+"""The session's side of the link relay: start, records, end."""
 
 from __future__ import annotations
 
-import socket
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
 from tams_app.capacity import Capacity
 from tams_app.config import Network
-from tams_app.errors import HelperError
 from tams_app.records import PacketRecord
 from tams_app.runtime.clock import Clock, MonotonicClock
-from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
-from tams_app.runtime.worker import Worker
-from tams_app.video.helper_stream import received
 from tams_app.video.networks import network_capacity
-from tams_app.video.ports import ViewPorts
 from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
+from tams_app.video.reporting_helper import ReportingHelper
+from tams_app.video.udp import ViewPorts
 
 
 class RelayClient:
@@ -46,66 +41,47 @@ class RelayClient:
         self._network = network
         self._exits = dict(exits)
         self._seed = seed
-        self._log_directory = log_directory
         self._on_packets = on_packets
         clock = clock or MonotonicClock()
         self.epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
         self.capacity: Capacity = network_capacity(network, self.epoch_ns)
         self.statistics = RelayStatistics()
         self.scheduler = ""  # what the relay was granted
-        self._process: HelperProcess | None = None
-        self._connection: socket.socket | None = None
-        self._reader = Worker("relay-records", self._read, on_failure)
-        self._closing = False
+        self._decoder = BatchDecoder(tuple(self._exits))
+        self._helper = ReportingHelper(
+            "relay",
+            "tams_app.video.relay",
+            log_directory=log_directory,
+            on_data=self._take_in,
+            on_failure=on_failure,
+            ended_unasked="the link relay ended unasked, so no video arrives; "
+            "end this session and start anew",
+        )
 
     def start(self) -> dict[str, ViewPorts]:
         """Start the relay; returns per view the entrances to send to. HelperError if it cannot."""
-        with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
-            listener.settimeout(READY_TIMEOUT_S)
-            specification = {
+        ready = self._helper.start(
+            {
                 "network": self._network.model_dump(mode="json"),
                 "seed": self._seed,
                 "epoch_ns": self.epoch_ns,
                 "exits": {view: asdict(ports) for view, ports in self._exits.items()},
-                "records_port": listener.getsockname()[1],
             }
-            self._process = HelperProcess(
-                "relay", "tams_app.video.relay", specification, self._log_directory
-            )
-            try:
-                self._process.start()
-                ready = self._process.wait_ready()
-                self._connection, _ = listener.accept()
-            except BaseException:
-                self.close()
-                raise
+        )
         self.scheduler = str(ready["scheduler"])
-        self._reader.start()
         return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
 
     @property
     def pid(self) -> int | None:
         """The relay's process id; None before the start."""
-        return self._process.pid if self._process else None
+        return self._helper.process.pid if self._helper.process else None
 
     def close(self) -> None:
-        """End the relay and read what it still has to say; may be called twice."""
-        self._closing = True
-        if self._process is not None:
-            self._process.stop()
-        self._reader.request_stop()
-        if self._connection is not None:
-            self._reader.stop()
-            self._connection.close()
+        """End the relay and read what it still has to report; may be called twice."""
+        self._helper.close()
 
-    def _read(self, stop: threading.Event) -> None:
-        assert self._connection is not None
-        decoder = BatchDecoder(tuple(self._exits))
-        for data in received(self._connection, stop):
-            for records, self.statistics in decoder.feed(data):
-                if records:
-                    self._on_packets(records)
-        if not self._closing:
-            raise HelperError(
-                "the link relay ended unasked, so no video arrives; end this session and start anew"
-            )
+    def _take_in(self, data: bytes) -> None:
+        for records, statistics in self._decoder.feed(data):
+            self.statistics = statistics
+            if records:
+                self._on_packets(records)

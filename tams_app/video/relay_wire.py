@@ -6,14 +6,21 @@ views travel as their place in the list that both sides know.
 
 from __future__ import annotations
 
+import select
+import socket
 import struct
+import time
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
+from tams_app.runtime.clock import NS_PER_S
+
+# A session that stalls for a minute at 1000 packets/s leaves no gap in its records.
+REPORT_BUFFER_BYTES = 4_000_000
 
 _HEADER = struct.Struct("<I9Q")
-_RECORD = struct.Struct("<BBBxHHIQQQ")
+_RECORD = struct.Struct("<BBHHQQQBI")  # in the order of PacketRecord
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 
@@ -43,17 +50,63 @@ def encode_batch(
         _RECORD.pack(
             place[record.view],
             record.kind.value,
-            record.fate.value,
             record.sequence,
             record.size_bytes,
-            record.rtp_timestamp,
             record.entered_ns,
             record.departed_ns,
             record.delivered_ns,
+            record.fate.value,
+            record.rtp_timestamp,
         )
         for record in records
     ]
     return b"".join(parts)
+
+
+class ReportStream:
+    """Records on their way to the session; never waits, and counts what found no room.
+
+    `connection` becomes non-blocking. Bytes the session has not read stay here, up to
+    `REPORT_BUFFER_BYTES`; beyond that whole batches are left out.
+    """
+
+    def __init__(self, connection: socket.socket, views: tuple[str, ...]) -> None:
+        connection.setblocking(False)
+        self._connection = connection
+        self._views = views
+        self._unsent = bytearray()
+        self._gone = False
+        self.unreported = 0
+
+    def put(self, records: list[PacketRecord], statistics: RelayStatistics) -> None:
+        """Queue one batch and send what the connection takes."""
+        counted = replace(statistics, unreported=self.unreported)
+        batch = encode_batch(self._views, records, counted)
+        if self._gone or len(self._unsent) + len(batch) > REPORT_BUFFER_BYTES:
+            self.unreported += len(records)
+        else:
+            self._unsent += batch
+        self._send()
+
+    def _send(self) -> None:
+        while self._unsent and not self._gone:
+            try:
+                sent = self._connection.send(self._unsent)
+            except BlockingIOError:
+                return
+            except (BrokenPipeError, ConnectionResetError):
+                self._gone = True  # the session closes the relay itself; video goes on till then
+                return
+            del self._unsent[:sent]
+
+    def close(self, timeout_s: float = 0.5) -> None:
+        """Send the rest, for at most `timeout_s`, and hang up."""
+        deadline_ns = time.monotonic_ns() + round(timeout_s * NS_PER_S)
+        self._send()
+        while self._unsent and not self._gone and time.monotonic_ns() < deadline_ns:
+            select.select([], [self._connection], [], timeout_s)
+            self._send()
+        self._connection.close()
 
 
 class BatchDecoder:
@@ -85,15 +138,15 @@ class BatchDecoder:
         )
 
     def _record(self, fields: tuple[int, ...]) -> PacketRecord:
-        view, kind, fate, sequence, size_bytes, timestamp, entered, departed, delivered = fields
+        view, kind, sequence, size_bytes, entered, departed, delivered, fate, timestamp = fields
         return PacketRecord(
-            view=self._views[view],
-            kind=_KINDS[kind],
-            sequence=sequence,
-            size_bytes=size_bytes,
-            entered_ns=entered,
-            departed_ns=departed,
-            delivered_ns=delivered,
-            fate=_FATES[fate],
-            rtp_timestamp=timestamp,
+            self._views[view],
+            _KINDS[kind],
+            sequence,
+            size_bytes,
+            entered,
+            departed,
+            delivered,
+            _FATES[fate],
+            timestamp,
         )

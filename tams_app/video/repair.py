@@ -1,4 +1,4 @@
-"""How lost packets are repaired on a given network: RTX, the jitter buffer's patience, PLI."""
+"""Repair of lost packets on a given network: RTX, the jitter buffer's latency, PLI."""
 
 from __future__ import annotations
 
@@ -14,11 +14,18 @@ _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
 
 @dataclass(frozen=True, slots=True)
 class RepairRule:
-    """The same for all views and strategies on one network (docs/ARCHITECTURE.md)."""
+    """How lost packets are repaired; the same for all views and strategies on one network.
+
+    Attributes:
+        rtx: whether lost packets are asked for (NACK) and sent again (RTX, RFC 4588).
+        latency_ms: latency of the jitter buffer; spent only while it waits for a gap to fill.
+        pli_interval_ms: at most one keyframe request (PLI, RFC 4585) per view in this time.
+        pli: whether keyframes are requested at all.
+    """
 
     rtx: bool
-    latency_ms: int  # of the jitter buffer; spent only while waiting for a gap
-    pli_interval_ms: float  # at most one PLI per view in this time
+    latency_ms: int
+    pli_interval_ms: float
     pli: bool = True
 
 
@@ -28,9 +35,15 @@ _AS_THE_RULE_SAYS = RepairConfig()
 def repair_rule(
     network: Network, pli_min_interval_ms: float, wanted: RepairConfig = _AS_THE_RULE_SAYS
 ) -> RepairRule:
-    """RTX while a resend fits into 200 ms: 1.2·RTT + 2·jitter + 20 ms; else 2·jitter + 20 ms.
+    """The rule for one network.
 
-    `wanted` may have RTX on or off whatever a resend takes, and do without PLI.
+    A resend takes 1.2·RTT + 2·jitter + 20 ms. Where that is at most 200 ms there is RTX and the
+    jitter buffer waits that long; elsewhere there is none and it waits 2·jitter + 20 ms.
+
+    Args:
+        network: its one-way latency and jitter [ms] are used.
+        pli_min_interval_ms: PLIs of a view are at least this and a round trip apart.
+        wanted: `video.repair`; it may force RTX on or off and do without PLI.
     """
     round_trip_ms = 2.0 * network.latency_ms
     without_rtx_ms = 2.0 * network.jitter_ms + _MARGIN_MS
@@ -45,10 +58,10 @@ def repair_rule(
 
 
 class KeyframeRequests:
-    """Rations frame loss indications: one per interval; an early request waits, none is lost.
+    """Rate limit of keyframe requests (PLI): one per interval; an early one waits for its turn.
 
-    An undamaged keyframe answers every request before it: it repairs the frame. A PLI that
-    stays unanswered for two intervals was lost itself and is sent again.
+    A complete keyframe answers every request before it. A PLI that stays unanswered for two
+    intervals was lost itself and is sent again.
     """
 
     def __init__(self, interval_ms: float) -> None:
@@ -67,15 +80,15 @@ class KeyframeRequests:
         """True, once, when a waiting or unanswered PLI must leave now."""
         if not self._unanswered:
             return False
-        patience_ns = self._interval_ns if self._waiting else 2 * self._interval_ns
-        if self._last_ns is not None and now_ns - self._last_ns < patience_ns:
+        wait_ns = self._interval_ns if self._waiting else 2 * self._interval_ns
+        if self._last_ns is not None and now_ns - self._last_ns < wait_ns:
             return False
         self._waiting = False
         self._last_ns = now_ns
         self.sent += 1
         return True
 
-    def keyframe(self, damaged: bool) -> None:
-        """A keyframe left the depayloader, `damaged` if packets before or in it were lost."""
-        if not damaged:
+    def keyframe(self, complete: bool) -> None:
+        """A keyframe left the depayloader; `complete` if no packet in or before it was lost."""
+        if complete:
             self._unanswered = self._waiting = False

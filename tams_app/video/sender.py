@@ -11,8 +11,15 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
-from tams_app.video.ports import ViewPorts, media_ssrc, requested_ports
-from tams_app.video.shells import UdpSocket, wire_bytes_sent
+from tams_app.video.packets import media_ssrc
+from tams_app.video.udp import (
+    UdpSocket,
+    ViewPorts,
+    requested_ports,
+    udp_sink,
+    udp_source,
+    wire_bytes_sent,
+)
 from tams_app.video.view_encoder import ViewEncoder
 
 
@@ -33,8 +40,7 @@ class SenderStats:
 class VideoSender:
     """Encodes and sends one view; `push` from one thread, `set_target_kbps` from any.
 
-    `on_encoded` runs in the encoder's thread, once per frame: it must only hand over.
-    `on_dropped` runs in the thread that pushes. `start_kbps`: target until the first is set.
+    Construct, tell the receiver's side `feedback_port`, `start`, `push` each frame, `close`.
     """
 
     def __init__(
@@ -48,7 +54,22 @@ class VideoSender:
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
     ) -> None:
-        """Bind the port for feedback; ConfigError if it is taken, SetupError without GStreamer."""
+        """Bind the port for feedback.
+
+        Args:
+            view: the view's name, one of `config.views`.
+            config: size and rate of the frames, encoder, MTU, ports.
+            rtx: whether packets are kept to be sent again (`RepairRule.rtx`).
+            clock: CLOCK_MONOTONIC, for the times on the records.
+            start_kbps: wire rate to meet until the first `set_target_kbps` [kbit/s].
+            source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
+            on_encoded: called once per frame in the encoder's thread: it must only hand over.
+            on_dropped: called once per dropped frame in the thread that pushes.
+
+        Raises:
+            ConfigError: the port is taken.
+            SetupError: GStreamer lacks an element.
+        """
         gst.require_elements()
         self.view = view
         self._config = config
@@ -67,15 +88,26 @@ class VideoSender:
         return self._socket.port
 
     def start(self, link: ViewPorts) -> None:
-        """Begin to send into the link's entrances; SetupError if GStreamer refuses."""
+        """Begin to send to `link`: the relay's entrances, or the receiver's own ports.
+
+        SetupError if GStreamer refuses.
+        """
         self._link = link
         pipeline = gst.parse_pipeline(
-            pipelines.live_sender(
-                self._config, self.view, self._rtx, self._frames.encoder_kbps, link
+            pipelines.session_sender(
+                self._config,
+                self.view,
+                self._rtx,
+                self._frames.encoder_kbps,
+                rtp_out=udp_sink("rtp_out", self._config.bind_host, link.host, link.rtp),
+                reports_out=udp_sink(
+                    "reports_out", self._config.bind_host, link.host, link.reports
+                ),
+                feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
             )
         )
         self._pipeline = pipeline
-        self._images = pipeline.get_by_name("frames")
+        self._source = pipeline.get_by_name("frames")
         self._udpsink = pipeline.get_by_name("rtp_out")
         self._resender = pipeline.get_by_name("rtx")
         self._socket.attach(pipeline.get_by_name("feedback_in"))
@@ -92,7 +124,7 @@ class VideoSender:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
         buffer = self._frames.admit(frame, wire_bytes_sent(self._udpsink, self._link))
         if buffer is not None:
-            self._images.emit("push-buffer", buffer)
+            self._source.emit("push-buffer", buffer)
 
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""

@@ -1,4 +1,4 @@
-"""Reading capacity traces: `t_ms,kbps` tables and Mahimahi files, told apart by their first line.
+"""Capacity traces as text: `t_ms,kbps` tables or Mahimahi files, told apart by the first line.
 
 CSV: the header `t_ms,kbps`, then one row per change; times ascend and count from the first row.
 The last rate holds as long as the one before it (a single row: for ever), then the trace repeats.
@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 
 from tams_app.capacity import LARGEST_KBPS, SMALLEST_KBPS, RateTrace
 from tams_app.errors import ConfigError
@@ -24,17 +23,6 @@ from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 CSV_HEADER = "t_ms,kbps"
 _OPPORTUNITY_BITS = 1500 * 8
 _LONGEST_MS = 24 * 3600 * 1000
-
-
-def read_trace(path: Path) -> RateTrace:
-    """The trace in `path`; ConfigError names file, line and reason."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not a text file, so it is no capacity trace") from error
-    return parse_trace(text, str(path))
 
 
 def parse_trace(text: str, name: str) -> RateTrace:

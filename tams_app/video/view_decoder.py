@@ -1,6 +1,6 @@
-"""One view's way through jitter buffer and decoder to the newest frame, live and in virtual time.
+"""One view from jitter buffer and decoder to the newest frame, live and in virtual time.
 
-Around it stand the shells: `receiver.VideoReceiver` with sockets, `virtual_time` under its own.
+`receiver.VideoReceiver` puts it behind sockets, `virtual_time` under a virtual clock.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class ReceiverStats:
 
 
 class ViewDecoder:
-    """Watches a decoder chain: which frame each frame is, and when a keyframe is asked for.
+    """Identifies the frames of a decoder chain, and requests keyframes.
 
     The newest frame waits in `mailbox`. `on_shown` runs in the decoder's thread, once per
     frame: it must only hand over. `failure`: why frames no longer come, "" while they do.
@@ -100,7 +100,7 @@ class ViewDecoder:
     # --- in GStreamer's threads -------------------------------------------------------------
 
     def _on_first_arrival(self, pad: Any, probe: Any) -> Any:
-        """Let the jitter buffer's patience count from the first packet's arrival, then leave.
+        """Let the jitter buffer's latency count from the first packet's arrival, then leave.
 
         With mode=none its clock starts at the pipeline's start, so that a receiver that waited
         for its sender would give every gap up at once.
@@ -137,7 +137,7 @@ class ViewDecoder:
         self._keep_in_line(buffer)
         if not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT):
             with self._requests_lock:
-                self._requests.keyframe(damaged=buffer.has_flags(Gst.BufferFlags.DISCONT))
+                self._requests.keyframe(complete=not buffer.has_flags(Gst.BufferFlags.DISCONT))
         return Gst.PadProbeReturn.OK
 
     def _keep_in_line(self, access_unit: Any) -> None:

@@ -1,6 +1,6 @@
-"""One view's way into the encoder and out of it, the same live and in virtual time.
+"""One view into the encoder and out of it, the same live and in virtual time.
 
-Around it stand the shells: `sender.VideoSender` with sockets, `virtual_time` under a virtual clock.
+`sender.VideoSender` puts it behind sockets, `virtual_time` under a virtual clock.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import NS_PER_S, Clock
-from tams_app.video.encoder_servo import EncoderServo
 from tams_app.video.frame_identity import index_of_pts, pts_of_index
-from tams_app.video.source_drop import SourceDrop
+from tams_app.video.rate_control import EncoderServo, SourceDrop
 
 
 class ViewEncoder:

@@ -29,10 +29,10 @@ class WavingDesk(PlayedDesk):
     def say(self, text: str) -> None:
         super().say(text)
         for camera in self._played.values():
-            camera.picture_count = STILL
+            camera.frame_count = STILL
         for view, camera in self._played.items():
             if text.startswith("Wave") and f"({view.upper()})" in text:
-                camera.picture_count = ALL
+                camera.frame_count = ALL
 
 
 def played_camera(node: Path) -> FakeCamera:

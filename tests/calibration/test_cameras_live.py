@@ -92,7 +92,7 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     }
     machine.plug(8, "Slow", "S5", port=5, rate=15)
     for camera in cameras.values():
-        camera.picture_count = STILL
+        camera.frame_count = STILL
     config = tmp_path / "lab.yaml"
     entries = "".join(f"  {view}: {{source: v4l2, serial: SET}}\n" for view in ("eih", "gt", "gs"))
     config.write_text(

@@ -8,12 +8,12 @@ from fractions import Fraction
 import pytest
 from rich.console import Console
 
+from hw.gstreamer.file_source import PatternSource
 from hw.openvr.devices import ControllerInfo
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
-from hw.v4l2.file_camera import PatternSource
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import device_checks
 from tams_app.console.devices import camera_lines, controller_lines, show_devices

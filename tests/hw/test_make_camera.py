@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
-from hw.make_camera import make_camera
-from hw.v4l2.camera import V4l2Source
-from hw.v4l2.file_camera import FileSource, PatternSource
-from hw.v4l2.gst_camera import GstCamera
+from hw.gstreamer.camera import GstCamera
+from hw.gstreamer.file_source import FileSource, PatternSource
+from hw.make_camera import SOURCES, make_camera
+from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.runtime.clock import VirtualClock
@@ -55,3 +55,7 @@ def test_an_exposure_longer_than_a_frame_is_refused_before_anything_is_opened() 
 
 def test_a_camera_is_called_what_it_was_asked_by() -> None:
     assert make(name="Webcam", serial="S1")._source.label == "Webcam, serial S1"
+
+
+def test_every_source_of_the_configuration_has_an_entry() -> None:
+    assert SOURCES.keys() == set(get_args(CameraConfig.model_fields["source"].annotation))

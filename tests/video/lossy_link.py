@@ -1,4 +1,4 @@
-"""A small UDP relay for tests: delay, jitter without reordering, losses chosen by the test."""
+"""A small UDP relay for tests: a delay, and losses chosen by the test."""
 
 from __future__ import annotations
 
@@ -8,35 +8,27 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from random import Random
 
-from tams_app.video.ports import ViewPorts
+from tams_app.video.udp import ViewPorts
 
 Keep = Callable[[int, bytes], bool]  # ordinal and datagram -> whether it gets through
 
 
 class LossyLink:
     """Carries one view's three flows; `keep` decides about each RTP datagram, `keep_feedback`
-    about the receiver's RTCP. A filling queue delays RTP by `queue_s_per_packet` more each time.
-    """
+    about the receiver's RTCP."""
 
     def __init__(
         self,
         keep: Keep,
         delay_s: float = 0.01,
-        jitter_s: float = 0.0,
-        queue_s_per_packet: float = 0.0,
         keep_feedback: Keep = lambda ordinal, datagram: True,
     ) -> None:
         self.rtp: list[bytes] = []
         self.feedback: list[bytes] = []
-        self.delivered: list[tuple[int, bytes]] = []  # RTP, with the time [ns] it went out
         self._keep = keep
         self._delay_s = delay_s
-        self._jitter_s = jitter_s
-        self._queue_s_per_packet = queue_s_per_packet
         self._keep_feedback = keep_feedback
-        self._random = Random(1)
         self._sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
         for each in self._sockets:
             each.bind(("127.0.0.1", 0))
@@ -68,8 +60,6 @@ class LossyLink:
                 self._take_in(self._sockets.index(ready), ready)
             while self._underway and self._underway[0][0] <= time.monotonic():
                 _, _, flow, data = heapq.heappop(self._underway)
-                if flow == 0:
-                    self.delivered.append((time.monotonic_ns(), data))
                 self._sockets[flow].sendto(data, ("127.0.0.1", self._exits[flow]))
 
     def _take_in(self, flow: int, ready: socket.socket) -> None:
@@ -78,18 +68,15 @@ class LossyLink:
                 data = ready.recv(2048)
             except BlockingIOError:
                 return
-            extra_s = 0.0
             if flow == 0:
                 self.rtp.append(data)
                 if not self._keep(len(self.rtp) - 1, data):
                     continue
-                extra_s = self._random.uniform(0, self._jitter_s)
-                extra_s += self._queue_s_per_packet * len(self.rtp)
             if flow == 2:
                 self.feedback.append(data)
                 if not self._keep_feedback(len(self.feedback) - 1, data):
                     continue
-            due = max(self._latest[flow], time.monotonic() + self._delay_s + extra_s)
+            due = max(self._latest[flow], time.monotonic() + self._delay_s)
             self._latest[flow] = due
             self._count += 1
             heapq.heappush(self._underway, (due, self._count, flow, data))

@@ -1,4 +1,4 @@
-"""A sender and a receiver joined over loopback, and the frames an undamaged stream decodes to."""
+"""A sender and a receiver joined over loopback, and the frames a complete stream decodes to."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.ports import ViewPorts
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 

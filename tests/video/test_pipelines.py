@@ -46,7 +46,7 @@ def pulled(pipeline: Any, wait_ns: int) -> Iterator[Any]:
 
 def packets_of(encoder: Any, index: int) -> list[bytes]:
     """All RTP packets of one frame: up to the marker bit."""
-    pixels = frame(index).tobytes()
+    pixels = frame(index).image.tobytes()
     buffer = gst.raw_buffer(pixels, pts_of_index(index, FPS), NS_PER_S // FPS)
     encoder.get_by_name("in").emit("push-buffer", buffer)
     packets: list[bytes] = []

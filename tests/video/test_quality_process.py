@@ -18,8 +18,7 @@ from tams_app.records import Frame, FrameQuality, Image, ShownFrame
 from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, FrameWriter, RingLayout
 from tams_app.video.quality_client import QualityClient
-from tams_app.video.quality_process import WAITING_FATES, ViewScores, run
-from tams_app.video.spare_pace import SparePace
+from tams_app.video.quality_process import WAITING_FATES, SparePace, ViewScores, run
 from tams_app.video.ssim import FrameMoments, luma_of, ssim
 
 pytestmark = pytest.mark.waiting

@@ -15,8 +15,8 @@ from tams_app.errors import HelperError
 from tams_app.records import PacketFate, PacketKind
 from tams_app.runtime.clock import NS_PER_MS
 from tams_app.video.link import Link
-from tams_app.video.ports import ViewPorts
 from tams_app.video.relay_client import RelayClient
+from tams_app.video.udp import ViewPorts
 
 pytestmark = pytest.mark.waiting
 
@@ -191,7 +191,7 @@ def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
     os.kill(ends.client.pid, signal.SIGKILL)
     assert ends.failed.wait(PATIENCE_S)
     ((name, failure),) = ends.failures
-    assert name == "relay-records"
+    assert name == "relay-reports"
     assert isinstance(failure, HelperError)
     assert "ended unasked" in str(failure)
 

@@ -6,8 +6,12 @@ from contextlib import suppress
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.relay_reports import REPORT_BUFFER_BYTES, ReportStream
-from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
+from tams_app.video.relay_wire import (
+    REPORT_BUFFER_BYTES,
+    BatchDecoder,
+    RelayStatistics,
+    ReportStream,
+)
 
 pytestmark = pytest.mark.waiting
 

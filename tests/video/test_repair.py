@@ -68,7 +68,7 @@ def test_a_request_that_was_lost_itself_is_repeated_until_a_keyframe_comes() -> 
     assert not requests.due(599 * NS_PER_MS)
     assert requests.due(600 * NS_PER_MS)
     assert requests.due(1200 * NS_PER_MS)
-    requests.keyframe(damaged=False)
+    requests.keyframe(complete=True)
     assert not requests.due(5000 * NS_PER_MS)
 
 
@@ -76,15 +76,15 @@ def test_a_clean_keyframe_answers_a_waiting_request() -> None:
     requests = KeyframeRequests(300.0)
     requests.request(0)
     requests.request(50 * NS_PER_MS)
-    requests.keyframe(damaged=False)
+    requests.keyframe(complete=True)
     assert not requests.due(400 * NS_PER_MS)
 
 
-def test_a_damaged_keyframe_answers_nothing() -> None:
+def test_an_incomplete_keyframe_answers_nothing() -> None:
     requests = KeyframeRequests(300.0)
     requests.request(0)
     requests.request(50 * NS_PER_MS)
-    requests.keyframe(damaged=True)
+    requests.keyframe(complete=False)
     assert requests.due(400 * NS_PER_MS)
 
 

@@ -14,8 +14,9 @@ from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.records import EncodedFrame
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.ports import ViewPorts, media_ssrc
+from tams_app.video.packets import media_ssrc
 from tams_app.video.sender import VideoSender
+from tams_app.video.udp import ViewPorts
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, Stream, decoded_checksums, stream
@@ -49,6 +50,8 @@ def test_packets_carry_the_fixed_numbers_of_their_view() -> None:
     with stream(link) as joined:
         joined.push(range(10))
         assert joined.wait_until(lambda: len(joined.shown) == 10)
+        stats = joined.sender.stats()
+    assert stats.wire_bytes == sum(len(datagram) + 28 for datagram in link.rtp)
     headers = [datagram[:12] for datagram in link.rtp]
     assert {header[1] & 0x7F for header in headers} == {96}
     assert {int.from_bytes(header[8:12], "big") for header in headers} == {

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.video.source_drop import SourceDrop
+from tams_app.video.rate_control import SourceDrop
 
 pytestmark = pytest.mark.untimed
 

@@ -48,7 +48,7 @@ def reference(one: Luma, other: Luma) -> float:
     )  # fmt: skip
 
 
-def damaged(luma: Luma, how: str) -> Luma:
+def degraded(luma: Luma, how: str) -> Luma:
     random = np.random.default_rng(3)
     if how == "blurred":
         return np.asarray(cv2.GaussianBlur(luma, (0, 0), 2.5), np.uint8)
@@ -69,7 +69,7 @@ def damaged(luma: Luma, how: str) -> Luma:
 @pytest.mark.parametrize("how", ["blurred", "noisy", "compressed", "torn", "grey"])
 def test_it_equals_scikit_image_on_renders(renders: dict[str, Image], view: str, how: str) -> None:
     luma = luma_of(renders[view])
-    other = damaged(luma, how)
+    other = degraded(luma, how)
     assert of(luma, other) < 0.99
     assert of(luma, other) == pytest.approx(reference(luma, other), abs=2e-5)
 
@@ -98,7 +98,7 @@ def test_it_is_symmetric_bounded_and_equals_scikit_image_on_anything(pair: Luma)
 def test_a_image_equals_itself(renders: dict[str, Image]) -> None:
     luma = luma_of(renders["gt"])
     assert of(luma, luma.copy()) == pytest.approx(1.0, abs=1e-7)
-    assert of(luma, damaged(luma, "grey")) < 1
+    assert of(luma, degraded(luma, "grey")) < 1
 
 
 def test_moments_can_be_used_for_any_number_of_comparisons(renders: dict[str, Image]) -> None:

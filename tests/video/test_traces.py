@@ -5,7 +5,8 @@ import pytest
 from tams_app.capacity import TraceCapacity
 from tams_app.errors import ConfigError
 from tams_app.runtime.clock import NS_PER_MS
-from tams_app.video.traces import format_trace, parse_trace, read_trace
+from tams_app.video.networks import read_trace
+from tams_app.video.traces import format_trace, parse_trace
 
 pytestmark = pytest.mark.untimed
 

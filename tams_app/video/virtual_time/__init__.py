@@ -1,1 +1,1 @@
-"""The three views in lock-step under a virtual clock: the real chains, one event at a time."""
+"""All views under one virtual clock: real encoders, jitter buffers and decoders, event by event."""

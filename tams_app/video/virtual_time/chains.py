@@ -1,12 +1,11 @@
 """The ends of a chain in virtual time: a pad of our own pushes in, an appsink hands out.
 
 A push returns when the encoder has encoded, or when the jitter buffer has taken the packet; what
-the jitter buffer's own threads do with it is awaited by `quiescence`.
+the jitter buffer's own threads do with it is awaited by `wait_idle`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 from tams_app import gst
@@ -88,7 +87,8 @@ class EncoderChain:
     def encode(self, buffer: Any) -> list[bytes]:
         """The RTP packets of one frame."""
         self._chain.push(buffer)
-        return [each.extract_dup(0, each.get_size()) for each in self._pull()]
+        buffers = gst.pull_available(self._packets)
+        return [each.extract_dup(0, each.get_size()) for each in buffers]
 
     def request_keyframe(self) -> None:
         """Make the next frame a keyframe, as rtpsession does when a PLI comes."""
@@ -99,14 +99,6 @@ class EncoderChain:
             )
         )
 
-    def _pull(self) -> Iterator[Any]:
-        while (sample := self._packets.emit("try-pull-sample", 0)) is not None:
-            several = sample.get_buffer_list()
-            if several is None:
-                yield sample.get_buffer()
-            else:
-                yield from (several.get(number) for number in range(several.length()))
-
 
 class DecoderChain:
     """RTP packets in, frames out through a `ViewDecoder`, requests kept until they are taken."""
@@ -116,7 +108,7 @@ class DecoderChain:
         view: str,
         decoder: str,
         rule: RepairRule,
-        images: ViewDecoder,
+        frames: ViewDecoder,
         clock: SteppedClock,
     ) -> None:
         Gst = gst.load().Gst
@@ -126,9 +118,9 @@ class DecoderChain:
         self._clock = clock
         self._nacks: list[tuple[int, int]] = []
         self._plis = 0
-        # whatever leaves the jitter buffer upstream would go to the session
+        # live, what leaves the jitter buffer upstream goes to the session
         self._chain.entrance.add_probe(Gst.PadProbeType.EVENT_UPSTREAM, self._on_request)
-        images.attach(self._chain.pipeline)
+        frames.attach(self._chain.pipeline)
         self.start, self.close = self._chain.start, self._chain.close
 
     def feed(self, packet: bytes, resent: bool) -> None:

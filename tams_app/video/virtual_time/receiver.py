@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from random import Random
 
@@ -16,20 +15,13 @@ from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats, ViewDecoder
 from tams_app.video.virtual_time.chains import DecoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
-from tams_app.video.virtual_time.shared import LaterClock, Shared
+from tams_app.video.virtual_time.shared import RepairCounts, Shared
+from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _SEQUENCES = 1 << 16
 
 
-@dataclass(slots=True)
-class ReceivingCounts:
-    """What the receiver asked for; NACKs count packets."""
-
-    nacks_sent: int = 0
-    plis_sent: int = 0
-
-
-class LockstepReceiver:
+class VirtualReceiver:
     """Receives and decodes one view; `return_feedback` is called when its feedback arrives."""
 
     def __init__(
@@ -39,11 +31,12 @@ class LockstepReceiver:
         rule: RepairRule,
         seed: int,
         shared: Shared,
+        counts: RepairCounts,
         return_feedback: Callable[[Feedback], None],
     ) -> None:
         self.view = view
         self.shown: ShownFrame | None = None
-        self.counts = ReceivingCounts()
+        self._counts = counts
         self._shared = shared
         self._return_feedback = return_feedback
         self._expected = 0  # sequence number of the next media packet, if none is lost
@@ -63,17 +56,17 @@ class LockstepReceiver:
         in_order = header is not None and not resent and header.sequence == self._expected
         if header is not None and not resent:
             self._expected = (header.sequence + 1) % _SEQUENCES
-        self._shared.rest.disturb(in_order, ends_frame=header is None or header.marker)
+        self._shared.idle_gate.packet_enters(in_order, ends_frame=header is None or header.marker)
         self._chain.feed(packet, resent)
 
     def collect(self) -> None:
-        """Take what the chain's threads have left behind; they are at rest now."""
+        """Take what the chain's threads have left; they are idle now."""
         reason = self._frames.failure or self._chain.poll()
         if reason:
             raise TamsError(f"the receiver of view {self.view} failed: {reason}")
         now_ns = self._shared.clock.now_ns()
-        for sequence, patience_ms in self._chain.take_nacks():
-            self._session.ask_again(now_ns, sequence, patience_ms)
+        for sequence, time_left_ms in self._chain.take_nacks():
+            self._session.ask_again(now_ns, sequence, time_left_ms)
         if self._chain.take_pli():
             self._session.ask_keyframe(now_ns)
         for shown in self._decoded:
@@ -90,8 +83,8 @@ class LockstepReceiver:
         feedback = self._session.step(self._shared.clock.now_ns())
         if feedback is None:
             return
-        self.counts.nacks_sent += len(feedback.nacks)
-        self.counts.plis_sent += feedback.pli
+        self._counts.nacks_sent += len(feedback.nacks)
+        self._counts.plis_sent += feedback.pli
         due_ns = self._shared.link.feedback(feedback.sent_ns, self.view)
         self._shared.events.post(due_ns, partial(self._return_feedback, feedback))
 

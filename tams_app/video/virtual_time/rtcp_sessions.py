@@ -26,7 +26,7 @@ _NACK, _NACK_ENTRY, _PLI = 12, 4, 12
 _NACK_REACH = 16  # an entry asks for a packet and any of the 16 that follow
 _SEQUENCE_SPAN = 1 << 16
 
-_KEYFRAME_PATIENCE_NS = 5 * NS_PER_S
+_KEYFRAME_TIMEOUT_NS = 5 * NS_PER_S
 _LONGEST_ROUND_TRIP_NS = 5 * NS_PER_S
 _ROUND_TRIP_UNIT_NS = NS_PER_S / 65536
 
@@ -70,16 +70,16 @@ class ReceiverSession:
         self._timing.members = 2 + self._rtx
         self._timing.observe(size_bytes)
 
-    def ask_again(self, now_ns: int, sequence: int, patience_ms: int) -> None:
-        """The jitter buffer misses a packet that must be asked for within `patience_ms`."""
-        patience_ns = patience_ms * NS_PER_MS
-        self._nacks[sequence] = now_ns + patience_ns
-        self._timing.request(now_ns, patience_ns)
+    def ask_again(self, now_ns: int, sequence: int, time_left_ms: int) -> None:
+        """The jitter buffer misses a packet that must be asked for within `time_left_ms`."""
+        time_left_ns = time_left_ms * NS_PER_MS
+        self._nacks[sequence] = now_ns + time_left_ns
+        self._timing.request(now_ns, time_left_ns)
 
     def ask_keyframe(self, now_ns: int) -> None:
         """The depayloader cannot go on without a keyframe."""
         self._pli = True
-        self._timing.request(now_ns, _KEYFRAME_PATIENCE_NS)
+        self._timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
 
     def step(self, now_ns: int) -> Feedback | None:
         """The datagram that leaves now, None if the timer was reconsidered."""
@@ -156,11 +156,11 @@ class SenderSession:
             self._round_trip_ns = round(round(exact_ns / _ROUND_TRIP_UNIT_NS) * _ROUND_TRIP_UNIT_NS)
         if not feedback.pli:
             return False
-        believed_ns = self._round_trip_ns
-        if believed_ns > _LONGEST_ROUND_TRIP_NS:
-            believed_ns = NS_PER_S // 2
+        round_trip_ns = self._round_trip_ns
+        if round_trip_ns > _LONGEST_ROUND_TRIP_NS:
+            round_trip_ns = NS_PER_S // 2
         last_ns = self._last_keyframe_ns
-        if last_ns is not None and now_ns - last_ns < 2 * believed_ns:
+        if last_ns is not None and now_ns - last_ns < 2 * round_trip_ns:
             return False
         self._last_keyframe_ns = now_ns
         return True

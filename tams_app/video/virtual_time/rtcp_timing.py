@@ -59,8 +59,8 @@ class RtcpTiming:
         """A report of `size_bytes` (IP datagram) was sent or received."""
         self._average_bytes = (size_bytes + 15 * self._average_bytes) >> 4
 
-    def request(self, now_ns: int, patience_ns: int) -> None:
-        """Something wants to leave before `now_ns + patience_ns`: an early report, if allowed.
+    def request(self, now_ns: int, time_left_ns: int) -> None:
+        """Something wants to leave before `now_ns + time_left_ns`: an early report, if allowed.
 
         If none is allowed, what wants to leave goes with the next regular report.
         """
@@ -70,7 +70,7 @@ class RtcpTiming:
             return
         if self._last_ns == self._last_regular_ns:
             self._next_early_ns = now_ns
-        elif self._last_ns + self._interval_ns <= now_ns + patience_ns:
+        elif self._last_ns + self._interval_ns <= now_ns + time_left_ns:
             self._next_early_ns = max(now_ns, self._last_ns + self._interval_ns)
 
     def step(self, now_ns: int) -> Report | None:

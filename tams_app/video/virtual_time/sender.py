@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from random import Random
 
@@ -15,23 +14,13 @@ from tams_app.video.pipelines import RTX_HISTORY_MS
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import EncoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, SenderSession, SentPackets
-from tams_app.video.virtual_time.shared import LaterClock, Shared
+from tams_app.video.virtual_time.shared import RepairCounts, Shared
+from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _ORIGINAL_SEQUENCE_BYTES = 2  # what RTX adds to a packet (RFC 4588)
 
 
-@dataclass(slots=True)
-class SendingCounts:
-    """What arrived at the sender and what it made of it; NACKs count packets asked for."""
-
-    nacks_arrived: int = 0
-    plis_arrived: int = 0
-    keyframes_forced: int = 0
-    repairs_sent: int = 0
-    repair_bytes: int = 0
-
-
-class LockstepSender:
+class VirtualSender:
     """Encodes and sends one view into the shared link.
 
     `deliver(packet, resent)` is called when a packet arrives, `deliver_report(transit_ns, bytes)`
@@ -47,11 +36,12 @@ class LockstepSender:
         start_kbps: float,
         source_drop_below_kbps: float,
         shared: Shared,
+        counts: RepairCounts,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
     ) -> None:
         self.view = view
-        self.counts = SendingCounts()
+        self._counts = counts
         self.wire_bytes = 0
         self._shared = shared
         self._deliver = deliver
@@ -108,10 +98,10 @@ class LockstepSender:
 
     def obey(self, feedback: Feedback) -> None:
         """Feedback has come: force a keyframe, send packets again."""
-        self.counts.nacks_arrived += len(feedback.nacks)
-        self.counts.plis_arrived += feedback.pli
+        self._counts.nacks_arrived += len(feedback.nacks)
+        self._counts.plis_arrived += feedback.pli
         if self._session.received(self._shared.clock.now_ns(), feedback):
-            self.counts.keyframes_forced += 1
+            self._counts.keyframes_forced += 1
             self._chain.request_keyframe()
         resent = [self._resend(sequence) for sequence in feedback.nacks]
         if found := [record for record in resent if record is not None]:
@@ -131,8 +121,8 @@ class LockstepSender:
         if packet is None:
             return None
         record = self._offer(PacketKind.REPAIR, packet, sequence, identify(packet)[2])
-        self.counts.repairs_sent += 1
-        self.counts.repair_bytes += record.size_bytes
+        self._counts.repairs_sent += 1
+        self._counts.repair_bytes += record.size_bytes
         return record
 
     def _offer(

@@ -1,16 +1,15 @@
-"""What all views of one run have in common."""
+"""What all views of one run in virtual time share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, PacketRecord, ShownFrame
 from tams_app.video.link import Link
 from tams_app.video.virtual_time.event_queue import EventQueue
-from tams_app.video.virtual_time.idle import Rest
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.virtual_time.wait_idle import IdleGate
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,27 +30,26 @@ class ProcessingTimes:
     decoding_ns: int = 2_500_000
 
 
+@dataclass(slots=True)
+class RepairCounts:
+    """What repair of one view asked for, got and cost; NACKs count packets asked for."""
+
+    nacks_sent: int = 0
+    plis_sent: int = 0
+    nacks_arrived: int = 0
+    plis_arrived: int = 0
+    keyframes_forced: int = 0  # PLIs that the sender did not ignore
+    repairs_sent: int = 0
+    repair_bytes: int = 0
+
+
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """The one link, the one clock, and what is due."""
+    """The one link, the one clock, and the queue of events."""
 
     link: Link
     events: EventQueue
     clock: SteppedClock
-    rest: Rest
+    idle_gate: IdleGate
     records: VideoRecords
     times: ProcessingTimes
-
-
-class LaterClock:
-    """The stepped clock as read when a processor's work of `later_ns` is done."""
-
-    def __init__(self, clock: SteppedClock, later_ns: int = 0) -> None:
-        self._clock = clock
-        self.later_ns = later_ns
-
-    def now_ns(self) -> int:
-        return self._clock.now_ns() + self.later_ns
-
-    def sleep_until_ns(self, deadline_ns: int) -> None:
-        raise TamsError("a chain in virtual time must not sleep")

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from tams_app import gst
-from tams_app.errors import SetupError
+from tams_app.errors import SetupError, TamsError
 
 
 class SteppedClock:
@@ -39,7 +39,7 @@ class SteppedClock:
             self._clock.set_time(now_ns)
 
     def next_ns(self) -> int | None:
-        """When the next wait of any pipeline ends [ns]; None if nobody waits."""
+        """When the next wait of any pipeline ends [ns]; None if there is none."""
         next_ns: int = self._clock.get_next_entry_time()
         return None if next_ns == self._never else next_ns
 
@@ -58,6 +58,20 @@ class SteppedClock:
         pipeline.use_clock(self._clock)
         pipeline.set_start_time(self._never)
         pipeline.set_base_time(self.start_ns)
+
+
+class LaterClock:
+    """The stepped clock as read when a processor's work of `later_ns` is done."""
+
+    def __init__(self, clock: SteppedClock, later_ns: int = 0) -> None:
+        self._clock = clock
+        self.later_ns = later_ns
+
+    def now_ns(self) -> int:
+        return self._clock.now_ns() + self.later_ns
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        raise TamsError("a chain in virtual time must not sleep")
 
 
 @cache

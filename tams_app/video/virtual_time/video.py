@@ -1,10 +1,10 @@
-"""All views in lock-step: a trial pushes frames, advances time, and looks at the screen."""
+"""The video of a run in virtual time: push frames, advance time, take what is shown."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import replace
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
@@ -14,30 +14,12 @@ from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ReceiverStats
 from tams_app.video.virtual_time.event_queue import EventQueue
-from tams_app.video.virtual_time.idle import Rest
-from tams_app.video.virtual_time.receiver import LockstepReceiver, ReceivingCounts
+from tams_app.video.virtual_time.receiver import VirtualReceiver
 from tams_app.video.virtual_time.rtcp_sessions import Feedback
-from tams_app.video.virtual_time.sender import LockstepSender, SendingCounts
-from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRecords
+from tams_app.video.virtual_time.sender import VirtualSender
+from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, Shared, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.wait_idle import Quiescence
-
-
-@dataclass(frozen=True, slots=True)
-class RepairCounts:
-    """What repair of one view asked for, got and cost; NACKs count packets asked for."""
-
-    nacks_sent: int
-    plis_sent: int
-    nacks_arrived: int
-    plis_arrived: int
-    keyframes_forced: int  # PLIs that the sender did not ignore
-    repairs_sent: int
-    repair_bytes: int
-
-    @staticmethod
-    def of(receiving: ReceivingCounts, sending: SendingCounts) -> RepairCounts:
-        return RepairCounts(**asdict(receiving), **asdict(sending))
+from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
 
 
 class VirtualVideo:
@@ -64,18 +46,21 @@ class VirtualVideo:
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
         self._events = EventQueue()
-        self._quiescence = Quiescence()
-        self._rest = Rest(self._quiescence, self._clock)
+        self._waiter = IdleWaiter()
+        self._idle_gate = IdleGate(self._waiter, self._clock)
         link = Link(network, network_capacity(network, start_ns), config.views, seed)
         shared = Shared(
-            link, self._events, self._clock, self._rest, records, times or ProcessingTimes()
+            link, self._events, self._clock, self._idle_gate, records, times or ProcessingTimes()
         )
-        self._senders: dict[str, LockstepSender] = {}
-        self._receivers: dict[str, LockstepReceiver] = {}
+        self._counts = {view: RepairCounts() for view in config.views}
+        self._senders: dict[str, VirtualSender] = {}
+        self._receivers: dict[str, VirtualReceiver] = {}
         for view in config.views:
-            receiver = LockstepReceiver(view, config, rule, seed, shared, self._way_back(view))
+            receiver = VirtualReceiver(
+                view, config, rule, seed, shared, self._counts[view], self._return_to(view)
+            )
             self._receivers[view] = receiver
-            self._senders[view] = LockstepSender(
+            self._senders[view] = VirtualSender(
                 view,
                 config,
                 rule.rtx,
@@ -83,16 +68,17 @@ class VirtualVideo:
                 start_kbps[view],
                 source_drop_below_kbps,
                 shared,
+                self._counts[view],
                 receiver.arrive,
                 receiver.arrive_report,
             )
-        self._ends: tuple[LockstepReceiver | LockstepSender, ...] = (
+        self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self._receivers.values(),
             *self._senders.values(),
         )
         for end in self._ends:
             end.start()
-        self._rest.wait()
+        self._idle_gate.wait()
 
     @property
     def now_ns(self) -> int:
@@ -114,11 +100,11 @@ class VirtualVideo:
     def advance_to(self, now_ns: int) -> None:
         """Let everything happen that is due up to `now_ns`, one event after the other.
 
-        ValueError if that lies behind; TamsError if a chain fails or does not come to rest.
+        ValueError if that is in the past; TamsError if a chain fails or does not become idle.
         """
         while (due_ns := self._due_ns()) is not None and due_ns <= now_ns:
             self._clock.move_to(max(due_ns, self._clock.now_ns()))
-            self._happen()
+            self._do_next()
         self._clock.move_to(now_ns)
 
     def shown(self, view: str) -> ShownFrame | None:
@@ -131,21 +117,21 @@ class VirtualVideo:
 
     def counts(self, view: str) -> RepairCounts:
         """What repair of `view` has asked for, got and cost so far."""
-        return RepairCounts.of(self._receivers[view].counts, self._senders[view].counts)
+        return replace(self._counts[view])
 
     def stats(self, view: str) -> ReceiverStats:
         """The receiver's counts of `view`, as live."""
-        self._rest.wait()
+        self._idle_gate.wait()
         return self._receivers[view].stats()
 
     def close(self) -> None:
         """End all chains; may be called twice."""
         with ExitStack() as stack:
-            stack.callback(self._quiescence.close)
+            stack.callback(self._waiter.close)
             for end in self._ends:
                 stack.callback(end.close)
 
-    def _way_back(self, view: str) -> Callable[[Feedback], None]:
+    def _return_to(self, view: str) -> Callable[[Feedback], None]:
         return lambda feedback: self._senders[view].obey(feedback)
 
     def _due_ns(self) -> int | None:
@@ -153,17 +139,17 @@ class VirtualVideo:
         times += [end.next_ns for end in self._ends]
         return min((time for time in times if time is not None), default=None)
 
-    def _happen(self) -> None:
-        """One event: a wait of GStreamer's ends, or something of the events, or RTCP is due."""
+    def _do_next(self) -> None:
+        """One event: a wait of GStreamer ends, or an action of the queue, or RTCP is due."""
         now_ns = self._clock.now_ns()
         wait_ns, action_ns = self._clock.next_ns(), self._events.next_ns
         if wait_ns is not None and wait_ns <= now_ns:
             self._clock.end_next_wait()
-            self._rest.wait()
+            self._idle_gate.wait()
             self._collect()
         elif action_ns is not None and action_ns <= now_ns:
             self._events.do_next()
-            if self._rest.wait_if_due():
+            if self._idle_gate.wait_if_due():
                 self._collect()
         else:
             for end in self._ends:

@@ -1,9 +1,9 @@
-"""Waiting until every other thread of this process is asleep, so that one event has had its effect.
+"""Waiting until all other threads of this process are idle, so that an event has had its effect.
 
 GStreamer hands packets from thread to thread, and nothing it offers tells when the last of them
-has nothing more to do. The kernel knows: a thread that sleeps in two looks, and was not once put
-on a core in between, had nothing to do at the moment between them. A thread that waits for the
-GIL cannot pass for idle: each read below releases the GIL, which wakes it. Linux only.
+has nothing more to do. The kernel knows: a thread that sleeps in two samples, and was not scheduled
+in between, had nothing to do at the moment between them. A thread that waits for the GIL cannot
+pass for idle: each read below releases the GIL, which wakes it. Linux only.
 """
 
 from __future__ import annotations
@@ -14,29 +14,30 @@ import time
 from collections.abc import Callable
 
 from tams_app.errors import TamsError
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
 
 _TASKS = "/proc/self/task"
 _ASLEEP = ord("S")
-PATIENCE_S = 20.0  # of the wall: no event of ours takes a tenth of it, even on a busy machine
+TIMEOUT_S = 20.0  # real time: no event of ours takes a tenth of it, even on a busy machine
 
 
-class Quiescence:
-    """Used by one thread; every other thread of the process must be idle between events."""
+class IdleWaiter:
+    """Waits until all other threads are idle; used by one thread."""
 
     def __init__(
-        self, patience_s: float = PATIENCE_S, wall_s: Callable[[], float] = time.monotonic
+        self, timeout_s: float = TIMEOUT_S, wall_s: Callable[[], float] = time.monotonic
     ) -> None:
-        self._patience_s = patience_s
+        self._timeout_s = timeout_s
         self._wall_s = wall_s
         self._files: dict[str, tuple[int, int]] = {}  # thread -> its stat and schedstat
 
     def wait(self) -> None:
-        """Return when all others sleep; TamsError if they do not within the patience."""
-        deadline_s = self._wall_s() + self._patience_s
-        while not self._at_rest():
+        """Return when all others sleep; TamsError if they do not within the timeout."""
+        deadline_s = self._wall_s() + self._timeout_s
+        while not self._all_idle():
             if self._wall_s() > deadline_s:
                 raise TamsError(
-                    f"the process did not come to rest within {self._patience_s:g} s: "
+                    f"the process did not become idle within {self._timeout_s:g} s: "
                     "virtual time needs a process in which nothing else runs"
                 )
             os.sched_yield()
@@ -48,7 +49,7 @@ class Quiescence:
                 os.close(file)
         self._files.clear()
 
-    def _at_rest(self) -> bool:
+    def _all_idle(self) -> bool:
         try:
             self._open_new()
             if not self._all_asleep():
@@ -58,7 +59,7 @@ class Quiescence:
                 return False
             self._open_new()
             return len(self._files) == known
-        except ProcessLookupError:  # a thread has ended: look afresh
+        except ProcessLookupError:  # a thread has ended: start over
             self.close()
             return False
 
@@ -88,3 +89,39 @@ class Quiescence:
     def _counts(self) -> list[bytes]:
         """Time on the core, time waiting for it, times put on it, of every thread."""
         return [os.pread(schedule, 64, 0) for _, schedule in self._files.values()]
+
+
+class IdleGate:
+    """Waits for idle threads only where it matters.
+
+    A packet that comes in order while no jitter buffer waits for anything is stored and handed on,
+    whatever the time. Only the end of a frame, a gap and what follows a gap have an effect that
+    depends on when it happens, or that is observed. Waiting for these alone is exact, and halves
+    the cost.
+    """
+
+    def __init__(self, waiter: IdleWaiter, clock: SteppedClock) -> None:
+        self._waiter = waiter
+        self._clock = clock
+        self._not_awaited = False  # a packet went in without a wait after it
+        self._must_wait = False
+
+    def packet_enters(self, in_order: bool, ends_frame: bool) -> None:
+        """A packet is about to enter a jitter buffer."""
+        sensitive = not in_order or self._clock.next_ns() is not None
+        if sensitive and self._not_awaited:
+            self._waiter.wait()
+        self._not_awaited = True
+        self._must_wait |= sensitive or ends_frame
+
+    def wait_if_due(self) -> bool:
+        """After an event: wait if it had an effect; whether it had."""
+        if self._must_wait:
+            self.wait()
+            return True
+        return False
+
+    def wait(self) -> None:
+        """Wait until all that went in has had its effect."""
+        self._waiter.wait()
+        self._not_awaited = self._must_wait = False

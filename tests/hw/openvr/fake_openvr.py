@@ -27,7 +27,7 @@ HEADSET, RIGHT, LEFT, SPARE = 0, 3, 4, 7  # device indices
 NO_DEVICE = openvr.k_unTrackedDeviceIndexInvalid
 _TREMOR_M = cycle((1e-6, 1e-6, -2e-6))
 _TOKENS = count(100)  # of all runtimes: the binding keeps what it found while the token stays
-WAIT_S = 20.0  # for whoever hangs in the runtime, should a test forget him
+WAIT_S = 20.0  # then a thread that hangs in the runtime goes on
 
 
 @dataclass

@@ -3,8 +3,7 @@ import pytest
 
 from hw.openvr.actions import ActionButtons
 from hw.openvr.bindings import COMMITTED_DIRECTORY, MANIFEST_NAME
-from hw.openvr.buttons import Buttons
-from hw.openvr.components import ROLES
+from hw.openvr.components import ROLES, Buttons
 from hw.openvr.haptics import Vibration
 from hw.openvr.runtime import OpenVrRuntime
 from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from hw.v4l2.camera import V4l2Source
+from hw.gstreamer.camera import GstCamera
 from hw.v4l2.devices import CameraInfo, list_cameras
-from hw.v4l2.gst_camera import GstCamera
+from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import MonotonicClock

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from hw.camera import Camera
-from hw.v4l2.capture_watch import CaptureStats
+from hw.gstreamer.monitor import CaptureStats
 from hw.v4l2.controls import (
     AUTO_WHITE_BALANCE,
     EXPOSURE_ABSOLUTE,
@@ -40,7 +40,7 @@ from tams_app.records import Frame
 SOURCE = Path(__file__).parent / "fake_v4l2.c"
 ROOT = Path(__file__).parents[3]
 SMALL = VideoConfig(width=160, height=120)
-PICTURES = 8
+IMAGES = 8
 ROUNDS = 4  # of them, with other noise, before the first one comes again
 GREYS = 25  # between the frames
 GAIN = 0x0098_0913
@@ -55,7 +55,7 @@ class Behaviour(IntEnum):
     SILENT = 1
     REPEATS = 2
     SKIPS = 3  # every fifth frame
-    DAMAGES = 4  # all but the beginning of every second frame
+    CORRUPTS = 4  # all but the beginning of every second frame
 
 
 class FakeControl(ctypes.Structure):
@@ -75,7 +75,7 @@ class FakeControl(ctypes.Structure):
 
 
 class FakeCamera(ctypes.Structure):
-    """struct camera of fake_v4l2.c, shared with whoever has the camera open"""
+    """struct camera of fake_v4l2.c, shared with the process that has the camera open"""
 
     _fields_ = (
         ("card", ctypes.c_char * 32),
@@ -88,8 +88,8 @@ class FakeCamera(ctypes.Structure):
         ("age_us", ctypes.c_uint32),
         ("streams_started", ctypes.c_uint32),
         ("frames", ctypes.c_uint32),
-        ("pictures_size", ctypes.c_uint32),
-        ("picture_count", ctypes.c_uint32),
+        ("frame_bytes", ctypes.c_uint32),
+        ("frame_count", ctypes.c_uint32),
         ("control_count", ctypes.c_uint32),
         ("controls", FakeControl * 8),
     )
@@ -112,10 +112,10 @@ WEBCAM_CONTROLS = (
 
 
 def jpegs(video: VideoConfig, rounds: int = 1) -> list[bytes]:
-    """Noisy frames whose mean grey tells which of PICTURES it is; padded to one length."""
+    """Noisy frames whose mean grey tells which of IMAGES it is; padded to one length."""
     rng = np.random.default_rng(5)
     encoded = []
-    for number in list(range(PICTURES)) * rounds:
+    for number in list(range(IMAGES)) * rounds:
         noise = rng.integers(-4, 5, (video.height, video.width, 3))
         image = np.clip(30 + GREYS * number + noise, 0, 255).astype(np.uint8)
         encoded.append(cv2.imencode(".jpg", image)[1].tobytes())
@@ -162,8 +162,8 @@ class Machine:
             width=video.width,
             height=video.height,
             rate=rate,
-            pictures_size=len(images[0]),
-            picture_count=len(images),
+            frame_bytes=len(images[0]),
+            frame_count=len(images),
             control_count=len(controls),
         )
         described.controls[: len(controls)] = list(controls)

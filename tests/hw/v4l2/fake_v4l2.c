@@ -2,7 +2,7 @@
  *
  * Every file $TAMS_FAKE_V4L2/video* is a camera, described by the struct camera in it, which the
  * test shares with us: it says how the camera behaves and reads what was done to it. A camera is
- * unplugged by removing its file. File descriptors are eventfds, readable when a picture is ready.
+ * unplugged by removing its file. File descriptors are eventfds, readable when a frame is ready.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 enum { MAX_OPEN = 32, MAX_BUFFERS = 16, MAX_CONTROLS = 8, OFFSET_STEP = 1 << 22 };
-enum behaviour { RUNS, SILENT, REPEATS, SKIPS, DAMAGES };
+enum behaviour { RUNS, SILENT, REPEATS, SKIPS, CORRUPTS };
 
 struct control {
     uint32_t id, type;
@@ -33,9 +33,9 @@ struct control {
 struct camera {
     char card[32];
     uint32_t behaviour, metadata, pixelformat, width, height, rate;
-    uint32_t age_us;                       /* of a picture when it is ready */
-    uint32_t streams_started, pictures;    /* what was done */
-    uint32_t pictures_size, picture_count; /* the JPEGs behind this struct, each this long */
+    uint32_t age_us;                       /* of a frame when it is ready */
+    uint32_t streams_started, frames;    /* what was done */
+    uint32_t frame_bytes, frame_count; /* the JPEGs behind this struct, each this long */
     uint32_t control_count;
     struct control controls[MAX_CONTROLS];
 };
@@ -72,7 +72,7 @@ static struct opened *find(int fd) {
 
 static int plugged(struct opened *o) { return access(o->path, F_OK) == 0; }
 static size_t picture_bytes(struct camera *c) {
-    return c->pixelformat == V4L2_PIX_FMT_MJPEG ? c->pictures_size : c->width * c->height * 2;
+    return c->pixelformat == V4L2_PIX_FMT_MJPEG ? c->frame_bytes : c->width * c->height * 2;
 }
 
 static int take(int *queue, int *count) {
@@ -81,17 +81,17 @@ static int take(int *queue, int *count) {
     return first;
 }
 
-/* The time is when the picture was due: a kernel takes it as the data arrives, however busy we are. */
+/* The time is when the frame was due: a kernel takes it as the data arrives, however busy we are. */
 static void fill(struct opened *o, int index, const struct timespec *due) {
     struct camera *c = o->camera;
     size_t bytes = picture_bytes(c);
     uint32_t number = c->behaviour == REPEATS ? 0 : o->sequence;
-    unsigned char *picture = o->buffers[index];
+    unsigned char *frame = o->buffers[index];
     if (c->pixelformat == V4L2_PIX_FMT_MJPEG)
-        memcpy(picture, (char *)(c + 1) + bytes * (number % c->picture_count), bytes);
+        memcpy(frame, (char *)(c + 1) + bytes * (number % c->frame_count), bytes);
     else
-        for (size_t i = 0; i < bytes; i++) picture[i] = (i + number * 7) & 0xff;
-    if (c->behaviour == DAMAGES && number % 2) memset(picture + bytes / 8, 0, bytes - bytes / 8);
+        for (size_t i = 0; i < bytes; i++) frame[i] = (i + number * 7) & 0xff;
+    if (c->behaviour == CORRUPTS && number % 2) memset(frame + bytes / 8, 0, bytes - bytes / 8);
     int64_t us = due->tv_sec * 1000000LL + due->tv_nsec / 1000 - c->age_us;
     struct v4l2_buffer *state = &o->states[index];
     state->timestamp.tv_sec = us / 1000000;
@@ -118,10 +118,10 @@ static void *film(void *argument) {
             int index = take(o->queued, &o->queued_count);
             fill(o, index, &due);
             o->ready[o->ready_count++] = index;
-            o->camera->pictures++;
+            o->camera->frames++;
             eventfd_write(o->fd, 1);
         } else if (o->streaming && !plugged(o)) {
-            eventfd_write(o->fd, 1); /* wakes whoever waits: there is an error to fetch */
+            eventfd_write(o->fd, 1); /* wakes the waiting thread: there is an error to fetch */
         }
         pthread_mutex_unlock(&lock);
         if (!go_on) return NULL;

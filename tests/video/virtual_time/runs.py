@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from hashlib import sha256
 
 from tams_app.config import Network, VideoConfig
@@ -15,9 +16,10 @@ from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, Sh
 from tams_app.runtime.clock import NS_PER_S
 from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.view_decoder import ReceiverStats
-from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
-from tams_app.video.virtual_time.video import RepairCounts, VirtualVideo
+from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, VideoRecords
+from tams_app.video.virtual_time.video import VirtualVideo
 from tests.video.scenes import frame
+from tests.video.streams import decoded_checksums
 
 START_NS = NS_PER_S
 CLEAN = Network(latency_ms=20)
@@ -26,6 +28,9 @@ NETWORKS = {
     "s2": Network(latency_ms=40, jitter_ms=8, loss=0.003, rate_kbps=6000),
     "s3": Network(latency_ms=80, jitter_ms=15, loss=0.01, rate_kbps=3000),
     "lossy": Network(latency_ms=20, jitter_ms=4, loss=0.02),
+    # a queue that fills, whose delay a jitter buffer that follows the clock would follow
+    "queueing": Network(latency_ms=20, jitter_ms=8, loss=0.05, rate_kbps=850, queue_ms=600),
+    "far": Network(latency_ms=90, jitter_ms=4, loss=0.04),  # too far for RTX by the rule alone
 }
 
 
@@ -46,6 +51,11 @@ class Run:
         return VideoRecords(
             self.encoded.append, self.dropped.append, self.shown.append, self.packets.extend
         )
+
+    @cached_property
+    def references(self) -> dict[int, int]:
+        """Checksum of each frame where nothing is lost, by index."""
+        return decoded_checksums(self.encoded)
 
     def digest(self) -> str:
         """One number for every packet, time and pixel."""
@@ -108,6 +118,12 @@ def run_whole(
         run.wire_bytes = video.wire_bytes()
         run.stats = {view: video.stats(view) for view in views}
     return run
+
+
+@cache
+def shared_run(network: str, frames: int, rule: RepairRule | None = None) -> Run:
+    """A run that several tests look at, and none changes."""
+    return run_whole(NETWORKS[network], frames, rule=rule)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from tams_app.video.view_decoder import ViewDecoder
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import DecoderChain, EncoderChain, time_left_ms
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.wait_idle import Quiescence
+from tams_app.video.virtual_time.wait_idle import IdleWaiter
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED
 
@@ -41,7 +41,7 @@ class Ends:
         images = ViewDecoder("eih", config, rule, self.clock, self.shown.append)
         self.encoder = EncoderChain("eih", config, self.frames, self.clock)
         self.decoder = DecoderChain("eih", "avdec_h264", rule, images, self.clock)
-        self.quiescence = Quiescence()
+        self.waiter = IdleWaiter()
         self.encoder.start()
         self.decoder.start()
 
@@ -52,14 +52,14 @@ class Ends:
 
     def feed(self, packet: bytes, resent: bool = False) -> None:
         self.decoder.feed(packet, resent)
-        self.quiescence.wait()
+        self.waiter.wait()
 
     def let_pass(self, duration_ns: int) -> None:
         end_ns = self.clock.now_ns() + duration_ns
         while (due_ns := self.clock.next_ns()) is not None and due_ns <= end_ns:
             self.clock.move_to(max(due_ns, self.clock.now_ns()))
             self.clock.end_next_wait()
-            self.quiescence.wait()
+            self.waiter.wait()
         self.clock.move_to(end_ns)
 
     def carry(self, indices: range) -> None:
@@ -71,7 +71,7 @@ class Ends:
     def close(self) -> None:
         self.encoder.close()
         self.decoder.close()
-        self.quiescence.close()
+        self.waiter.close()
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from tams_app.video.virtual_time.rtcp_timing import Report, RtcpTiming
 pytestmark = pytest.mark.untimed
 
 T_RR_NS = 20 * NS_PER_MS
-PATIENT_NS = NS_PER_S
+LONG_NS = NS_PER_S
 
 
 def timing(seed: int = 1) -> RtcpTiming:
@@ -43,7 +43,7 @@ def run_to_first_regular(session: RtcpTiming) -> int:
 
 def test_a_session_is_silent_before_its_first_packet() -> None:
     session = RtcpTiming(Random(1), T_RR_NS, 10e6)
-    session.request(0, PATIENT_NS)
+    session.request(0, LONG_NS)
     assert session.next_ns is None
 
 
@@ -59,7 +59,7 @@ def test_regular_reports_keep_half_to_one_and_a_half_intervals_apart(seed: int) 
 def test_a_request_after_a_regular_report_leaves_at_once() -> None:
     session = timing()
     last_ns = run_to_first_regular(session)
-    session.request(last_ns + 1, PATIENT_NS)
+    session.request(last_ns + 1, LONG_NS)
     assert session.next_ns == last_ns + 1
     assert session.step(last_ns + 1) is Report.EARLY
 
@@ -68,23 +68,23 @@ def test_a_second_early_report_waits_for_the_interval() -> None:
     session = timing()
     run_until(session, 100 * NS_PER_MS)
     last_ns = run_to_first_regular(session)
-    session.request(last_ns + 1000, PATIENT_NS)
+    session.request(last_ns + 1000, LONG_NS)
     assert session.step(last_ns + 1000) is Report.EARLY
     regular_ns = session.next_ns
-    session.request(last_ns + 2000, PATIENT_NS)
+    session.request(last_ns + 2000, LONG_NS)
     assert session.next_ns is not None
     assert regular_ns is not None
     assert last_ns + 500_000 < session.next_ns < regular_ns
 
 
-def test_an_impatient_second_request_goes_with_the_next_regular_report() -> None:
+def test_an_urgent_second_request_goes_with_the_next_regular_report() -> None:
     session = timing()
     run_until(session, 100 * NS_PER_MS)
     last_ns = run_to_first_regular(session)
-    session.request(last_ns + 1000, PATIENT_NS)
+    session.request(last_ns + 1000, LONG_NS)
     session.step(last_ns + 1000)
     regular_ns = session.next_ns
-    session.request(last_ns + 2000, patience_ns=0)
+    session.request(last_ns + 2000, time_left_ns=0)
     assert session.next_ns == regular_ns
     assert run_until(session, NS_PER_S)[0][1] is Report.REGULAR
 
@@ -92,14 +92,14 @@ def test_an_impatient_second_request_goes_with_the_next_regular_report() -> None
 def test_a_request_before_the_first_report_waits_for_it() -> None:
     session = timing()
     first_ns = session.next_ns
-    session.request(10, PATIENT_NS)
+    session.request(10, LONG_NS)
     assert session.next_ns == first_ns
 
 
 @given(
     st.integers(0, 1000),
     st.lists(st.integers(0, 400 * NS_PER_MS), max_size=30),
-    st.integers(0, PATIENT_NS),
+    st.integers(0, LONG_NS),
 )
 def test_never_two_early_reports_without_an_interval_between(
     seed: int, times: list[int], patience_ns: int
@@ -123,9 +123,9 @@ def test_larger_reports_and_more_members_make_the_interval_longer() -> None:
             session.observe(size_bytes)
         session.start(0)
         last_ns = run_to_first_regular(session)
-        session.request(last_ns + 1, PATIENT_NS)
+        session.request(last_ns + 1, LONG_NS)
         session.step(last_ns + 1)
-        session.request(last_ns + 2, PATIENT_NS)
+        session.request(last_ns + 2, LONG_NS)
         assert session.next_ns is not None
         return session.next_ns - last_ns
 

@@ -6,7 +6,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.wait_idle import Quiescence
+from tams_app.video.virtual_time.wait_idle import IdleWaiter
 
 pytestmark = pytest.mark.untimed
 
@@ -28,7 +28,7 @@ def test_a_start_at_zero_is_refused() -> None:
 
 def test_a_wait_ends_when_it_is_told_to_and_not_when_time_passes() -> None:
     Gst = gst.load().Gst
-    clock, quiescence = SteppedClock(1000), Quiescence()
+    clock, waiter = SteppedClock(1000), IdleWaiter()
     pipeline = gst.parse_pipeline(
         "appsrc name=in format=time ! appsink name=out sync=true async=false"
     )
@@ -36,16 +36,16 @@ def test_a_wait_ends_when_it_is_told_to_and_not_when_time_passes() -> None:
     gst.set_playing(pipeline, "the test")
     pipeline.get_by_name("in").emit("push-buffer", gst.raw_buffer(b"x", 500, 1))
     sink = pipeline.get_by_name("out")
-    quiescence.wait()
+    waiter.wait()
     assert clock.next_ns() == 1500
     clock.move_to(2000)
-    quiescence.wait()
+    waiter.wait()
     assert sink.get_property("eos") is False
     assert sink.emit("try-pull-sample", 0) is None
     clock.end_next_wait()
-    quiescence.wait()
+    waiter.wait()
     assert sink.emit("try-pull-sample", 0).get_buffer().pts == 500
     assert clock.next_ns() is None
     gst.shut_down(pipeline)
-    quiescence.close()
+    waiter.close()
     assert pipeline.get_state(0)[1] == Gst.State.NULL

@@ -9,19 +9,19 @@ from collections.abc import Iterator
 import pytest
 
 from tams_app.errors import TamsError
-from tams_app.video.virtual_time.wait_idle import Quiescence
+from tams_app.video.virtual_time.wait_idle import IdleWaiter
 
 pytestmark = pytest.mark.waiting
 
 
 @pytest.fixture
-def quiescence() -> Iterator[Quiescence]:
-    made = Quiescence()
+def waiter() -> Iterator[IdleWaiter]:
+    made = IdleWaiter()
     yield made
     made.close()
 
 
-def test_it_waits_until_a_busy_thread_has_done_its_work(quiescence: Quiescence) -> None:
+def test_it_waits_until_a_busy_thread_has_done_its_work(waiter: IdleWaiter) -> None:
     done = threading.Event()
     go, end = threading.Event(), threading.Event()
 
@@ -33,16 +33,16 @@ def test_it_waits_until_a_busy_thread_has_done_its_work(quiescence: Quiescence) 
 
     thread = threading.Thread(target=work)
     thread.start()
-    quiescence.wait()  # it sleeps, so this returns
+    waiter.wait()  # it sleeps, so this returns
     assert not done.is_set()
     go.set()
-    quiescence.wait()
+    waiter.wait()
     assert done.is_set()
     end.set()
     thread.join()
 
 
-def test_a_thread_that_never_rests_is_an_error_and_not_a_hang() -> None:
+def test_a_thread_that_is_never_idle_is_an_error_and_not_a_hang() -> None:
     stop = threading.Event()
 
     def spin() -> None:
@@ -51,9 +51,9 @@ def test_a_thread_that_never_rests_is_an_error_and_not_a_hang() -> None:
 
     thread = threading.Thread(target=spin)
     thread.start()
-    impatient = Quiescence(patience_s=0.2)
+    impatient = IdleWaiter(timeout_s=0.2)
     try:
-        with pytest.raises(TamsError, match=r"did not come to rest within 0\.2 s"):
+        with pytest.raises(TamsError, match=r"did not become idle within 0\.2 s"):
             impatient.wait()
     finally:
         stop.set()
@@ -61,18 +61,18 @@ def test_a_thread_that_never_rests_is_an_error_and_not_a_hang() -> None:
         impatient.close()
 
 
-def test_threads_that_come_and_go_are_followed(quiescence: Quiescence) -> None:
+def test_threads_that_come_and_go_are_followed(waiter: IdleWaiter) -> None:
     for _ in range(5):
         thread = threading.Thread(target=lambda: sum(range(10_000)))
         thread.start()
-        quiescence.wait()
+        waiter.wait()
         thread.join()
-        quiescence.wait()
+        waiter.wait()
 
 
 def test_closing_gives_every_file_back() -> None:
     before = len(os.listdir("/proc/self/fd"))
-    with_files = Quiescence()
+    with_files = IdleWaiter()
     end = threading.Event()
     thread = threading.Thread(target=end.wait)
     thread.start()

@@ -1,4 +1,7 @@
-"""Whether a camera still sees: pure judgement of when its frames came and if they changed."""
+"""Judgement of a camera's frames: their place on the time grid, freezes, rate and age.
+
+Pure: times and bytes go in, no thread and no clock.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +16,54 @@ from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 SILENCE_NS = 500 * NS_PER_MS  # without a frame: frozen
 REPETITION_NS = NS_PER_S  # without a frame that was not shown before: opened again
 REMEMBERED = 8  # frames; drivers take turns with about four buffers
-START_PATIENCE_NS = 3 * NS_PER_S  # a USB camera takes its time to the first frame
+START_TIMEOUT_NS = 3 * NS_PER_S  # a USB camera takes its time to the first frame
 _WINDOW_NS = 2 * NS_PER_S
+# A frame keeps its turn until it is this many periods off its place: more than half a period, so
+# that jitter around the middle between two places does not drop and skip frames in turn.
+_GRID_TOLERANCE = 0.75
 
 
-class Sight(StrEnum):
-    """What can be said of a camera that is open."""
+class CaptureGrid:
+    """Gives frames their indices: `fps` places a second from the first frame on, never reused.
 
-    SEEING = "seeing"
+    A frame is as many places after the one before as periods have passed between them. No
+    camera's clock is exact: once its frames are three quarters of a period off their places, one
+    is left out (a fast camera) or one place stays empty (a slow one).
+    """
+
+    def __init__(self, fps: int) -> None:
+        self._fps = fps
+        self._first_ns = 0
+        self._last_ns = 0
+        self._last = -1
+        self.missed = 0  # places that stayed empty
+
+    def index(self, capture_ns: int) -> int | None:
+        """The index of the frame captured at `capture_ns`; None if its place is taken."""
+        if self._last < 0:
+            self._first_ns = self._last_ns = capture_ns
+            self._last = 0
+            return 0
+        place = (capture_ns - self._first_ns) * self._fps / NS_PER_S
+        periods = (capture_ns - self._last_ns) * self._fps / NS_PER_S
+        index = self._last + max(1, round(periods))
+        if abs(place - index) > _GRID_TOLERANCE:
+            index = round(place)
+        self._last_ns = capture_ns  # also of a frame left out: the next one comes a period later
+        if index <= self._last:
+            return None
+        self.missed += index - self._last - 1
+        self._last = index
+        return index
+
+
+class FrameStatus(StrEnum):
+    """What the newest frame, or its absence, says of an open camera."""
+
+    NEW = "new"
     SILENT = "delivers no frames"
     REPEATED = "showed a frame again"
-    REPEATING = "repeats one frame to the last bit"
+    FROZEN = "repeats one frame to the last bit"
 
 
 class FreezeWatch:
@@ -34,7 +74,7 @@ class FreezeWatch:
         self._recent: deque[int] = deque(maxlen=REMEMBERED)  # checksums of different frames
         self._changed_ns = 0
         self._seen_ns = 0
-        self._patience_ns = START_PATIENCE_NS
+        self._timeout_ns = START_TIMEOUT_NS
 
     def opened(self, now_ns: int) -> None:
         """The camera was opened (again); its first frame may take a while.
@@ -43,28 +83,32 @@ class FreezeWatch:
         it gets the time for a new frame: the first ones may be left over from before.
         """
         self._seen_ns = self._changed_ns = now_ns
-        self._patience_ns = START_PATIENCE_NS
+        self._timeout_ns = START_TIMEOUT_NS
 
-    def frame(self, now_ns: int, frame: bytes) -> Sight:
-        """A frame came, at `now_ns`; show it as a new one only if SEEING.
+    def frame(self, now_ns: int, frame: bytes) -> FrameStatus:
+        """A frame came, at `now_ns`; show it as a new one only if NEW.
 
         A sensor has noise, so a frame that comes again to the last bit is an old one, at once:
-        then the age of what was shown last grows from here on. REPEATING: open the camera again.
+        then the age of what was shown last grows from here on. FROZEN: open the camera again.
         """
         self._seen_ns = now_ns
-        self._patience_ns = SILENCE_NS
+        self._timeout_ns = SILENCE_NS
         if not self._noisy:
-            return Sight.SEEING
+            return FrameStatus.NEW
         checksum = zlib.crc32(frame)  # a collision costs one good frame in years
         if checksum not in self._recent:
             self._recent.append(checksum)
             self._changed_ns = now_ns
-            return Sight.SEEING
-        return Sight.REPEATING if now_ns - self._changed_ns > REPETITION_NS else Sight.REPEATED
+            return FrameStatus.NEW
+        return (
+            FrameStatus.FROZEN
+            if now_ns - self._changed_ns > REPETITION_NS
+            else FrameStatus.REPEATED
+        )
 
     def silent_from_ns(self) -> int:
         """When the camera is to be called silent if no frame comes before."""
-        return self._seen_ns + self._patience_ns
+        return self._seen_ns + self._timeout_ns
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,8 @@
-"""The servo's arithmetic on a model of x264, and the loop on the real one."""
+"""The encoder servo on a model of x264, and on the real one."""
 
 from __future__ import annotations
 
-import socket
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,14 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import VideoConfig
-from tams_app.records import DroppedFrame
-from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.encoder_servo import WINDOW_FRAMES, EncoderServo
-from tams_app.video.ports import ViewPorts
-from tams_app.video.sender import VideoSender
-from tests.video.scenes import frame
+from tams_app.records import IP_UDP_HEADER_BYTES, Frame
+from tams_app.runtime.clock import NS_PER_S
+from tams_app.video.rate_control import WINDOW_FRAMES, EncoderServo
+from tams_app.video.view_encoder import ViewEncoder
+from tams_app.video.virtual_time.chains import EncoderChain
+from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tests.video.scenes import image
 
-pytestmark = pytest.mark.waiting
+pytestmark = pytest.mark.untimed
 
 FPS = 30
 
@@ -104,73 +103,48 @@ def test_whatever_happens_the_bitrate_stays_near_the_target(
 # --- with the real encoder ----------------------------------------------------------------------
 
 
-class LockStep:
-    """A sender whose every frame is taken from the wire before the next is pushed."""
+def wire_bytes_of_frames(targets_kbps: list[float], first_frame: int = 0) -> list[int]:
+    """IP datagram bytes of each captured frame, 0 for one that was dropped at the source.
 
-    def __init__(self, sender: VideoSender, wire: socket.socket) -> None:
-        self.sender = sender
-        self.frame_bytes: list[int] = []
-        self._wire = wire
-
-    def push(self, index: int) -> None:
-        dropped = self.sender.stats().frames_dropped
-        self.sender.push(frame(index))
-        marker, size = self.sender.stats().frames_dropped > dropped, 0
-        while not marker:
-            datagram = self._wire.recv(2048)
-            size += len(datagram) + 28
-            marker = bool(datagram[1] & 0x80)
-        self.frame_bytes.append(size)
-        while self.sender.stats().wire_bytes < sum(self.frame_bytes):
-            pass  # the udpsink counts just after it sent
-
-    def windows_kbps(self) -> np.ndarray:
-        """Rate of each run of eight frames."""
-        kbits = np.array(self.frame_bytes) * 8 / 1000
-        return np.convolve(kbits, np.ones(WINDOW_FRAMES), "valid") * FPS / WINDOW_FRAMES
+    In one thread: each frame is encoded and counted before the next one is admitted.
+    """
+    ignore: Callable[[object], None] = lambda _: None  # noqa: E731
+    clock = SteppedClock(NS_PER_S)
+    frames = ViewEncoder("eih", VideoConfig(), clock, targets_kbps[0], 80.0, ignore, ignore)
+    chain = EncoderChain("eih", VideoConfig(), frames, clock)
+    chain.start()
+    sizes: list[int] = []
+    for index, target_kbps in enumerate(targets_kbps):
+        frames.set_target_kbps(target_kbps)
+        clock.move_to(NS_PER_S + index * NS_PER_S // FPS)
+        captured = Frame("eih", index, clock.now_ns(), image(first_frame + index))
+        buffer = frames.admit(captured, sum(sizes))
+        packets = chain.encode(buffer) if buffer is not None else []
+        sizes.append(sum(len(packet) + IP_UDP_HEADER_BYTES for packet in packets))
+    chain.close()
+    return sizes
 
 
-@contextmanager
-def lock_step(start_kbps: float) -> Iterator[LockStep]:
-    dropped: list[DroppedFrame] = []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
-        wire.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 21)
-        wire.bind(("127.0.0.1", 0))
-        wire.settimeout(20)
-        sender = VideoSender(
-            "eih", VideoConfig(), True, MonotonicClock(), start_kbps, 80.0,
-            lambda encoded: None, dropped.append,
-        )  # fmt: skip
-        port = wire.getsockname()[1]
-        sender.start(ViewPorts("127.0.0.1", port, sender.feedback_port, port))
-        try:
-            yield LockStep(sender, wire)
-        finally:
-            sender.close()
-
-
-def test_the_real_encoder_tracks_steps_of_its_target() -> None:
-    schedule = {0: 1000, 60: 3000, 120: 600, 180: 300, 240: 150}
-    with lock_step(schedule[0]) as run:
-        for index in range(300):
-            if index in schedule:
-                run.sender.set_target_kbps(schedule[index])
-            run.push(index)
-        assert run.sender.stats().wire_bytes == sum(run.frame_bytes)
-    rates = run.windows_kbps()
-    for start, target_kbps in schedule.items():
-        error = np.abs(rates[start : start + 60 - WINDOW_FRAMES + 1] / target_kbps - 1)
+@pytest.mark.parametrize("first_frame", [17, 100])
+def test_the_real_encoder_tracks_steps_of_its_target(first_frame: int) -> None:
+    """x264's bytes differ between processors' instruction sets, so the bounds need room: with
+    some content a window is missed by one frame on one processor and not on the other."""
+    hold = 45
+    targets = [1000.0, 3000.0, 600.0, 300.0, 150.0]
+    sizes = wire_bytes_of_frames([kbps for kbps in targets for _ in range(hold)], first_frame)
+    windows = np.convolve(np.array(sizes), np.ones(WINDOW_FRAMES), "valid")
+    rates_kbps = windows * 8 / 1000 * FPS / WINDOW_FRAMES
+    for step, target_kbps in enumerate(targets):
+        first = step * hold
+        error = np.abs(rates_kbps[first : first + hold - WINDOW_FRAMES + 1] / target_kbps - 1)
         unsettled = np.flatnonzero(error > 0.15)
         settled = unsettled[-1] + 1 if unsettled.size else 0
-        assert settled <= 8, f"{target_kbps} kbit/s settled after {settled} frames"
-        assert error[15:].mean() <= 0.05
+        assert settled <= WINDOW_FRAMES, f"{target_kbps} kbit/s settled after {settled} frames"
+        assert error[15:].mean() <= 0.06
 
 
 def test_below_the_threshold_frames_are_dropped_and_the_rate_still_meets_the_target() -> None:
-    with lock_step(50.0) as run:
-        for index in range(180):
-            run.push(index)
-        dropped = run.sender.stats().frames_dropped
-    assert dropped == pytest.approx(180 * 3 / 8, abs=2)
-    sent_kbps = sum(run.frame_bytes[30:]) * 8 / 1000 / (150 / FPS)
+    sizes = wire_bytes_of_frames([50.0] * 180)
+    assert sizes.count(0) == pytest.approx(180 * 3 / 8, abs=2)
+    sent_kbps = sum(sizes[30:]) * 8 / 1000 / (150 / FPS)
     assert sent_kbps == pytest.approx(50.0, rel=0.06)

@@ -1,8 +1,9 @@
-"""The loop that makes a view's measured wire rate meet its target (FINDINGS 2).
+"""Rate control of one view: the encoder servo, and frame dropping at the source.
 
-x264 with a VBV of one frame undershoots by 10-20 %, and knows nothing of packet headers and
-repair packets. Before each encoded frame the bytes that left during the last eight are compared
-with those allowed, and the encoder's `bitrate` is biased.
+x264 with a VBV of one frame undershoots its `bitrate` by 10-20 % (measured), and knows nothing of
+packet headers and repair packets. `EncoderServo` compares the bytes that left during the last eight
+frames with those allowed, and biases `bitrate`. `SourceDrop` leaves out whole frames where the
+target would starve the encoder.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ class _Sent:
 
 
 class EncoderServo:
-    """One view's servo, stepped before each frame that is encoded.
+    """A PI controller from a view's wire rate to x264's `bitrate`, stepped before each frame.
 
-    A frame left out at the source is not stepped: its share goes to the frames that are kept, so
-    `frame_target_kbps` is what the kept frames would cost at the full frame rate.
+    A frame dropped at the source is not stepped: its share goes to the frames that are kept, so
+    the target is what the kept frames would cost at the full rate (`SourceDrop.frame_target_kbps`).
     """
 
     def __init__(self, fps: int, mtu_bytes: int) -> None:
+        """`fps`: nominal frames per second. `mtu_bytes`: the payloader's, RTP header included."""
         self._fps = fps
         self._mtu_bytes = mtu_bytes
         self._integral = 0.0
@@ -45,9 +47,15 @@ class EncoderServo:
         self._window: deque[_Sent] = deque(maxlen=WINDOW_FRAMES)
 
     def step(self, wire_bytes: int, target_kbps: float) -> int:
-        """The encoder's bitrate [kbit/s] for the next frame.
+        """Take in what was sent, and control the next frame.
 
-        `wire_bytes`: IP datagram bytes that have left so far, repair packets included.
+        Args:
+            wire_bytes: IP datagram bytes that have left so far, repair packets included.
+            target_kbps: the wire rate to meet [kbit/s]. A change of more than `STEP_FRACTION`
+                starts a new window of measurement.
+
+        Returns:
+            The encoder's `bitrate` [kbit/s] for the next frame, at least 1.
         """
         if self._target_kbps:
             allowed = self._frame_bytes(self._target_kbps)
@@ -82,3 +90,27 @@ class EncoderServo:
 
 def _clip(bias: float) -> float:
     return min(max(bias, _BIAS_MIN), _BIAS_MAX)
+
+
+class SourceDrop:
+    """Keeps the fraction of frames that the target can pay for at `threshold_kbps` each second.
+
+    Each frame earns target/threshold of a frame; a whole one is spent to keep it. So the kept
+    frames have the bits that `threshold_kbps` would give them, and are spread evenly.
+    """
+
+    def __init__(self, threshold_kbps: float) -> None:
+        self._threshold_kbps = threshold_kbps
+        self._credit = 1.0  # the first frame is the keyframe: keep it
+
+    def keep(self, target_kbps: float) -> bool:
+        """Whether the next captured frame is encoded, at the view's present target."""
+        kept = self._credit >= 1.0
+        if kept:
+            self._credit -= 1.0
+        self._credit += target_kbps / self.frame_target_kbps(target_kbps)
+        return kept
+
+    def frame_target_kbps(self, target_kbps: float) -> float:
+        """What the kept frames would cost at the full frame rate."""
+        return max(target_kbps, self._threshold_kbps)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from hw.v4l2.capture_watch import (
+from hw.gstreamer.monitor import (
     REMEMBERED,
     REPETITION_NS,
     SILENCE_NS,
-    START_PATIENCE_NS,
+    START_TIMEOUT_NS,
     CaptureMeter,
+    FrameStatus,
     FreezeWatch,
-    Sight,
 )
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
@@ -29,7 +29,7 @@ def watch() -> FreezeWatch:
 
 
 def test_a_camera_that_was_just_opened_is_given_time(watch: FreezeWatch) -> None:
-    assert watch.silent_from_ns() == OPENED_NS + START_PATIENCE_NS
+    assert watch.silent_from_ns() == OPENED_NS + START_TIMEOUT_NS
 
 
 def test_a_camera_is_silent_half_a_second_after_its_last_frame(watch: FreezeWatch) -> None:
@@ -41,14 +41,14 @@ def test_a_camera_is_silent_half_a_second_after_its_last_frame(watch: FreezeWatc
 def test_frames_that_differ_in_one_bit_are_seen(watch: FreezeWatch) -> None:
     for number in range(90):
         frame = b"same" * 100 + bytes([number])
-        assert watch.frame(OPENED_NS + number * PERIOD_NS, frame) is Sight.SEEING
+        assert watch.frame(OPENED_NS + number * PERIOD_NS, frame) is FrameStatus.NEW
 
 
 def test_a_frame_that_comes_again_is_left_out_at_once(watch: FreezeWatch) -> None:
-    assert watch.frame(OPENED_NS, b"a") is Sight.SEEING
-    assert watch.frame(OPENED_NS + PERIOD_NS, b"a") is Sight.REPEATED
-    assert watch.frame(OPENED_NS + 2 * PERIOD_NS, b"b") is Sight.SEEING
-    assert watch.frame(OPENED_NS + 3 * PERIOD_NS, b"a") is Sight.REPEATED
+    assert watch.frame(OPENED_NS, b"a") is FrameStatus.NEW
+    assert watch.frame(OPENED_NS + PERIOD_NS, b"a") is FrameStatus.REPEATED
+    assert watch.frame(OPENED_NS + 2 * PERIOD_NS, b"b") is FrameStatus.NEW
+    assert watch.frame(OPENED_NS + 3 * PERIOD_NS, b"a") is FrameStatus.REPEATED
 
 
 @pytest.mark.parametrize("buffers", [2, 4, REMEMBERED])
@@ -59,16 +59,16 @@ def test_old_buffers_in_turn_are_left_out_and_then_a_frozen_sensor(
         watch.frame(OPENED_NS + number * PERIOD_NS, bytes([number % buffers]))
         for number in range(60)
     ]
-    assert set(sights[:buffers]) == {Sight.SEEING}
-    assert set(sights[buffers:30]) == {Sight.REPEATED}
-    assert sights[-1] is Sight.REPEATING
+    assert set(sights[:buffers]) == {FrameStatus.NEW}
+    assert set(sights[buffers:30]) == {FrameStatus.REPEATED}
+    assert sights[-1] is FrameStatus.FROZEN
 
 
 def test_no_new_frame_for_more_than_a_second_is_a_frozen_sensor(watch: FreezeWatch) -> None:
     at = OPENED_NS
-    assert watch.frame(at, b"a") is Sight.SEEING
-    assert watch.frame(at + REPETITION_NS, b"a") is Sight.REPEATED
-    assert watch.frame(at + REPETITION_NS + 1, b"a") is Sight.REPEATING
+    assert watch.frame(at, b"a") is FrameStatus.NEW
+    assert watch.frame(at + REPETITION_NS, b"a") is FrameStatus.REPEATED
+    assert watch.frame(at + REPETITION_NS + 1, b"a") is FrameStatus.FROZEN
     assert REPETITION_NS == NS_PER_S
 
 
@@ -77,9 +77,9 @@ def test_reopening_does_not_make_the_same_frame_a_new_one(watch: FreezeWatch) ->
         watch.frame(OPENED_NS + number * PERIOD_NS, b"a")
     reopened_ns = OPENED_NS + 3 * NS_PER_S
     watch.opened(reopened_ns)
-    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is Sight.REPEATED
-    assert watch.frame(reopened_ns + REPETITION_NS + 1, b"a") is Sight.REPEATING
-    assert watch.frame(reopened_ns + REPETITION_NS + PERIOD_NS, b"b") is Sight.SEEING
+    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is FrameStatus.REPEATED
+    assert watch.frame(reopened_ns + REPETITION_NS + 1, b"a") is FrameStatus.FROZEN
+    assert watch.frame(reopened_ns + REPETITION_NS + PERIOD_NS, b"b") is FrameStatus.NEW
 
 
 def test_a_frame_left_over_from_before_reopening_does_not_close_the_camera(
@@ -89,15 +89,15 @@ def test_a_frame_left_over_from_before_reopening_does_not_close_the_camera(
         watch.frame(OPENED_NS + number * PERIOD_NS, b"a")
     reopened_ns = OPENED_NS + 3 * NS_PER_S
     watch.opened(reopened_ns)
-    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is not Sight.REPEATING
-    assert watch.frame(reopened_ns + 2 * PERIOD_NS, b"b") is Sight.SEEING
+    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is not FrameStatus.FROZEN
+    assert watch.frame(reopened_ns + 2 * PERIOD_NS, b"b") is FrameStatus.NEW
 
 
 def test_a_file_may_show_one_frame_for_ever() -> None:
     watch = FreezeWatch(noisy=False)
     watch.opened(OPENED_NS)
     for number in range(300):
-        assert watch.frame(OPENED_NS + number * PERIOD_NS, b"a") is Sight.SEEING
+        assert watch.frame(OPENED_NS + number * PERIOD_NS, b"a") is FrameStatus.NEW
 
 
 def test_rate_and_ages_are_those_of_the_last_two_seconds() -> None:

@@ -1,4 +1,4 @@
-"""Blind cameras: real GStreamer chains that end, fail, fall silent or repeat themselves."""
+"""Cameras whose frames stay away: real GStreamer chains that end, fail, stall or repeat."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from hw.v4l2.gst_camera import GstCamera
-from hw.v4l2.gst_capture import GstCapture
+from hw.gstreamer.camera import GstCamera
+from hw.gstreamer.capture import GstCapture
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
@@ -18,7 +18,7 @@ CAPS = "video/x-raw,format=I420,width=160,height=120,framerate=30/1"
 # by wall time: like a sensor, it never shows the same frame twice, also when opened again
 MOVING = f"videotestsrc is-live=true pattern=ball animation-mode=wall-time ! {CAPS}"
 STILL = f"videotestsrc is-live=true pattern=blue ! {CAPS}"
-PATIENCE_S = 10.0  # generous: the machine may be busy
+TIMEOUT_S = 10.0  # generous: the machine may be busy
 
 pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
 
@@ -68,12 +68,12 @@ def make() -> Iterator[Make]:
 
 
 def next_of(camera: GstCamera) -> Frame:
-    frame = camera.next_frame(PATIENCE_S)
+    frame = camera.next_frame(TIMEOUT_S)
     assert frame is not None
     return frame
 
 
-def until_blind(camera: GstCamera, last: Frame | None = None) -> Frame:
+def until_trouble(camera: GstCamera, last: Frame | None = None) -> Frame:
     """The last frame before the camera is in trouble; `last` if there is none after it."""
     while not camera.trouble:
         last = camera.next_frame(0.05) or last
@@ -91,14 +91,14 @@ def test_a_camera_whose_frames_end_is_opened_again_and_its_grid_goes_on(make: Ma
     source = PlayedSource(MOVING.replace("videotestsrc", "videotestsrc num-buffers=6"), MOVING)
     camera, notes = make(source)
     camera.start()
-    before = until_blind(camera)
+    before = until_trouble(camera)
     assert notes == [
         ("warning", "camera eih (played camera) failed: its frames ended"),
     ]
     after = next_of(camera)
     assert_grid_goes_on(before, after)
     assert [level for level, _ in notes] == ["warning", "info"]
-    assert notes[1][1].startswith("camera eih sees again, after ")
+    assert notes[1][1].startswith("camera eih delivers again, after ")
     assert camera.trouble == ""
 
 
@@ -106,7 +106,7 @@ def test_a_camera_that_fails_gives_its_reason_and_is_opened_again(make: Make) ->
     source = PlayedSource(f"{MOVING} ! identity error-after=6", MOVING)
     camera, notes = make(source)
     camera.start()
-    before = until_blind(camera)
+    before = until_trouble(camera)
     assert "failed: identity" in notes[0][1]
     assert_grid_goes_on(before, next_of(camera))
 
@@ -118,7 +118,7 @@ def test_a_camera_that_falls_silent_is_opened_again(make: Make) -> None:
     before = next_of(camera)
     assert source.capture is not None
     source.capture._pipeline.get_by_name("valve").set_property("drop", True)
-    before = until_blind(camera, before)
+    before = until_trouble(camera, before)
     assert "delivers no frames" in notes[0][1]
     after = next_of(camera)
     assert after.capture_ns - before.capture_ns > NS_PER_S // 2
@@ -158,7 +158,7 @@ def test_a_camera_that_is_away_is_tried_about_once_a_second_and_told_once(make: 
     source = PlayedSource(ends, DeviceError("no camera at all"), pulled_out, MOVING)
     camera, notes = make(source)
     camera.start()
-    until_blind(camera)
+    until_trouble(camera)
     next_of(camera)
     assert [text.split(" (played camera) ")[-1] for _, text in notes[:2]] == [
         "failed: its frames ended",
@@ -172,7 +172,7 @@ def test_away_frames_are_none_after_the_timeout_and_nothing_is_raised(make: Make
     ends = MOVING.replace("videotestsrc", "videotestsrc num-buffers=3")
     camera, _ = make(PlayedSource(ends, DeviceError("gone")))
     camera.start()
-    until_blind(camera)
+    until_trouble(camera)
     clock = MonotonicClock()
     start_ns = clock.now_ns()
     assert camera.next_frame(0.3) is None
@@ -199,7 +199,7 @@ def test_what_the_device_does_not_do_is_told_once(make: Make) -> None:
     source.says = ["keeps gain at 7 although 9 was set"]
     camera, notes = make(source)
     camera.start()
-    until_blind(camera)
+    until_trouble(camera)
     next_of(camera)
     told = [text for _, text in notes if "keeps gain" in text]
     assert told == ["camera eih (played camera) keeps gain at 7 although 9 was set"]

@@ -1,8 +1,9 @@
-"""Which frames were decoded from an incomplete stream: inferred from loss, decoders do not tell.
+"""Frames whose errors the decoder concealed: inferred from packet loss, decoders do not tell.
 
-A frame is damaged when one of its packets did not arrive in time, resent or not, and so is every
-frame predicted from it: all up to the next keyframe that arrived whole. A frame that is not damaged
-is bit-exact; a damaged one may be, where the packet carried nothing new (repeated parameter sets).
+A frame is incomplete when one of its packets did not arrive in time, resent or not. It is concealed
+when it is incomplete or predicted from a concealed frame: up to the next complete keyframe. All
+other frames are bit-exact; a concealed one may be, where the lost packet carried nothing new
+(repeated parameter sets). Logs and summaries call concealed frames `damaged`.
 """
 
 from __future__ import annotations
@@ -17,26 +18,29 @@ _SEQUENCES = 1 << 16
 _NEVER_NS = 1 << 62
 
 
-def damaged_frames(
+def concealed_frames(
     keyframe_of: Mapping[int, bool],
     packets: Iterable[PacketRecord],
     shown_ns: Mapping[int, int],
     fps: int,
 ) -> set[int]:
-    """Capture indices of the damaged frames of one view, shown or not.
+    """Capture indices of the concealed frames of one view, shown or not.
 
-    `keyframe_of`: every frame sent, and whether it is a keyframe. `packets`: the view's media and
-    repair datagrams with their fates. `shown_ns` of frames by index: what arrives after its frame,
-    or a later one, was shown has come too late.
+    Args:
+        keyframe_of: every frame sent, by index: whether it is a keyframe.
+        packets: the view's media and repair datagrams with their fates.
+        shown_ns: when frames were shown, by index; a packet that arrives after its frame or a
+            later one was shown is too late.
+        fps: the camera's frames per second.
     """
     video = [packet for packet in packets if packet.kind is not PacketKind.RTCP]
     incomplete = _incomplete(set(keyframe_of), video, shown_ns, fps)
-    damaged, broken = set(), True  # nothing can be predicted before the first keyframe
+    found, concealed = set(), True  # nothing can be predicted before the first keyframe
     for index in sorted(keyframe_of):
-        broken = index in incomplete or (broken and not keyframe_of[index])
-        if broken:
-            damaged.add(index)
-    return damaged
+        concealed = index in incomplete or (concealed and not keyframe_of[index])
+        if concealed:
+            found.add(index)
+    return found
 
 
 def _incomplete(

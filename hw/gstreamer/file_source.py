@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hw.v4l2.gst_capture import GstCapture
+from hw.gstreamer.capture import GstCapture
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError

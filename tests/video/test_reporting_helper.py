@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tams_app.video.helper_stream import received
+from tams_app.video.reporting_helper import received
 
 pytestmark = pytest.mark.waiting
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from hw.gstreamer.capture import GstCapture
 from hw.v4l2.controls import (
     Setting,
     apply_settings,
@@ -13,15 +14,14 @@ from hw.v4l2.controls import (
     refuse_long_exposure,
 )
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
-from hw.v4l2.gst_capture import GstCapture
-from hw.v4l2.wire import V4l2Device
+from hw.v4l2.ioctl import V4l2Device
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
 
 
 class V4l2Source:
-    """One V4L2 camera; looked for anew at each opening, since numbers change with the plugging."""
+    """One V4L2 camera, searched for at each opening since plugging changes the device numbers."""
 
     noisy = True
     endless = True

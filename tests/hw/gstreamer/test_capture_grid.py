@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.v4l2.capture_grid import CaptureGrid
+from hw.gstreamer.monitor import CaptureGrid
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed

@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.sources import LiveSetup
-from hw.openvr.raw import RawComponents
+from hw.openvr.legacy import ComponentReader
 from tams_app.config import ControllerConfig, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerStatus
@@ -21,7 +21,7 @@ def runtime():
 
 @pytest.fixture
 def components(runtime):
-    components = RawComponents(
+    components = ComponentReader(
         ControllerConfig(mapping={"vive_focus3_controller": {"a": "b/click", "b": "a/click"}})
     )
     yield components

@@ -6,7 +6,8 @@ import ctypes
 import errno
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import count
 from types import TracebackType
 from typing import TypeVar
 
@@ -119,7 +120,7 @@ _ENUM_FRAMEINTERVALS = _request(_READ_WRITE, 75, FrameInterval)
 
 
 class V4l2Device:
-    """An open video node, beside whoever streams from it; every call may raise OSError."""
+    """An open video node; another process may stream from it. Every call may raise OSError."""
 
     def __init__(self, node: str) -> None:
         self._fd = os.open(node, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -141,36 +142,24 @@ class V4l2Device:
 
     def formats(self) -> Iterator[Format]:
         """The pixel formats it can capture."""
-        index = 0
-        while self._next(_ENUM_FMT, found := Format(index=index, type=_CAPTURE)):
-            yield found
-            index += 1
+        return self._enumerate(_ENUM_FMT, lambda index: Format(index=index, type=_CAPTURE))
 
     def frame_sizes(self, pixel_format: int) -> Iterator[FrameSize]:
         """The frame sizes of one format; a single range if they are not discrete."""
-        index = 0
-        asked = _ENUM_FRAMESIZES
-        while self._next(asked, found := FrameSize(index=index, pixel_format=pixel_format)):
-            yield found
-            if found.type != DISCRETE:
-                return
-            index += 1
+        return self._enumerate(
+            _ENUM_FRAMESIZES, lambda index: FrameSize(index=index, pixel_format=pixel_format)
+        )
 
     def frame_intervals(
         self, pixel_format: int, width: int, height: int
     ) -> Iterator[FrameInterval]:
         """The frame intervals [s] of one size; a single range if they are not discrete."""
-        index = 0
-        while True:
-            found = FrameInterval(
+        return self._enumerate(
+            _ENUM_FRAMEINTERVALS,
+            lambda index: FrameInterval(
                 index=index, pixel_format=pixel_format, width=width, height=height
-            )
-            if not self._next(_ENUM_FRAMEINTERVALS, found):
-                return
-            yield found
-            if found.type != DISCRETE:
-                return
-            index += 1
+            ),
+        )
 
     def controls(self) -> Iterator[ControlInfo]:
         """Everything that can be set, headings left out."""
@@ -187,6 +176,16 @@ class V4l2Device:
     def set_control(self, control_id: int, value: int) -> None:
         """Set a control; drivers may round the value."""
         self._ask(_S_CTRL, ControlValue(id=control_id, value=value))
+
+    def _enumerate(self, request: int, asked: Callable[[int], S]) -> Iterator[S]:
+        """What the driver answers to index 0, 1, ...; a range stands alone."""
+        for index in count():
+            found = asked(index)
+            if not self._next(request, found):
+                return
+            yield found
+            if isinstance(found, FrameSize | FrameInterval) and found.type != DISCRETE:
+                return
 
     def _ask(self, request: int, content: S) -> S:
         fcntl.ioctl(self._fd, request, content)

@@ -15,7 +15,7 @@ from tams_app.records import Frame
 from tams_app.runtime.clock import NS_PER_S
 from tests.hw.v4l2.fake_cameras import (
     GREYS,
-    PICTURES,
+    IMAGES,
     SMALL,
     WEBCAM_CONTROLS,
     Behaviour,
@@ -28,7 +28,7 @@ from tests.hw.v4l2.fake_cameras import (
 
 pytestmark = pytest.mark.waiting
 
-PATIENCE_S = 10.0  # generous: the machine may be busy
+TIMEOUT_S = 10.0  # generous: the machine may be busy
 Open = Callable[..., RemoteCamera]
 
 
@@ -60,7 +60,7 @@ def open_camera(process: CameraProcess, machine: Machine) -> Iterator[Open]:
 
 
 def next_of(camera: RemoteCamera) -> Frame:
-    frame = camera.next_frame(PATIENCE_S)
+    frame = camera.next_frame(TIMEOUT_S)
     assert frame is not None
     return frame
 
@@ -137,7 +137,7 @@ def test_frames_come_decoded_in_either_format(
     frames = [next_of(camera) for _ in range(4)]
     assert all(frame.image.shape == (120, 160, 3) for frame in frames)
     if not raw:
-        assert len({(frame_number(f) - f.index) % PICTURES for f in frames}) == 1
+        assert len({(frame_number(f) - f.index) % IMAGES for f in frames}) == 1
 
 
 def test_a_frame_was_taken_when_the_kernel_says(machine: Machine, open_camera: Open) -> None:
@@ -158,9 +158,9 @@ def test_frames_the_camera_leaves_out_leave_gaps(machine: Machine, open_camera: 
     assert camera.stats().missed >= 4
 
 
-def test_damaged_frames_do_not_end_the_stream(machine: Machine, open_camera: Open) -> None:
+def test_corrupt_frames_do_not_end_the_stream(machine: Machine, open_camera: Open) -> None:
     webcam = machine.plug()
-    webcam.behaviour = Behaviour.DAMAGES
+    webcam.behaviour = Behaviour.CORRUPTS
     camera = open_camera()
     for _ in range(15):
         next_of(camera)
@@ -207,7 +207,7 @@ def test_a_control_that_does_not_stay_as_it_was_set_is_told_once(
     assert camera.notes()[0][1].endswith("keeps gain at 10 although 17 was set")
 
 
-# --- going blind --------------------------------------------------------------------------------
+# --- no frames ------------------------------------------------------------------------------------
 
 
 def test_an_unplugged_camera_is_taken_up_again_under_another_number_with_its_settings(
@@ -243,9 +243,9 @@ def test_a_frozen_sensor_is_not_shown_and_opened_again(machine: Machine, open_ca
     camera = open_camera()
     webcam.behaviour = Behaviour.REPEATS
     until_noted(camera, "repeats one frame to the last bit")
-    images = webcam.images
+    frames = webcam.frames
     assert camera.next_frame(1.5) is None
-    assert webcam.images > images
+    assert webcam.frames > frames
     webcam.behaviour = Behaviour.RUNS
     next_of(camera)
     assert [level for level, _ in camera.notes()] == ["warning", "info"]

@@ -1,17 +1,40 @@
-"""The live ends of the chains: UDP sockets bound before anything starts, and what they sent."""
+"""UDP ports of the views, and the live ends of their GStreamer chains."""
 
 from __future__ import annotations
 
 import ipaddress
+from dataclasses import dataclass
 from typing import Any
 
 from tams_app import gst
+from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.records import IP_UDP_HEADER_BYTES
-from tams_app.video.ports import ViewPorts
 
 # A 33 ms frame at 20 Mbit/s is 80 kB; room for many while the decoder waits for the GIL.
 RECEIVE_BUFFER_BYTES = 2_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class ViewPorts:
+    """UDP ports of one view's three flows, all on one host; 0 asks for any free port.
+
+    The same record says where the flows enter the link and where they come out of it. Without a
+    link the two are equal.
+    """
+
+    host: str
+    rtp: int  # sender -> receiver: media and RTX
+    reports: int  # sender -> receiver: RTCP (sender reports)
+    feedback: int  # receiver -> sender: RTCP (receiver reports, NACK, PLI)
+
+
+def requested_ports(config: VideoConfig, view: str) -> ViewPorts:
+    """The ports a view's sender and receiver bind: three from `first_port` on, or any."""
+    if config.first_port == 0:
+        return ViewPorts(config.bind_host, 0, 0, 0)
+    first = config.first_port + 3 * config.views.index(view)
+    return ViewPorts(config.bind_host, first, first + 1, first + 2)
 
 
 class UdpSocket:

@@ -8,8 +8,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.errors import ConfigError
-from tams_app.video.ports import ViewPorts
-from tams_app.video.shells import UdpSocket, udp_sink, wire_bytes_sent
+from tams_app.video.udp import UdpSocket, ViewPorts, udp_sink, wire_bytes_sent
 
 pytestmark = pytest.mark.waiting
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.v4l2.file_camera import FileSource, PatternSource
-from hw.v4l2.gst_camera import FrameSource, GstCamera
+from hw.gstreamer.camera import FrameSource, GstCamera
+from hw.gstreamer.file_source import FileSource, PatternSource
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
@@ -17,7 +17,7 @@ from tests.contract.camera_rigs import write_video
 from tests.hw.v4l2.fake_cameras import jpegs
 
 SMALL = VideoConfig(width=160, height=120)
-PATIENCE_S = 10.0  # generous: the machine may be busy
+TIMEOUT_S = 10.0  # generous: the machine may be busy
 
 pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
 
@@ -28,14 +28,14 @@ def film(source: FrameSource, frames: int) -> tuple[list[Frame], list[tuple[str,
         "gt", source, SMALL, MonotonicClock(), lambda level, text: notes.append((level, text))
     )
     camera.start()
-    found = [camera.next_frame(PATIENCE_S) for _ in range(frames)]
+    found = [camera.next_frame(TIMEOUT_S) for _ in range(frames)]
     camera.close()
     return [frame for frame in found if frame is not None], notes
 
 
 def test_a_file_is_played_again_and_again_and_that_is_no_trouble(tmp_path: Path) -> None:
     video = tmp_path / "it's a video with sound.mkv"
-    write_video(video, pixels=12)
+    write_video(video, frames=12)
     frames, notes = film(FileSource(str(video), SMALL), 40)
     assert len(frames) == 40
     assert notes == []
@@ -44,7 +44,7 @@ def test_a_file_is_played_again_and_again_and_that_is_no_trouble(tmp_path: Path)
 
 def test_a_file_of_another_shape_gets_black_borders(tmp_path: Path) -> None:
     video = tmp_path / "square.mkv"
-    write_video(video, pixels=10, size="width=200,height=200")
+    write_video(video, frames=10, size="width=200,height=200")
     frames, _ = film(FileSource(str(video), SMALL), 3)
     image = frames[-1].image
     assert image.shape == (120, 160, 3)
@@ -55,7 +55,7 @@ def test_a_file_of_another_shape_gets_black_borders(tmp_path: Path) -> None:
 
 def test_a_slow_file_leaves_places_empty(tmp_path: Path) -> None:
     video = tmp_path / "slow.mkv"
-    write_video(video, pixels=40, fps=10)
+    write_video(video, frames=40, fps=10)
     frames, _ = film(FileSource(str(video), SMALL), 6)
     assert frames[-1].index - frames[0].index >= 15
 

@@ -1,4 +1,4 @@
-"""A camera behind a GStreamer chain: opened, watched, and opened again when it goes blind."""
+"""A camera behind a GStreamer chain: opened, watched, and opened again when frames stay away."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from typing import Protocol
 import numpy as np
 
 from hw.camera import Camera
-from hw.v4l2.capture_grid import CaptureGrid
-from hw.v4l2.capture_watch import CaptureMeter, CaptureStats, FreezeWatch, Sight
-from hw.v4l2.gst_capture import GstCapture, RawFrame
+from hw.gstreamer.capture import GstCapture, RawFrame
+from hw.gstreamer.monitor import CaptureGrid, CaptureMeter, CaptureStats, FrameStatus, FreezeWatch
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import Frame
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 
 REOPEN_NS = NS_PER_S
-_FIRST_PICTURE_NS = 5 * NS_PER_S
+_FIRST_FRAME_TIMEOUT_NS = 5 * NS_PER_S
 _LOOK_NS = 50 * NS_PER_MS
 
 Note = Callable[[str, str], None]  # level (info, warning or error) and sentence
@@ -34,7 +33,7 @@ class FrameSource(Protocol):
         """What people call it."""
 
     def open(self) -> GstCapture:
-        """Start to capture; DeviceError in one sentence if it is not there or refuses."""
+        """Start capturing; DeviceError in one sentence if it is not there or refuses."""
 
     def complaints(self) -> list[str]:
         """Now that frames come: what the device does not do as it was told."""
@@ -63,7 +62,7 @@ class GstCamera(Camera):
         self._capture: GstCapture | None = None
         self._started = False
         self._openings = 0
-        self._saw = False  # a frame since the last opening
+        self._delivered = False  # a frame since the last opening
         self._reopen_ns = 0  # not before
         self._trouble = ""
         self._trouble_ns = 0
@@ -114,15 +113,15 @@ class GstCamera(Camera):
         self._reopen_ns = self._clock.now_ns() + REOPEN_NS
         self._capture = self._source.open()
         self._openings += 1
-        self._saw = False
+        self._delivered = False
         self._watch.opened(self._clock.now_ns())
         return self._capture
 
     def _await_first_frame(self, capture: GstCapture) -> None:
-        deadline_ns = self._clock.now_ns() + _FIRST_PICTURE_NS
+        deadline_ns = self._clock.now_ns() + _FIRST_FRAME_TIMEOUT_NS
         while (raw := capture.pull(_LOOK_NS)) is None:  # a failure does not end the waiting
             if capture.ended or self._clock.now_ns() >= deadline_ns:
-                reason = capture.failure or f"none within {_FIRST_PICTURE_NS // NS_PER_S} s"
+                reason = capture.failure or f"none within {_FIRST_FRAME_TIMEOUT_NS // NS_PER_S} s"
                 raise DeviceError(f"{self._source.label} gives no frame: {reason}")
         self._look_at(raw)
 
@@ -133,7 +132,7 @@ class GstCamera(Camera):
             return None
         try:
             return self._open()
-        except (TamsError, OSError) as error:  # OSError: it went away while it was looked at
+        except (TamsError, OSError) as error:  # OSError: it was unplugged meanwhile
             self._tell("is away", str(error))
             return None
 
@@ -146,11 +145,11 @@ class GstCamera(Camera):
 
     def _look_at(self, raw: RawFrame) -> Frame | None:
         now_ns = self._clock.now_ns()
-        sight = self._watch.frame(now_ns, raw.data)
-        if sight is Sight.REPEATING:
+        status = self._watch.frame(now_ns, raw.data)
+        if status is FrameStatus.FROZEN:
             self._shut()
-            self._tell(sight, "it is opened again until that ends")
-        if sight is not Sight.SEEING:
+            self._tell(status, "it is opened again until that ends")
+        if status is not FrameStatus.NEW:
             return None
         self._tell_recovery(now_ns)
         index = self._grid.index(raw.capture_ns)
@@ -165,13 +164,13 @@ class GstCamera(Camera):
         if capture.ended:
             failure = capture.failure
             self._shut()
-            if failure or self._source.endless or not self._saw:
+            if failure or self._source.endless or not self._delivered:
                 self._tell("failed", failure or "its frames ended")
             else:
                 self._reopen_ns = 0
         elif self._clock.now_ns() >= self._watch.silent_from_ns():
             self._shut()
-            self._tell(Sight.SILENT, "it is opened again until they come")
+            self._tell(FrameStatus.SILENT, "it is opened again until they come")
 
     # --- telling ------------------------------------------------------------------------------
 
@@ -185,8 +184,8 @@ class GstCamera(Camera):
         self._warn(f"{trouble}: {detail}")
 
     def _tell_recovery(self, now_ns: int) -> None:
-        if not self._saw:
-            self._saw = True
+        if not self._delivered:
+            self._delivered = True
             for complaint in self._source.complaints():
                 if complaint not in self._complained:
                     self._complained.add(complaint)
@@ -194,7 +193,7 @@ class GstCamera(Camera):
         if self._trouble:
             away_s = (now_ns - self._trouble_ns) / NS_PER_S
             self._trouble = ""
-            self._note("info", f"camera {self.view} sees again, after {away_s:.1f} s")
+            self._note("info", f"camera {self.view} delivers again, after {away_s:.1f} s")
 
     def _warn(self, what: str) -> None:
         self._note("warning", f"camera {self.view} ({self._source.label}) {what}")

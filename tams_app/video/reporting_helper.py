@@ -1,0 +1,102 @@
+"""A helper process that reports to the session over a TCP connection of its own."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from tams_app.errors import HelperError
+from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
+from tams_app.runtime.worker import Worker
+
+_READ_TIMEOUT_S = 0.2  # how late a stop may be noticed
+_READ_BYTES = 1 << 16
+
+
+class ReportingHelper:
+    """One helper process and the thread that reads its reports.
+
+    `on_data` and `on_failure` are called in that thread; a helper that ends unasked is a failure,
+    which `ended_unasked` tells in one sentence.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        module: str,
+        *,
+        log_directory: Path | None,
+        on_data: Callable[[bytes], None],
+        on_failure: Callable[[str, BaseException], None],
+        ended_unasked: str,
+        stop_timeout_s: float = 3.0,
+    ) -> None:
+        self.process: HelperProcess | None = None
+        self._name, self._module, self._log_directory = name, module, log_directory
+        self._on_data = on_data
+        self._ended_unasked = ended_unasked
+        self._stop_timeout_s = stop_timeout_s
+        self._reader = Worker(f"{name}-reports", self._read, on_failure)
+        self._connection: socket.socket | None = None
+        self._closing = False
+
+    def start(self, specification: dict[str, Any]) -> dict[str, Any]:
+        """Start it with `specification` and the key `reports_port`, to which it must connect.
+
+        Returns the object of its ready line. HelperError if it cannot start.
+        """
+        with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
+            listener.settimeout(READY_TIMEOUT_S)
+            specification = {**specification, "reports_port": listener.getsockname()[1]}
+            self.process = HelperProcess(
+                self._name, self._module, specification, self._log_directory
+            )
+            try:
+                self.process.start()
+                ready = self.process.wait_ready()
+                self._connection, _ = listener.accept()
+            except BaseException:
+                self.close()
+                raise
+        self._reader.start()
+        return ready
+
+    def close(self) -> None:
+        """End the process and read what it still has to report; may be called twice."""
+        self._closing = True
+        if self.process is not None:
+            self.process.stop(self._stop_timeout_s)
+        self._reader.request_stop()
+        if self._connection is not None:
+            self._reader.stop()
+            self._connection.close()
+
+    def _read(self, stop: threading.Event) -> None:
+        assert self._connection is not None
+        for data in received(self._connection, stop):
+            self._on_data(data)
+        if not self._closing:
+            raise HelperError(self._ended_unasked)
+
+
+def received(connection: socket.socket, stop: threading.Event) -> Iterator[bytes]:
+    """The bytes as they come; sets the connection's timeout.
+
+    Ends when the helper has disconnected or, after a stop, has nothing more to say.
+    """
+    connection.settimeout(_READ_TIMEOUT_S)
+    while True:
+        try:
+            data = connection.recv(_READ_BYTES)
+        except TimeoutError:
+            if stop.is_set():
+                return
+            continue
+        except ConnectionResetError:
+            return
+        if not data:
+            return
+        yield data
