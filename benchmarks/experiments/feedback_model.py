@@ -21,6 +21,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.experiments.arrivals import Arrivals, NotingLink
+from benchmarks.experiments.moving_frames import image
 from benchmarks.experiments.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
