@@ -10,6 +10,7 @@ from tams_app.config import Config
 from tams_app.study.plan import PlannedTrial
 
 SUMMARY_NAME = "summary.json"
+LOG_NAME = "session.mcap"
 
 
 @dataclass(frozen=True, slots=True)
