@@ -37,7 +37,7 @@ class StudyData:
 
     `trials`: one row per finished trial that counts, `practice` those that do not; `phases`: one
     row per trial and phase. The first also have columns that follow from the phases:
-    all_views_ssim, packets_per_frame, undamaged_ssim and parted_ssim (received, over phases with
+    all_views_ssim, packets_per_frame, undamaged_ssim and summed_ssim (received, over phases with
     undamaged frames), lost_ssim (their difference), primary_view_share and success_share.
     """
 
@@ -52,15 +52,6 @@ class StudyData:
     @property
     def limit_s(self) -> float:
         return self.config.trial.limit_s
-
-    def of(self, strategy: str, network: str) -> pd.DataFrame:
-        """The trials of one condition."""
-        return _of(self.trials, strategy, network)
-
-    def phases_of(self, strategy: str, network: str, phase: str | None = None) -> pd.DataFrame:
-        """The rows by phase of one condition, of one phase or of all."""
-        found = _of(self.phases, strategy, network)
-        return found if phase is None else found[found["phase"] == phase]
 
 
 def read_results(study: StudyFolder) -> StudyData:
@@ -135,7 +126,7 @@ _DERIVED = (
     "all_views_ssim",
     "packets_per_frame",
     "undamaged_ssim",
-    "parted_ssim",
+    "summed_ssim",
     "lost_ssim",
     _SHARE,
     "success_share",
@@ -166,9 +157,9 @@ def _study_data(
         means = rows.groupby("trial")[column].mean()
         return trials["trial"].map(means).astype("Float64")
 
-    parted = phases.dropna(subset=["undamaged_received_ssim", "received_ssim"])
-    undamaged = mean_of_phases("undamaged_received_ssim", parted)
-    received = mean_of_phases("received_ssim", parted)
+    divided = phases.dropna(subset=["undamaged_received_ssim", "received_ssim"])
+    undamaged = mean_of_phases("undamaged_received_ssim", divided)
+    received = mean_of_phases("received_ssim", divided)
     derived = (
         trials[[f"{view}_received_ssim" for view in views]].mean(axis=1),
         mean_of_phases("packets_per_frame_count"),
@@ -190,10 +181,6 @@ def _with_columns(table: pd.DataFrame, columns: tuple[str, ...]) -> pd.DataFrame
     missing = [one for one in columns if one not in table.columns]
     empty = {one: pd.array([pd.NA] * len(table), dtype="Float64") for one in missing}
     return table.assign(**empty)
-
-
-def _of(table: pd.DataFrame, strategy: str, network: str) -> pd.DataFrame:
-    return table[(table["strategy"] == strategy) & (table["network"] == network)]
 
 
 def _read_csv(path: Path) -> pd.DataFrame:

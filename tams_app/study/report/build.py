@@ -1,4 +1,4 @@
-"""Builds the report of a study: report.html, which carries its figures, and the figures as files."""
+"""Builds the report of a study: one page that carries its figures, and the figures as files."""
 
 from __future__ import annotations
 
@@ -55,8 +55,9 @@ class Report:
 
 
 def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | None = None) -> Report:
-    """The whole report; `remarks` are the experimenters' own words, paragraphs apart by an empty line.
+    """The whole report.
 
+    `remarks`: the experimenters' own words, paragraphs apart by an empty line;
     `tolerance_ssim`: how far SSIM may differ between processors, where it was measured.
     """
     measures = Measures(data)
@@ -66,7 +67,7 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
         """The figure as the source of an image."""
         figures.append(to_png(make(*arguments, **options), key))
         coded = base64.b64encode(figures[-1].png).decode("ascii")
-        return Markup("data:image/png;base64,") + Markup(coded)  # noqa: S704  base64 is no markup
+        return Markup(f"data:image/png;base64,{coded}")
 
     page = _template().render(
         data=data,

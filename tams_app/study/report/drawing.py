@@ -1,10 +1,11 @@
-"""The figures of a report: colours told apart by everybody, markers besides, thin frames."""
+"""The figures of a report: colours safe for colour-blind readers, markers besides."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,6 +34,8 @@ SMALL_PT, TEXT_PT, TITLE_PT = 8, 9, 10
 _TICKS = 4  # more would run into each other
 _JITTER_SEED = 5
 
+Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
+
 
 @dataclass(frozen=True, slots=True)
 class DrawnFigure:
@@ -59,7 +62,7 @@ def ssim_figure(measures: Measures) -> Figure:
         theirs = paper.RECEIVED_SSIM.get((strategy, network))
         if theirs is not None:
             label = "paper, people" if column == place == 0 else None
-            hollow = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 6}
+            hollow: Style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 6}
             axis.plot(x + 0.06, theirs, MARKERS[place % len(MARKERS)], label=label, **hollow)
     _name_networks(axis, measures)
     axis.set_ylabel("Received SSIM, primary view", fontsize=TEXT_PT)
@@ -147,7 +150,10 @@ def success_figure(measures: Measures) -> Figure:
     figure, (axis,) = _new_figure(3.0)
     count = len(measures.data.plan.strategies)
     for place, strategy, column, network, x in _side_by_side(measures, 0.78):
-        fill = {"color": COLOURS[place % len(COLOURS)], "hatch": HATCHES[place % len(HATCHES)]}
+        fill: Style = {
+            "color": COLOURS[place % len(COLOURS)],
+            "hatch": HATCHES[place % len(HATCHES)],
+        }
         if column == 0:
             axis.bar([0], [0], edgecolor=INK, label=name(strategy), **fill)
         found = measures.share(strategy, network, "success")
@@ -165,13 +171,13 @@ def success_figure(measures: Measures) -> Figure:
             error_kw={"ecolor": INK, "elinewidth": 0.9, "capsize": 3},
             **fill,
         )
-        above = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
+        above: Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
         axis.annotate(f"{value:.0f} %", (x, high), fontsize=SMALL_PT, **above)
         theirs = paper.SUCCESS_SHARE.get((strategy, network))
         if theirs is not None:
             known = axis.get_legend_handles_labels()[1]
             label = None if "paper, people" in known else "paper, people"
-            white = {"markerfacecolor": "white", "markeredgecolor": INK, "markersize": 5}
+            white: Style = {"markerfacecolor": "white", "markeredgecolor": INK, "markersize": 5}
             axis.plot(x, 100 * theirs, "D", label=label, **white)
     axis.set_ylim(0, 112)
     axis.set_yticks(range(0, 101, 20))
@@ -188,11 +194,11 @@ def relied_on_figure(measures: Measures) -> Figure:
     for column, phase in enumerate(PHASES):
         below_told = below_weight = 0.0
         for place, view in enumerate(measures.data.config.video.views, start=1):
-            fill = {"color": COLOURS[place], "hatch": HATCHES[place - 1], "edgecolor": INK}
+            fill: Style = {"color": COLOURS[place], "hatch": HATCHES[place - 1], "edgecolor": INK}
             found = measures.relied_on(phase, view)
             told, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
             label = view.upper() if column == 0 else None
-            bar = {"width": 0.34, "linewidth": 0.6, **fill}
+            bar: Style = {"width": 0.34, "linewidth": 0.6, **fill}
             axis.bar(column - 0.2, told, bottom=below_told, alpha=0.9, label=label, **bar)
             axis.bar(column + 0.2, weight, bottom=below_weight, alpha=0.45, **bar)
             below_told, below_weight = below_told + told, below_weight + weight
@@ -238,14 +244,14 @@ def _name_networks(axis: Axes, measures: Measures) -> None:
     axis.set_xticks(range(len(networks)), [name(one) for one in networks], fontsize=TEXT_PT)
 
 
-def _name_phases(axis: Axes, **style: object) -> None:
+def _name_phases(axis: Axes, **style: Any) -> None:
     axis.set_xticks(range(len(PHASES)), [phase_name(one) for one in PHASES], **style)
 
 
 def _legend_above(figure: Figure, axis: Axes) -> None:
-    """The labels of `axis` in one row above the figure, out of the way of the data."""
+    """The labels of `axis` in one row above the figure."""
     handles, labels = axis.get_legend_handles_labels()
-    place = {"loc": "outside upper center", "ncols": max(1, len(labels)), "frameon": False}
+    place: Style = {"loc": "outside upper center", "ncols": max(1, len(labels)), "frameon": False}
     figure.legend(handles, labels, fontsize=SMALL_PT, **place)
 
 
@@ -282,7 +288,7 @@ def _draw_estimate(
 def _draw_box(
     axis: Axes, times: list[float], x: float, width: float, place: int, random: np.random.Generator
 ) -> None:
-    thin = {"color": INK, "linewidth": 0.9}
+    thin: Style = {"color": INK, "linewidth": 0.9}
     axis.boxplot(
         [times],
         positions=[x],
@@ -312,5 +318,5 @@ def _mark_tests(axis: Axes, measures: Measures, height: float) -> None:
         left, right = (column + end for end in ends)
         heights = [height * 0.985, height, height, height * 0.985]
         axis.plot([left, left, right, right], heights, color=INK, linewidth=0.9)
-        middle = {"ha": "center", "va": "bottom", "fontsize": TEXT_PT}
+        middle: Style = {"ha": "center", "va": "bottom", "fontsize": TEXT_PT}
         axis.text((left + right) / 2, height * 1.005, stars(found.p), **middle)

@@ -32,7 +32,7 @@ class Quantity:
 
     @property
     def better(self) -> str:
-        """Which way on an axis."""
+        """The direction on an axis."""
         return "better →" if self.more_is_better else "← better"
 
 
@@ -93,7 +93,7 @@ def compared(limit_s: float) -> tuple[Quantity, ...]:
 
 
 PARTS = (
-    Quantity("Received SSIM", "parted_ssim", 4),
+    Quantity("Received SSIM", "summed_ssim", 4),
     Quantity("Its part by coding", "undamaged_ssim", 4),
     Quantity("Its part by loss", "lost_ssim", 4),
 )

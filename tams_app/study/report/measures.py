@@ -43,25 +43,28 @@ class Measures:
         """The view with the largest weight in a phase."""
         return self.weights.primary_view(Phase(phase))
 
+    def count(self, strategy: str, network: str) -> int:
+        """How many trials of a condition there are."""
+        return len(_select(self.data.trials, "trial", strategy=strategy, network=network))
+
     def mean(self, strategy: str, network: str, column: str) -> Estimate | None:
         """A trial's value: mean and interval over participants."""
-        return _over_participants(self.data.of(strategy, network), column)
+        return _over_participants(self.data.trials, column, strategy=strategy, network=network)
 
     def phase_mean(
         self, strategy: str, network: str, phase: str, column: str = "received_ssim"
     ) -> Estimate | None:
         """A value of one phase: mean and interval over participants."""
-        return _over_participants(self.data.phases_of(strategy, network, phase), column)
+        where = {"strategy": strategy, "network": network, "phase": phase}
+        return _over_participants(self.data.phases, column, **where)
 
     def relied_on(self, phase: str, view: str) -> Estimate | None:
         """A view's share of what the operator's glances told in a phase, over all conditions."""
-        rows = self.data.phases[self.data.phases["phase"] == phase]
-        return _over_participants(rows, f"relied_on_{view}_fraction")
+        return _over_participants(self.data.phases, f"relied_on_{view}_fraction", phase=phase)
 
     def values(self, strategy: str, network: str, column: str) -> list[float]:
         """Each trial's value that is there."""
-        found = self.data.of(strategy, network)
-        return _floats(found[column]) if column in found else []
+        return _floats(_select(self.data.trials, column, strategy=strategy, network=network))
 
     def trials_mean(self, strategy: str, network: str, column: str) -> Estimate | None:
         """Mean and interval over trials."""
@@ -74,10 +77,11 @@ class Measures:
 
     def views_mean(self, strategy: str, network: str, column: str) -> float | None:
         """The mean over trials of the mean over the views, of columns such as eih_`column`."""
-        found = self.data.of(strategy, network)
+        where = {"strategy": strategy, "network": network}
         columns = [f"{view}_{column}" for view in self.data.config.video.views]
-        means = found.reindex(columns=columns).mean(axis=1).dropna()
-        return float(means.mean()) if len(means) else None
+        views = pd.concat([_select(self.data.trials, one, **where) for one in columns], axis=1)
+        means = _floats(views.mean(axis=1))
+        return float(np.mean(means)) if means else None
 
     def share(self, strategy: str, network: str, column: str) -> Estimate | None:
         """The share of trials of which a column of true and false is true."""
@@ -86,15 +90,24 @@ class Measures:
 
     def difference(self, other: str, network: str, column: str) -> PairedDifference:
         """Proposed minus `other`, on pairs of trials that share everything else."""
-        return self._paired(self.data.trials, other, network, column, ["repetition"])
+        first, second = self._pair_values(self.data.trials, other, column, network=network)
+        return paired_difference(first, second)
 
-    def phase_difference(
-        self, other: str, network: str, phase: str | None = None
-    ) -> PairedDifference:
-        """The same of received SSIM in one phase, or in the mean of those that both trials have."""
-        rows = self.data.phases
-        rows = rows if phase is None else rows[rows["phase"] == phase]
-        return self._paired(rows, other, network, "received_ssim", ["repetition", "phase"])
+    def phase_difference(self, other: str, network: str, phase: str) -> PairedDifference:
+        """The same of received SSIM in one phase."""
+        where = {"network": network, "phase": phase}
+        first, second = self._pair_values(self.data.phases, other, "received_ssim", **where)
+        return paired_difference(first, second)
+
+    def common_phases_difference(self, other: str, network: str) -> PairedDifference:
+        """The same of the mean of received SSIM over the phases that both trials of a pair have."""
+        values = [
+            self._pair_values(self.data.phases, other, "received_ssim", network=network, phase=one)
+            for one in PHASES
+        ]
+        differences = pd.concat([(first - second).dropna() for first, second in values])
+        means = differences.groupby(level=[0, 1]).mean()
+        return paired_difference(means, means * 0.0)
 
     def welch(self, network: str) -> Welch | None:
         """The paper's test: proposed against reference, times of completed trials."""
@@ -145,8 +158,9 @@ class Measures:
     @property
     def phases_without_complete_frames(self) -> int:
         """Phases with scored frames of which each was incomplete, in all trials."""
-        scored = self.data.phases[self.data.phases["received_ssim"].notna()]
-        return int(scored["undamaged_received_ssim"].isna().sum())
+        scored = self.data.phases[list(SSIM_KINDS)].notna().any(axis=1)
+        without = self.data.phases[["received_ssim", "undamaged_received_ssim"]].isna().any(axis=1)
+        return int((scored & without).sum())
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -163,27 +177,31 @@ class Measures:
         tables = (self.data.trials, self.data.phases)
         return any(column in one and one[column].notna().any() for one in tables)
 
-    def _paired(
-        self, rows: pd.DataFrame, other: str, network: str, column: str, keys: list[str]
-    ) -> PairedDifference:
-        rows = rows[rows["network"] == network].set_index(["participant", *keys])
+    def _pair_values(
+        self, table: pd.DataFrame, other: str, column: str, **where: str
+    ) -> tuple[pd.Series, pd.Series]:
+        """The proposed strategy's values and the other's, by participant and repetition."""
+        by_pair = table.set_index(["participant", "repetition"])
         first, second = (
-            rows.loc[rows["strategy"] == one, column].astype("Float64").dropna()
+            _select(by_pair, column, strategy=one, **where).astype("Float64").dropna()
             for one in (self.data.plan.proposed, other)
         )
-        if "phase" not in keys:
-            return paired_difference(first, second)
-        pairs = paired_difference(*(one.groupby(level=[0, 1]).mean() for one in (first, second)))
-        both = (first - second).dropna().groupby(level=[0, 1]).mean()
-        found = paired_difference(both, both * 0)
-        return PairedDifference(found.estimate, found.p, found.pairs, pairs.unpaired)
+        return first, second
 
 
-def _over_participants(rows: pd.DataFrame, column: str) -> Estimate | None:
-    if column not in rows:
-        return None
-    means = rows.groupby("participant")[column].mean()
-    return mean_interval(_floats(means))
+def _select(table: pd.DataFrame, column: str, **where: str) -> pd.Series:
+    """A column of the rows in which other columns have these values; all missing if unknown."""
+    if column not in table:
+        return pd.Series(pd.NA, index=table.index, dtype="Float64")
+    mask = np.ones(len(table), dtype=bool)
+    for key, value in where.items():
+        mask &= (table[key] == value).to_numpy(dtype=bool)
+    return table.loc[mask, column]
+
+
+def _over_participants(table: pd.DataFrame, column: str, **where: str) -> Estimate | None:
+    values = _select(table.set_index("participant"), column, **where)
+    return mean_interval(_floats(values.groupby(level=0).mean()))
 
 
 def _floats(column: pd.Series) -> list[float]:
