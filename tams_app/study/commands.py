@@ -16,10 +16,10 @@ from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.local_pool import LocalPool, TrialPool
 from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
+from tams_app.study.trial_process import LocalPool, TrialPool
 from tams_app.study.unattended import RichProgress, run_unattended
 from tams_app.study.verdict import measured_time_s
 
@@ -54,12 +54,6 @@ def ensure_planned(config: Config, folder: Path, participants: int | None) -> St
         raise ConfigError(
             f"{folder}: is planned for {len(planned.participants)} participants, not "
             f"{participants}: leave --participants out, or choose another folder"
-        )
-    asked = make_plan(config, len(planned.participants))
-    if participants is not None and _design(asked) != _design(planned):
-        raise ConfigError(
-            f"{folder}: was planned with other strategies, networks, repetitions or seed: leave "
-            "the options out to go on with it, or choose another folder"
         )
     return study
 
@@ -238,18 +232,6 @@ def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPo
     from tams_app.study.dask_pool import DaskPool
 
     return DaskPool(runner, dask)
-
-
-def _design(plan: Plan) -> tuple[object, ...]:
-    return (
-        plan.simulated,
-        plan.seed,
-        plan.strategies,
-        plan.networks,
-        plan.repetitions,
-        plan.reference,
-        plan.proposed,
-    )
 
 
 def _progress_of(plan: Plan, pseudonym: str, state: ParticipantState) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def read_results(study: StudyFolder) -> StudyData:
         if not trial.practice:
             phases += phase_rows(trial, summary)
     tables = pd.DataFrame(trials).convert_dtypes(), pd.DataFrame(phases).convert_dtypes()
-    return _study_data(plan, config, *tables, tuple(unreadable), folders)
+    return study_data(plan, config, *tables, tuple(unreadable), folders)
 
 
 def read_tables(directory: Path, config: Config) -> StudyData:
@@ -98,7 +98,7 @@ def read_tables(directory: Path, config: Config) -> StudyData:
             )
         done = Attempt(folder=key, state=AttemptState.DONE)
         plan = plan.with_attempt(key, done)
-    return _study_data(plan, config, trials, phases)
+    return study_data(plan, config, trials, phases)
 
 
 def write_tables(data: StudyData, directory: Path) -> list[Path]:
@@ -133,7 +133,7 @@ _DERIVED = (
 )
 
 
-def _study_data(
+def study_data(
     plan: Plan,
     config: Config,
     trials: pd.DataFrame,
@@ -141,6 +141,7 @@ def _study_data(
     unreadable: tuple[str, ...] = (),
     folders: dict[str, Path] | None = None,
 ) -> StudyData:
+    """The tables with all columns that a report may ask for, and those that follow from them."""
     views = config.video.views
     trials = _with_columns(trials, (*_NEEDED_OF_TRIALS, "glance_agreement_fraction"))
     relied_on = [f"relied_on_{view}_fraction" for view in views]
@@ -161,7 +162,7 @@ def _study_data(
     undamaged = mean_of_phases("undamaged_received_ssim", divided)
     received = mean_of_phases("received_ssim", divided)
     derived = (
-        trials[[f"{view}_received_ssim" for view in views]].mean(axis=1),
+        trials.reindex(columns=[f"{view}_received_ssim" for view in views]).mean(axis=1),
         mean_of_phases("packets_per_frame_count"),
         undamaged,
         received,

@@ -50,4 +50,5 @@ def main(stuck: str) -> None:
     try:
         run_tams()
     except KeyboardInterrupt:
-        sys.exit("tams: interrupted")
+        print("tams: interrupted", file=sys.stderr)  # noqa: T201  as run_tams.py does
+        sys.exit(130)

@@ -20,12 +20,12 @@ from tams_app.study.figures import bitrates_figure
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import balance_sentence
 from tams_app.study.report import drawing, paper, wording
-from tams_app.study.report.drawing import DrawnFigure, to_png
-from tams_app.study.report.findings import PARTS, claims, compared, phases_that_differ, sums
+from tams_app.study.report.drawing import to_png
+from tams_app.study.report.findings import PARTS, claims, compared
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import StudyData
 from tams_app.study.runner import LOG_NAME
-from tams_app.study.statistics.differences import FEWEST_TO_TEST, stars
+from tams_app.study.statistics.differences import FEWEST_TO_TEST
 from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES
 
@@ -35,17 +35,17 @@ TEMPLATE_NAME = "report.html.j2"
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The page, and the figures that it carries."""
+    """The page, and the figures that it carries: PNG by name."""
 
     html: str
-    figures: tuple[DrawnFigure, ...]
+    figures: dict[str, bytes]
 
     def write(self, directory: Path) -> Path:
         """Write the page and the figures beside it; the page's path. LogError where they cannot."""
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            for figure in self.figures:
-                (directory / f"{figure.key}.png").write_bytes(figure.png)
+            for name, png in self.figures.items():
+                (directory / f"{name}.png").write_bytes(png)
             (directory / HTML_NAME).write_text(self.html, encoding="utf-8")
         except OSError as error:
             raise LogError(
@@ -61,12 +61,12 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
     `tolerance_ssim`: how far SSIM may differ between processors, where it was measured.
     """
     measures = Measures(data)
-    figures: list[DrawnFigure] = []
+    figures: dict[str, bytes] = {}
 
-    def draw(key: str, make: Callable[..., Figure], *arguments: Any, **options: Any) -> Markup:
+    def draw(name: str, make: Callable[..., Figure], *arguments: Any, **options: Any) -> Markup:
         """The figure as the source of an image."""
-        figures.append(to_png(make(*arguments, **options), key))
-        coded = base64.b64encode(figures[-1].png).decode("ascii")
+        figures[name] = to_png(make(*arguments, **options))
+        coded = base64.b64encode(figures[name]).decode("ascii")
         return Markup(f"data:image/png;base64,{coded}")
 
     page = _template().render(
@@ -84,10 +84,8 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
         claims=claims(measures),
         quantities=compared(data.limit_s),
         parts=PARTS,
-        phases_that_differ=phases_that_differ(measures),
-        sums=sums,
     )
-    return Report(page, tuple(figures))
+    return Report(page, figures)
 
 
 def _template() -> jinja2.Template:
@@ -108,7 +106,6 @@ def _template() -> jinja2.Template:
         wording.percent,
         wording.p_value,
         wording.listed,
-        stars,
     )
     environment.filters |= {one.__name__: one for one in filters}
     environment.filters["apply"] = lambda text, name: environment.filters[name](text)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,7 +17,6 @@ from tams_app.study.report import paper
 from tams_app.study.report.findings import Quantity
 from tams_app.study.report.measures import Measures
 from tams_app.study.report.wording import name, phase_name
-from tams_app.study.statistics.differences import stars
 from tams_app.study.statistics.intervals import Estimate
 from tams_app.study.tables import PHASES
 
@@ -37,19 +35,11 @@ _JITTER_SEED = 5
 Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
 
 
-@dataclass(frozen=True, slots=True)
-class DrawnFigure:
-    """A figure as PNG; `key` names its file."""
-
-    key: str
-    png: bytes
-
-
-def to_png(figure: Figure, key: str) -> DrawnFigure:
-    """Draw the figure; the same data give the same bytes."""
+def to_png(figure: Figure) -> bytes:
+    """The figure as it is printed; the same data give the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    return DrawnFigure(key, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def ssim_figure(measures: Measures) -> Figure:
@@ -135,8 +125,7 @@ def completion_time_figure(measures: Measures) -> Figure:
         if times:
             _draw_box(axis, times, x, width, place, random)
             top = max(top, *times)
-    _mark_tests(axis, measures, 1.05 * top)
-    axis.set_ylim(0, 1.16 * top)
+    axis.set_ylim(0, 1.05 * top)
     for place, strategy in enumerate(plan.strategies):
         axis.fill_between([], [], color=COLOURS[place % len(COLOURS)], label=name(strategy))
     _name_networks(axis, measures)
@@ -304,19 +293,3 @@ def _draw_box(
     )
     scattered = x + random.uniform(-0.35, 0.35, len(times)) * width
     axis.plot(scattered, times, ".", color=INK, alpha=0.45, markersize=3.5)
-
-
-def _mark_tests(axis: Axes, measures: Measures, height: float) -> None:
-    """A bracket over reference and proposed strategy with the mark of Welch's test."""
-    plan = measures.data.plan
-    shifts = _offsets(len(plan.strategies), 0.8)
-    ends = sorted(shifts[plan.strategies.index(one)] for one in (plan.reference, plan.proposed))
-    for column, network in enumerate(plan.networks):
-        found = measures.welch(network)
-        if found is None:
-            continue
-        left, right = (column + end for end in ends)
-        heights = [height * 0.985, height, height, height * 0.985]
-        axis.plot([left, left, right, right], heights, color=INK, linewidth=0.9)
-        middle: Style = {"ha": "center", "va": "bottom", "fontsize": TEXT_PT}
-        axis.text((left + right) / 2, height * 1.005, stars(found.p), **middle)

@@ -10,14 +10,10 @@ from tams_app.study.report.measures import Measures
 from tams_app.study.report.wording import (
     counted,
     interval,
-    listed,
     name,
-    number,
     p_value,
-    phase_name,
 )
 from tams_app.study.statistics.differences import PairedDifference
-from tams_app.study.tables import PHASES
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,47 +128,3 @@ def difference_sentence(found: PairedDifference, quantity: Quantity) -> str:
     left_out = f", {counted(found.unpaired, 'trial')} without counterpart" if found.unpaired else ""
     pairs = counted(found.pairs, "pair")
     return f"{finding.value} ({why}); difference {numbers}{quantity.unit} over {pairs}{left_out}."
-
-
-def phases_that_differ(measures: Measures) -> list[str]:
-    """Phase by phase, against each other strategy: higher, lower, or not told apart."""
-    plan = measures.data.plan
-    sentences = []
-    for network in plan.networks:
-        for other in measures.others:
-            sides: dict[str, list[str]] = {"higher": [], "lower": [], "not told apart": []}
-            for phase in PHASES:
-                if side := _side(measures.phase_difference(other, network, phase)):
-                    sides[side].append(phase_name(phase))
-            told = [f"{side} in {listed(found)}" for side, found in sides.items() if found]
-            if told:
-                sentences.append(
-                    f"{name(network)}, {name(plan.proposed)} against {name(other)}, by phase "
-                    f"(paired): {'; '.join(told)}."
-                )
-    return sentences
-
-
-def _side(found: PairedDifference) -> str | None:
-    match judge(found, more_is_better=True):
-        case Finding.HOLDS:
-            return "higher"
-        case Finding.OPPOSITE:
-            return "lower"
-        case Finding.NOT_SHOWN:
-            return "not told apart"
-    return None
-
-
-def sums(measures: Measures, network: str) -> list[str]:
-    """Each comparison of received SSIM as the sum of its parts, where there is one."""
-    told = []
-    for other in measures.others:
-        parts = [measures.difference(other, network, one.column).estimate for one in PARTS]
-        whole, coding, lost = (part and number(part.value, 4, signed=True) for part in parts)
-        if whole is not None:
-            told.append(
-                f"{name(network)}, {name(measures.data.plan.proposed)} against {name(other)}: "
-                f"{coding} by coding and {lost} by loss make {whole}."
-            )
-    return told

@@ -98,8 +98,3 @@ def cohens_d(first: Sequence[float], second: Sequence[float]) -> float | None:
     squares = sum(float(np.var(group, ddof=1)) * (len(group) - 1) for group in (first, second))
     pooled = math.sqrt(squares / freedom)
     return float(np.mean(first) - np.mean(second)) / pooled if pooled > 0 else None
-
-
-def stars(p: float) -> str:
-    """The usual marks: ns, *, ** and *** for p below .05, .01 and .001."""
-    return "***" if p < 0.001 else "**" if p < 0.01 else "*" if p < 0.05 else "ns"
