@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -208,7 +209,7 @@ def _study_to_run(
         return ensure_planned(settings, folder, participants)
     planned = study.config()
     for key, option in _DESIGN.items():
-        before = _value_at(planned, key)
+        before = attrgetter(key)(planned)
         if options.get(key, before) != before:
             raise ConfigError(
                 f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
@@ -233,13 +234,6 @@ def _options(
         "seed": seed,
     }
     return {key: value for key, value in options.items() if value is not None}
-
-
-def _value_at(config: Config, key: str) -> Any:
-    value: Any = config
-    for part in key.split("."):
-        value = getattr(value, part)
-    return value
 
 
 def _folder(given: Path | None, out: Path | None = None) -> Path:

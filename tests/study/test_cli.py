@@ -75,7 +75,7 @@ def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Pa
     assert trial.state is TrialState.RETAKEN
     assert trial.attempts[0].reason == "the light went out"
 
-    code, text, err = study("forget", "P02", out)  # without a terminal nobody can be asked
+    code, text, err = study("forget", "P02", out)  # there is no terminal to ask at
     assert (code, text, "add --yes" in err, len(err.splitlines())) == (2, "", True, 1)
     code, text, _ = study("forget", "P02", out, "--yes")
     assert (code, "P02 is forgotten: 3 trials" in text) == (0, True)

@@ -76,7 +76,7 @@ def test_forgetting_asks_first(
     assert (tmp_path / "trials/P02").exists() == bool(code)
 
 
-def test_where_nobody_can_answer_forgetting_needs_yes(
+def test_without_a_terminal_forgetting_needs_yes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = make_study(tmp_path, 2, **SMALL)
