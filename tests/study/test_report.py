@@ -302,6 +302,7 @@ def test_the_report_is_one_page_without_links_and_its_figures_beside_it(
     assert "@media print" in page.text
     assert f"First {html.escape(HOSTILE, quote=False)}.".replace('"', "&#34;") in page.text
     assert f"First {HOSTILE}." in page.sentences
+    assert "<h3>Remarks of those who ran the study</h3>" in page.text
     assert all(len(image.get("alt", "")) > 20 for image in page.images)
     assert all(image.get("src", "").startswith("data:image/png;base64,") for image in page.images)
     names = {path.stem for path in folder.glob("*.png")}
