@@ -10,17 +10,19 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
 import tams_app.console.trial
+import tams_app.study.commands
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.runner import TrialRunner
-from tests.study.played_study import RUNNING, played_virtual
+from tests.study.played_study import RUNNING, PlayedPool, played_virtual
 from tests.study.synthetic_study import PlantedRunner
 from tests.study.test_guided import SUCCESS
 
@@ -37,6 +39,7 @@ def study(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
     def run(*arguments: object, runner: TrialRunner | None = None) -> tuple[int, str, str]:
         virtual = played_virtual(runner or PlantedRunner())
         monkeypatch.setitem(sys.modules, "tams_app.session.virtual", virtual)
+        monkeypatch.setattr(tams_app.study.commands, "LocalPool", PlayedPool)
         code = _main(["study", *map(str, arguments)])
         return (code, *capsys.readouterr())
 
@@ -83,10 +86,14 @@ def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Pa
 
 
 def test_report_writes_where_it_is_told_and_is_made_again_from_its_tables(
-    study: Run, config: Path, tmp_path: Path
+    study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for extra in ("jinja2", "pandas", "pyarrow", "statsmodels"):
         pytest.importorskip(extra)
+    from tams_app.study.report import build
+
+    monkeypatch.setattr(build, "drawing", MagicMock())  # figures take most of the time
+    monkeypatch.setattr(build, "to_png", lambda figure: b"drawn")
     folder, tables = tmp_path / "s", tmp_path / "s" / "tables"
     study("run", "--sim", "--participants", 1, "--config", config, "--out", folder)
     code, text, _ = study("report", folder, "--out", tmp_path / "r", "--tolerance-ssim", 0.02)

@@ -160,17 +160,6 @@ def test_what_the_figures_are_worth_is_said(page: Page) -> None:
     assert "fitted to the paper's times under S1" in page.table("Completion times with").caption
 
 
-def test_calibrated_thresholds_are_not_called_defaults(
-    even: StudyData, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    phases = even.config.policy.phases.model_copy(update={"v_eps_mm_s": 7.0})
-    policy = even.config.policy.model_copy(update={"phases": phases})
-    config = even.config.model_copy(update={"policy": policy})
-    few = even.trials[:4]
-    data = StudyData(even.plan, config, few, even.practice, even.phases)
-    assert "the paper prints none" not in words_of(data, monkeypatch).text
-
-
 def test_what_is_missing_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = make_study(tmp_path, 2, **TWO_BY_TWO)
     fill_study(study, PlantedRunner(missing_phase="PRE_RELEASE"), leave=("P02-03",))
@@ -192,9 +181,12 @@ def test_how_long_the_phases_lasted_is_told(page: Page) -> None:
 
 
 def test_a_study_that_knows_little_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One participant, no loss, no reliance, no completed trial."""
+    """One participant, no loss, no reliance, no completed trial; thresholds that were set."""
     runner = PlantedRunner({"tams": 500.0, "equal": 500.0}, damage_told=False, relied=False)
-    sentences = words_of(planted_data(runner, 1, **TWO_BY_TWO), monkeypatch).sentences
+    data = planted_data(runner, 1, policy__phases__v_eps_mm_s=7.0, **TWO_BY_TWO)
+    sentences = words_of(data, monkeypatch).sentences
+    assert "Phases are inferred with thresholds other than TAMS's defaults." in sentences
+    assert not any("the paper prints none" in text for text in sentences)
     assert "No trial tells which frames loss left incomplete." in sentences
     assert "No trial tells which view the operator relied on." in sentences
     assert "No trial was completed." in sentences
