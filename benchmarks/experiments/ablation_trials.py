@@ -23,7 +23,7 @@ from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.runtime.clock import NS_PER_S
-from tams_app.study.local_pool import LocalPool
+from tams_app.study.trial_process import LocalPool
 from tams_app.study.unattended import RichProgress
 
 _LATER_S = 5.0  # a replay may end so long after its recording

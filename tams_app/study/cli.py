@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -88,12 +89,8 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
         if sim:
             runner = simulated(study.config())
             raise typer.Exit(commands.run_simulated(study, runner, console, workers, dask))
-
-        def say(text: str) -> None:
-            console.print(text, markup=False, highlight=False, soft_wrap=True)
-
         runner = live(study.config())
-        raise typer.Exit(commands.run_guided(study, runner, participant, input, say))
+        raise typer.Exit(commands.run_guided(study, runner, participant, console))
 
     for command in (plan, show, void, forget, report):
         app.command()(command)
@@ -135,11 +132,15 @@ def void(
     raise typer.Exit(void_trial(_folder(folder), trial, reason, _console()))
 
 
-def forget(participant: Pseudonym, folder: Folder = None) -> None:
+def forget(
+    participant: Pseudonym,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The study's folder.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+) -> None:
     """Delete a participant's data, and all that was computed from them. Not to be undone."""
     from tams_app.study.commands import forget_participant
 
-    raise typer.Exit(forget_participant(_folder(folder), participant, _console()))
+    raise typer.Exit(forget_participant(folder, participant, _console(), yes))
 
 
 def report(
@@ -151,11 +152,26 @@ def report(
         float | None,
         typer.Option(min=0, help="To state: how far other processors' SSIM may differ."),
     ] = None,
+    from_tables: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Use trials.csv and phases.csv there, not a study."),
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="What the study of --from-tables was run with.")
+    ] = None,
 ) -> None:
-    """Make tables (CSV, Parquet), figures, and the report (HTML, PDF) from what is done so far."""
-    from tams_app.study.commands import report_study
+    """Make tables (CSV, Parquet), figures, and the report (HTML) from what is done so far."""
+    from tams_app.study import commands
 
-    raise typer.Exit(report_study(_folder(folder), _console(), out, tolerance_ssim))
+    if from_tables is not None and folder is not None:
+        raise ConfigError(f"{folder} and --from-tables {from_tables}: give one of them")
+    if from_tables is not None:
+        settings = load_config(config)
+        code = commands.report_tables(from_tables, settings, _console(), out, tolerance_ssim)
+        raise typer.Exit(code)
+    if config is not None:
+        raise ConfigError("--config is for --from-tables: a study keeps its own configuration")
+    raise typer.Exit(commands.report_study(_folder(folder), _console(), out, tolerance_ssim))
 
 
 def _check_run_options(
@@ -193,7 +209,7 @@ def _study_to_run(
         return ensure_planned(settings, folder, participants)
     planned = study.config()
     for key, option in _DESIGN.items():
-        before = _value_at(planned, key)
+        before = attrgetter(key)(planned)
         if options.get(key, before) != before:
             raise ConfigError(
                 f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
@@ -218,13 +234,6 @@ def _options(
         "seed": seed,
     }
     return {key: value for key, value in options.items() if value is not None}
-
-
-def _value_at(config: Config, key: str) -> Any:
-    value: Any = config
-    for part in key.split("."):
-        value = getattr(value, part)
-    return value
 
 
 def _folder(given: Path | None, out: Path | None = None) -> Path:

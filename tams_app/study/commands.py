@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
+from rich.prompt import Confirm
 from rich.table import Table
 
 from tams_app.config import Config
-from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError, SetupError
-from tams_app.recording import read_log
-from tams_app.study.completion_time import completion_time_s
-from tams_app.study.folder import StudyFolder
+from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.local_pool import LocalPool, TrialPool
 from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
+from tams_app.study.trial_process import LocalPool, TrialPool
 from tams_app.study.unattended import RichProgress, run_unattended
+from tams_app.study.verdict import measured_time_s
 
-LOG_NAME = "session.mcap"
-_REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
+if TYPE_CHECKING:
+    from tams_app.study.results import StudyData
+
+REMARKS_NAME = "remarks.txt"
+REMARKS_BYTES = 100_000
+_REPORT_NEEDS = ("jinja2", "pandas", "pyarrow", "statsmodels")
 
 
 def plan_study(config: Config, folder: Path, participants: int, console: Console) -> int:
@@ -49,12 +54,6 @@ def ensure_planned(config: Config, folder: Path, participants: int | None) -> St
         raise ConfigError(
             f"{folder}: is planned for {len(planned.participants)} participants, not "
             f"{participants}: leave --participants out, or choose another folder"
-        )
-    asked = make_plan(config, len(planned.participants))
-    if participants is not None and _design(asked) != _design(planned):
-        raise ConfigError(
-            f"{folder}: was planned with other strategies, networks, repetitions or seed: leave "
-            "the options out to go on with it, or choose another folder"
         )
     return study
 
@@ -89,24 +88,15 @@ def run_simulated(
 
 
 def run_guided(
-    study: StudyFolder,
-    runner: TrialRunner,
-    participant: str | None,
-    ask: Callable[[str], str],
-    say: Callable[[str], None],
+    study: StudyFolder, runner: TrialRunner, participant: str | None, console: Console
 ) -> int:
-    """`study run` on hardware: one sitting with one participant."""
+    """`study run` on hardware: one sitting with one participant; 1 if a trial could not be run."""
     with study.locked():
         if study.load().simulated:
             raise ConfigError(f"{study.path}: is planned for the simulated rig: add --sim")
-        GuidedRun(study, runner, Conversation(ask, say), measured_time_s).run(participant)
-    return 0
-
-
-def measured_time_s(folder: Path) -> float | None:
-    """The completion time that a trial's log tells, None without a log."""
-    path = folder / LOG_NAME
-    return completion_time_s(read_log(path)) if path.is_file() else None
+        guided = GuidedRun(study, runner, console, measured_time_s)
+        guided.run(participant)
+    return int(guided.failed)
 
 
 def void_trial(folder: Path, trial_id: str, reason: str, console: Console) -> int:
@@ -118,19 +108,27 @@ def void_trial(folder: Path, trial_id: str, reason: str, console: Console) -> in
     return 0
 
 
-def forget_participant(folder: Path, pseudonym: str, console: Console) -> int:
-    """`study forget`: delete a participant's data; says what remains."""
+def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool) -> int:
+    """`study forget`: delete a participant's data; says what remains. 1 if it was not confirmed.
+
+    Asks first unless `yes`; ConfigError where there is no terminal to ask at.
+    """
     study = StudyFolder(folder)
     with _existing(study).locked():
         plan = study.recover(study.load())
+        plan.participant(pseudonym)
         removed = [one for one in plan.trials if one.participant == pseudonym and one.attempts]
+        what = f"{len(removed)} trials with all attempts, the tables and the report"
+        if not yes and not _confirmed(f"Delete {pseudonym} in {folder}: {what}?", console):
+            console.print("Nothing was deleted.", highlight=False)
+            return 1
         plan = study.forget(plan, pseudonym)
     remaining = sum(trial.is_done for trial in plan.trials)
     console.print(
-        f"{pseudonym} is forgotten: {len(removed)} trials with all their attempts, the tables and "
-        f"the report are deleted. What remains: {remaining} finished trials of the others, and in "
-        f"the plan that {pseudonym} took part and is forgotten. Copies made elsewhere, and reports "
-        "written with --out, are yours to delete. `study report` makes the report anew.",
+        f"{pseudonym} is forgotten: {what} are deleted. What remains: {remaining} finished trials "
+        f"of the others, and in the plan that {pseudonym} took part and is forgotten. Copies made "
+        "elsewhere, and reports written with --out, are yours to delete. `study report` makes the "
+        "report anew.",
         highlight=False,
         soft_wrap=True,
     )
@@ -156,16 +154,59 @@ def show_study(folder: Path, console: Console) -> int:
 def report_study(
     folder: Path, console: Console, out: Path | None = None, tolerance_ssim: float | None = None
 ) -> int:
-    """`study report`: tables, figures, HTML and PDF. SetupError without the extra `study`."""
+    """`study report`: tables, and the report with its figures.
+
+    Remarks are taken from remarks.txt in the study's folder. SetupError without the extra `study`.
+    """
+    _check_extra()
+    from tams_app.study.results import read_results, write_tables
+
+    data = read_results(StudyFolder(folder))
+    if not len(data.trials):
+        raise ConfigError(f"{folder}: no trial is done yet: run `study run` first")
+    written = write_tables(data, folder / TABLES_NAME)
+    _write_report(data, folder, out or folder / REPORT_NAME, tolerance_ssim, console)
+    for path in written:
+        console.print(f"[bold]{path}[/]", highlight=False)
+    return 0
+
+
+def report_tables(
+    folder: Path,
+    config: Config,
+    console: Console,
+    out: Path | None = None,
+    tolerance_ssim: float | None = None,
+) -> int:
+    """`study report --from-tables`: the report from the tables that an earlier one has left."""
+    _check_extra()
+    from tams_app.study.results import read_tables
+
+    _write_report(read_tables(folder, config), folder, out or folder, tolerance_ssim, console)
+    return 0
+
+
+def _check_extra() -> None:
     missing = [name for name in _REPORT_NEEDS if find_spec(name) is None]
     if missing:
         raise SetupError(f"{', '.join(missing)} missing: pip install 'tams[study]'")
-    from tams_app.study.report.build import write_report
 
-    written = write_report(StudyFolder(folder), out, tolerance_ssim)
-    for path in (written.html, written.pdf, *written.tables):
-        console.print(f"[bold]{path}[/]", highlight=False)
-    return 0
+
+def _write_report(
+    data: StudyData, folder: Path, out: Path, tolerance_ssim: float | None, console: Console
+) -> None:
+    from tams_app.study.report.build import build_report
+
+    remarks = folder / REMARKS_NAME
+    text = remarks.read_text("utf-8", "replace")[:REMARKS_BYTES] if remarks.is_file() else ""
+    page = build_report(data, text, tolerance_ssim).write(out)
+    console.print(f"[bold]{page}[/]", highlight=False)
+
+
+def _confirmed(question: str, console: Console) -> bool:
+    if not sys.stdin.isatty():
+        raise ConfigError("`study forget` asks before it deletes: without a terminal add --yes")
+    return Confirm.ask(f"{escape(question)} It cannot be undone.", console=console)
 
 
 def _tell_how_to_go_on(study: StudyFolder, console: Console) -> None:
@@ -191,18 +232,6 @@ def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPo
     from tams_app.study.dask_pool import DaskPool
 
     return DaskPool(runner, dask)
-
-
-def _design(plan: Plan) -> tuple[object, ...]:
-    return (
-        plan.simulated,
-        plan.seed,
-        plan.strategies,
-        plan.networks,
-        plan.repetitions,
-        plan.reference,
-        plan.proposed,
-    )
 
 
 def _progress_of(plan: Plan, pseudonym: str, state: ParticipantState) -> tuple[str, ...]:

@@ -136,7 +136,7 @@ def _dress(axis: Axes, view: str) -> None:
 
 
 def _draw_phases(log: SessionLog, axes: list[Axes], span: Span | None) -> None:
-    """A dashed line where each phase begins, its name on top where there is room for it."""
+    """A dashed line where each phase begins, its name on top where it fits."""
     if span is None:
         return
     start_s, end_s = ((t - log.header.started_ns) / NS_PER_S for t in (span.start_ns, span.end_ns))

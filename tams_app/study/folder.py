@@ -74,7 +74,7 @@ class StudyFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep everybody else from this study; ConfigError if somebody has it."""
+        """Keep other commands from this study; ConfigError if one works on it."""
         with _told(self.path):
             handle = os.open(self.path / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
@@ -146,7 +146,7 @@ class StudyFolder:
     def forget(self, plan: Plan, pseudonym: str) -> Plan:
         """Delete a participant's trials and everything computed from all trials.
 
-        His place in the design stays in the plan as forgotten; the others' trials are untouched.
+        Their place in the design stays in the plan as forgotten; the others' trials are untouched.
         """
         person = plan.participant(pseudonym)
         marked = person.model_copy(update={"state": ParticipantState.BEING_FORGOTTEN})

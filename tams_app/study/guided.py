@@ -1,7 +1,7 @@
 """Guides an experimenter through a study on hardware, trial by trial.
 
-Neither he nor the participant is told the strategy of a trial. He may stop at any question, or be
-interrupted anywhere: the next call goes on from there.
+Neither the experimenter nor the participant is told the strategy of a trial. The experimenter may
+stop at any question, or be interrupted anywhere: the next call goes on from there.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 
+from rich.console import Console
+from rich.prompt import Prompt
+
 from tams_app.config import Config
-from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError, TamsError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.machine import mark_ended
@@ -30,19 +32,21 @@ class _Next(Enum):
 class GuidedRun:
     """One sitting with one participant; the caller holds the study's lock.
 
-    `measure_time` gives the completion time [s] that a trial's folder tells, if any.
+    `measure_time` gives the completion time [s] that a trial's folder tells, if any. `failed`: the
+    sitting was ended at a trial that could not be run.
     """
 
     def __init__(
         self,
         study: StudyFolder,
         runner: TrialRunner,
-        talk: Conversation,
+        console: Console,
         measure_time: MeasureTime,
     ) -> None:
+        self.failed = False
         self._study = study
         self._runner = runner
-        self._talk = talk
+        self._console = console
         self._measure_time = measure_time
         self._config: Config = study.config()
         self._plan: Plan = study.recover(study.load())
@@ -50,11 +54,12 @@ class GuidedRun:
     def run(self, participant: str | None = None) -> int:
         """Go through what `participant` has left (None: the first who has any); trials done now.
 
-        ConfigError if he is not, or no longer, part of the study.
+        ConfigError for a participant who is not, or no longer, part of the study. After Ctrl-C it
+        says how to go on and raises KeyboardInterrupt.
         """
         pseudonym = participant or self._first_with_trials_left()
         if pseudonym is None:
-            self._talk.say("All trials of this study are done.")
+            self._say("All trials of this study are done.")
             return 0
         if self._plan.participant(pseudonym).state is not ParticipantState.TAKES_PART:
             raise ConfigError(f"{pseudonym}: was forgotten and takes part no more")
@@ -65,12 +70,14 @@ class GuidedRun:
                     break
                 done += self._plan.trial(trial.id).is_done
             else:
-                self._talk.say(f"{pseudonym} has done all his trials. Thank him.")
+                self._say(f"{pseudonym} has done all trials. Thank them.")
                 return done
-        except (EOFError, KeyboardInterrupt):
-            pass
-        again = f"study run {self._study.path} --participant {pseudonym}"
-        self._talk.say(f"Stopped. `{again}` goes on from here.")
+        except KeyboardInterrupt:
+            self._tell_how_to_go_on(pseudonym)
+            raise
+        except EOFError:
+            pass  # the experimenter has left
+        self._tell_how_to_go_on(pseudonym)
         return done
 
     def _first_with_trials_left(self) -> str | None:
@@ -84,7 +91,7 @@ class GuidedRun:
         """One trial from the scene's reset to the verdict; or only the verdict that is due."""
         attempt = trial.last
         if attempt is not None and attempt.state is AttemptState.RAN:
-            self._talk.say(f"{trial.id} ran to its end before, but has no verdict.")
+            self._say(f"{trial.id} ran to its end before, but has no verdict.")
             self._judge(trial, attempt)
             return _Next.GO_ON
         if not self._prepare(trial):
@@ -114,33 +121,45 @@ class GuidedRun:
         kind = "practice" if trial.practice else "trial"
         again = ", taken again" if trial.attempts else ""
         mark = 1 + trial.seed % self._config.study.scene_marks
-        self._talk.say(
-            f"{trial.participant}, {kind} {trial.order} of {len(mine)} ({trial.id}{again})."
-        )
-        self._talk.say(
+        self._say(f"{trial.participant}, {kind} {trial.order} of {len(mine)} ({trial.id}{again}).")
+        self._say(
             f"Set the scene: block on start mark {mark}, container empty on its mark, gripper "
             "open, trigger released, arm at its ready pose (`run_tams.py home`)."
         )
-        options = {"g": "the scene is set: go", "s": "stop here"}
-        return self._talk.choice("Ready?", options) == "g"
+        return self._choose("Ready?", g="the scene is set: go", s="stop here") == "g"
 
     def _judge(self, trial: PlannedTrial, attempt: Attempt) -> None:
-        options = {"j": "judge it", "v": "void: it does not count and is taken again"}
-        if self._talk.choice(f"{trial.id} has ended.", options) == "v":
-            reason = self._talk.text("Why is it void?")
+        void_means = "void: it does not count and is taken again"
+        if self._choose(f"{trial.id} has ended.", j="judge it", v=void_means) == "v":
+            reason = ""
+            while not reason.strip():
+                reason = Prompt.ask("Why is it void? The reason is kept", console=self._console)
             self._plan = void(self._plan, trial.id, reason)
             self._study.save(self._plan)
             return
         measured_s = self._measure_time(self._study.path / attempt.folder)
-        verdict = ask_verdict(self._talk, self._config.trial, measured_s)
+        verdict = ask_verdict(self._console, self._config.trial, measured_s)
         judged = attempt.model_copy(update={"verdict": verdict})
         self._settle(trial, judged, AttemptState.DONE)
 
     def _fail(self, trial: PlannedTrial, attempt: Attempt, reason: str) -> _Next:
         self._settle(trial, attempt, AttemptState.FAILED, reason)
-        self._talk.say(f"{trial.id} could not be run: {reason}")
-        options = {"a": "again", "s": "stop here"}
-        return _Next.GO_ON if self._talk.choice("What now?", options) == "a" else _Next.STOP
+        self._say(f"{trial.id} could not be run: {reason}")
+        self.failed = self._choose("What now?", a="again", s="stop here") == "s"
+        return _Next.STOP if self.failed else _Next.GO_ON
+
+    def _say(self, text: str) -> None:
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def _choose(self, question: str, **options: str) -> str:
+        """The key of the option that was chosen; the values say what each means."""
+        meanings = ", ".join(f"{key} = {meaning}" for key, meaning in options.items())
+        text = f"{question} ({meanings})"
+        return Prompt.ask(text, choices=[*options], show_choices=False, console=self._console)
+
+    def _tell_how_to_go_on(self, pseudonym: str) -> None:
+        again = f"study run {self._study.path} --participant {pseudonym}"
+        self._say(f"Stopped. `{again}` goes on from here.")
 
     def _settle(
         self, trial: PlannedTrial, attempt: Attempt, state: AttemptState, reason: str = ""

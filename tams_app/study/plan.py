@@ -98,7 +98,7 @@ class PlannedTrial(Section):
 
 
 class Participant(Section):
-    """A participant under a pseudonym; `sequence` is the row of the Latin square he began with."""
+    """A participant under a pseudonym; `sequence` is their row of the Latin square."""
 
     id: Annotated[str, Field(pattern=PARTICIPANT_PATTERN)]
     sequence: Annotated[int, Field(ge=0)]
@@ -163,7 +163,7 @@ class Plan(Section):
         return self.model_copy(update={"participants": everyone})
 
     def without_trials_of(self, pseudonym: str) -> Plan:
-        """The plan without a participant's trials; his place in the design stays."""
+        """The plan without a participant's trials; their place in the design stays."""
         kept = tuple(trial for trial in self.trials if trial.participant != pseudonym)
         return self.model_copy(update={"trials": kept})
 

@@ -1,236 +1,201 @@
-"""What came of each trial, read from the study's folder once."""
+"""What came of a study as two tables: read from its folder, or from tables exported before."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+
+import pandas as pd
 
 from tams_app.config import Config
+from tams_app.errors import ConfigError, LogError
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
 from tams_app.study.machine import MACHINE_NAME
-from tams_app.study.plan import Plan, PlannedTrial
-from tams_app.study.statistics.intervals import means_by_unit
+from tams_app.study.plan import Attempt, AttemptState, Plan
+from tams_app.study.planning import make_plan
+from tams_app.study.tables import SSIM_KINDS, Row, phase_rows, trial_row
 
-SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
-
-
-@dataclass(frozen=True, slots=True)
-class TrialResult:
-    """One finished trial. The experimenter's verdict stands before the simulator's.
-
-    `relied_on`: by phase, each view's share of what the operator's glances told him, where known.
-    """
-
-    trial: PlannedTrial
-    folder: Path
-    summary: Mapping[str, Any]
-    machine: Mapping[str, str]
-    completed: bool | None
-    success: bool | None
-    completion_time_s: float | None
-    drops: int | None
-
-    @property
-    def strategy(self) -> str:
-        return self.trial.strategy
-
-    @property
-    def network(self) -> str:
-        return self.trial.network
-
-    @property
-    def participant(self) -> str:
-        return self.trial.participant
-
-    def censored_time_s(self, limit_s: float) -> float | None:
-        """The completion time, the limit where the block was not placed; None if not judged."""
-        if self.completed and self.completion_time_s is not None:
-            return min(self.completion_time_s, limit_s)
-        return limit_s if self.completed is False else None
-
-    @property
-    def completed_time_s(self) -> float | None:
-        return self.completion_time_s if self.completed else None
-
-    def primary_ssim(self, kind: str, phase: str | None = None) -> float | None:
-        """Of the primary view: the mean of the phases' means, or of one phase."""
-        if phase is not None:
-            return self._of_phase(phase, kind)
-        value = (self.summary.get("primary_view") or {}).get(kind)
-        return None if value is None else float(value)
-
-    @property
-    def time_weighted_ssim(self) -> float | None:
-        """Received, of the primary view: each phase for as long as it lasted."""
-        primary = self.summary.get("primary_view") or {}
-        value = (primary.get("time_weighted") or {}).get("received_ssim")
-        return None if value is None else float(value)
-
-    def damaged_fraction(self, phase: str) -> float | None:
-        """Share of the primary view's shown frames that loss damaged."""
-        return self._of_phase(phase, "damaged_fraction")
-
-    @property
-    def packets_per_frame(self) -> float | None:
-        """Of the primary view, mean of the phases."""
-        known = [
-            packets
-            for phase in self.phases
-            if (packets := self._of_phase(phase, "packets_per_frame")) is not None
-        ]
-        return sum(known) / len(known) if known else None
-
-    @property
-    def coding_ssim(self) -> float | None:
-        """Received SSIM of the primary view's undamaged frames, mean of phases that have any."""
-        return self._mean_of_parted("undamaged_received_ssim")
-
-    @property
-    def parted_ssim(self) -> float | None:
-        """Received SSIM of the primary view over the same phases."""
-        return self._mean_of_parted("received_ssim")
-
-    @property
-    def lost_ssim(self) -> float | None:
-        """What loss took of it: the difference of the two, seldom above 0."""
-        received, coding = self.parted_ssim, self.coding_ssim
-        return None if received is None or coding is None else received - coding
-
-    @property
-    def parted_phases(self) -> tuple[str, ...]:
-        """Those with an undamaged frame: of the others nobody knows what coding took."""
-        return tuple(
-            phase
-            for phase in self.phases
-            if self._of_phase(phase, "undamaged_received_ssim") is not None
-            and self._of_phase(phase, "received_ssim") is not None
-        )
-
-    def _mean_of_parted(self, key: str) -> float | None:
-        known = [
-            value
-            for phase in self.parted_phases
-            if (value := self._of_phase(phase, key)) is not None
-        ]
-        return sum(known) / len(known) if known else None
-
-    def _of_phase(self, phase: str, key: str) -> float | None:
-        by_phase = (self.summary.get("primary_view") or {}).get("by_phase", {})
-        value = (by_phase.get(phase) or {}).get(key)
-        return None if value is None else float(value)
-
-    @property
-    def phases(self) -> tuple[str, ...]:
-        """Those with a score of the primary view."""
-        return tuple((self.summary.get("primary_view") or {}).get("by_phase", {}))
-
-    @property
-    def all_views_ssim(self) -> float | None:
-        """Received, mean over all views and all their frames, whichever is primary."""
-        views = (self.summary.get("views") or {}).values()
-        known = [one["received_ssim"] for one in views if one.get("received_ssim") is not None]
-        return sum(known) / len(known) if known else None
-
-    @property
-    def phase_seconds(self) -> Mapping[str, float]:
-        """How long each phase lasted in all."""
-        changes = self.summary.get("phases") or []
-        end = {"t_s": self.summary.get("duration_s")}
-        found: dict[str, float] = {}
-        for change, later in pairwise((*changes, end)):
-            found.setdefault(change["phase"], 0.0)
-            found[change["phase"]] += later["t_s"] - change["t_s"]
-        return found
-
-    @property
-    def glance_agreement(self) -> float | None:
-        """The fraction of glances in which W's primary view told the operator most."""
-        operator = self.summary.get("operator") or {}
-        value = (operator.get("relied_on") or {}).get("agreement")
-        return None if value is None else float(value)
-
-    @property
-    def relied_on(self) -> Mapping[str, Mapping[str, float]]:
-        operator = self.summary.get("operator") or {}
-        return dict((operator.get("relied_on") or {}).get("by_phase") or {})
-
-    @property
-    def uncertainty_mm(self) -> Mapping[str, Mapping[str, float]]:
-        """The simulated operator's, by stage of his task: percentiles; empty where not known."""
-        return (self.summary.get("operator") or {}).get("uncertainty_mm") or {}
+TRIALS_TABLE = "trials"
+PHASES_TABLE = "phases"
+_TRIAL_KEY = ("trial", "participant", "strategy", "network", "repetition")
+_NEEDED_OF_TRIALS = (*_TRIAL_KEY, "practice", "seed", "completed", "success", "censored_time_s")
+_PHASE_VALUES = (
+    "duration_s",
+    *SSIM_KINDS,
+    "damaged_fraction",
+    "undamaged_received_ssim",
+    "packets_per_frame_count",
+)
 
 
 @dataclass(frozen=True, slots=True)
 class StudyData:
-    """A plan, its configuration, and every result; practice is kept apart."""
+    """A plan, its configuration, and its tables.
+
+    `trials`: one row per finished trial that counts, `practice` those that do not; `phases`: one
+    row per trial and phase. The first also have columns that follow from the phases:
+    all_views_ssim, packets_per_frame, undamaged_ssim and summed_ssim (received, over phases with
+    undamaged frames), lost_ssim (their difference), primary_view_share and success_share.
+    """
 
     plan: Plan
     config: Config
-    results: tuple[TrialResult, ...]
-    practice: tuple[TrialResult, ...]
-    unreadable: tuple[str, ...]  # ids of trials that are done, but whose summary is gone
+    trials: pd.DataFrame
+    practice: pd.DataFrame
+    phases: pd.DataFrame
+    unreadable: tuple[str, ...] = ()  # ids of trials that are done, but whose summary is gone
+    folders: dict[str, Path] = field(default_factory=dict)  # by trial, empty for exported tables
 
     @property
     def limit_s(self) -> float:
         return self.config.trial.limit_s
 
-    def of(self, strategy: str, network: str) -> list[TrialResult]:
-        """The results of one condition in the plan's order."""
-        return [one for one in self.results if (one.strategy, one.network) == (strategy, network)]
-
 
 def read_results(study: StudyFolder) -> StudyData:
     """Everything a report is made of; ConfigError if the folder holds no study."""
-    plan = study.load()
-    found = {trial.id: _read(study, trial) for trial in plan.trials if trial.is_done}
-    there = [result for result in found.values() if result is not None]
+    plan, config = study.load(), study.config()
+    trials: list[Row] = []
+    phases: list[Row] = []
+    unreadable, folders = [], {}
+    for trial in sorted((one for one in plan.trials if one.is_done), key=lambda one: one.id):
+        attempt = trial.last
+        summary = study.summary(attempt) if attempt else None
+        if attempt is None or summary is None:
+            unreadable.append(trial.id)
+            continue
+        folders[trial.id] = study.path / attempt.folder
+        trials.append(trial_row(trial, summary, _processor(folders[trial.id]), config))
+        if not trial.practice:
+            phases += phase_rows(trial, summary)
+    tables = pd.DataFrame(trials).convert_dtypes(), pd.DataFrame(phases).convert_dtypes()
+    return study_data(plan, config, *tables, tuple(unreadable), folders)
+
+
+def read_tables(directory: Path, config: Config) -> StudyData:
+    """A study from its exported trials.csv and phases.csv, and the configuration it was run with.
+
+    ConfigError where they cannot be read, or are not of the plan that `config` makes.
+    """
+    trials, phases = (_read_csv(directory / f"{one}.csv") for one in (TRIALS_TABLE, PHASES_TABLE))
+    if missing := [one for one in _NEEDED_OF_TRIALS if one not in trials.columns]:
+        raise ConfigError(f"{directory}: trials.csv has no column {', '.join(missing)}")
+    counts = {
+        "repetitions": max(1, int(trials["repetition"].max())),
+        "practice_trials": int(trials.groupby("participant")["practice"].sum().max()),
+    }
+    config = config.model_copy(update={"study": config.study.model_copy(update=counts)})
+    plan = make_plan(config, trials["participant"].nunique())
+    planned = {one.id: one for one in plan.trials}
+    for key, *others in trials[["trial", "strategy", "network", "seed"]].itertuples(index=False):
+        trial = planned.get(key)
+        if trial is None or [trial.strategy, trial.network, trial.seed] != others:
+            raise ConfigError(
+                f"{directory}: trial {key} is not the one that the configuration plans: give the "
+                "study's own with --config"
+            )
+        done = Attempt(folder=key, state=AttemptState.DONE)
+        plan = plan.with_attempt(key, done)
+    return study_data(plan, config, trials, phases)
+
+
+def write_tables(data: StudyData, directory: Path) -> list[Path]:
+    """trials.csv, trials.parquet, phases.csv, phases.parquet; LogError where they cannot be."""
+    everyone = pd.concat([one for one in (data.trials, data.practice) if len(one)])
+    tables = {
+        TRIALS_TABLE: everyone.sort_values("trial").drop(columns=list(_DERIVED)),
+        PHASES_TABLE: data.phases.drop(columns=_SHARE),
+    }
+    written = []
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, table in tables.items():
+            paths = [directory / f"{name}.csv", directory / f"{name}.parquet"]
+            table.to_csv(paths[0], index=False)
+            table.to_parquet(paths[1], index=False)
+            written += paths
+    except OSError as error:
+        raise LogError(f"{directory}: the tables cannot be written: {error.strerror}") from error
+    return written
+
+
+_SHARE = "primary_view_share"
+_DERIVED = (
+    "all_views_ssim",
+    "packets_per_frame",
+    "undamaged_ssim",
+    "summed_ssim",
+    "lost_ssim",
+    _SHARE,
+    "success_share",
+)
+
+
+def study_data(
+    plan: Plan,
+    config: Config,
+    trials: pd.DataFrame,
+    phases: pd.DataFrame,
+    unreadable: tuple[str, ...] = (),
+    folders: dict[str, Path] | None = None,
+) -> StudyData:
+    """The tables with all columns that a report may ask for, and those that follow from them."""
+    views = config.video.views
+    trials = _with_columns(trials, (*_NEEDED_OF_TRIALS, "glance_agreement_fraction"))
+    relied_on = [f"relied_on_{view}_fraction" for view in views]
+    phases = _with_columns(phases, (*_TRIAL_KEY, "phase", *_PHASE_VALUES, *relied_on))
+    weights = WeightMatrix(config.policy.weights.matrix)
+    phases[_SHARE] = pd.NA
+    for phase in Phase:
+        mine = phases["phase"] == phase.value
+        column = f"relied_on_{weights.primary_view(phase)}_fraction"
+        phases.loc[mine, _SHARE] = phases.loc[mine, column]
+    phases[_SHARE] = phases[_SHARE].astype("Float64")
+
+    def mean_of_phases(column: str, rows: pd.DataFrame = phases) -> pd.Series:
+        means = rows.groupby("trial")[column].mean()
+        return trials["trial"].map(means).astype("Float64")
+
+    divided = phases.dropna(subset=["undamaged_received_ssim", "received_ssim"])
+    undamaged = mean_of_phases("undamaged_received_ssim", divided)
+    received = mean_of_phases("received_ssim", divided)
+    derived = (
+        trials.reindex(columns=[f"{view}_received_ssim" for view in views]).mean(axis=1),
+        mean_of_phases("packets_per_frame_count"),
+        undamaged,
+        received,
+        received - undamaged,
+        mean_of_phases(_SHARE),
+        trials["success"].astype("Float64"),
+    )
+    trials = trials.assign(**dict(zip(_DERIVED, derived, strict=True)))
+    practice = trials["practice"].astype(bool)
     return StudyData(
-        plan,
-        study.config(),
-        tuple(result for result in there if not result.trial.practice),
-        tuple(result for result in there if result.trial.practice),
-        tuple(trial_id for trial_id, result in found.items() if result is None),
+        plan, config, trials[~practice], trials[practice], phases, unreadable, folders or {}
     )
 
 
-def participant_means(
-    results: Sequence[TrialResult], values: Sequence[float | None]
-) -> list[float]:
-    """One mean per participant of the values that are there."""
-    groups: dict[str, list[float]] = {}
-    for result, value in zip(results, values, strict=True):
-        if value is not None:
-            groups.setdefault(result.participant, []).append(value)
-    return means_by_unit(groups)
+def _with_columns(table: pd.DataFrame, columns: tuple[str, ...]) -> pd.DataFrame:
+    """A copy that has all of these, empty where it had not."""
+    missing = [one for one in columns if one not in table.columns]
+    empty = {one: pd.array([pd.NA] * len(table), dtype="Float64") for one in missing}
+    return table.assign(**empty)
 
 
-def _read(study: StudyFolder, trial: PlannedTrial) -> TrialResult | None:
-    attempt = trial.last
-    summary = study.summary(attempt) if attempt else None
-    if attempt is None or summary is None:
-        return None
-    said = summary["outcome"]
-    judged = attempt.verdict.model_dump() if attempt.verdict else said
-    folder = study.path / attempt.folder
-    return TrialResult(
-        trial,
-        folder,
-        summary,
-        _machine(folder),
-        judged["completed"],
-        judged["success"],
-        judged["completion_time_s"],
-        judged["drops"],
-    )
+def _read_csv(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_csv(path).convert_dtypes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:  # pandas' parser errors, and text that is not UTF-8
+        raise ConfigError(f"{path}: is no table: {error}") from error
 
 
-def _machine(folder: Path) -> dict[str, str]:
+def _processor(folder: Path) -> str | None:
     try:
         content = json.loads((folder / MACHINE_NAME).read_bytes())
     except (OSError, ValueError):
-        return {}
-    return {str(key): str(value) for key, value in content.items()}
+        return None
+    return content.get("processor") if isinstance(content, dict) else None

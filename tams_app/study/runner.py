@@ -1,4 +1,4 @@
-"""What a study asks of whoever runs its trials."""
+"""The interface between a study and what runs its trials, live or simulated."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from tams_app.config import Config
 from tams_app.study.plan import PlannedTrial
 
 SUMMARY_NAME = "summary.json"
+LOG_NAME = "session.mcap"
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +18,7 @@ class TrialSpec:
     """One trial, ready to run.
 
     `seed`: of scene, noise and losses, shared by the strategies of one participant, network and
-    repetition; `participant_seed`: who the simulated participant is, the same in all his trials.
+    repetition; `participant_seed`: who the simulated participant is, the same in all their trials.
     """
 
     trial_id: str

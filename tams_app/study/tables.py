@@ -1,24 +1,23 @@
-"""The tidy tables: one row per trial, and one per trial and phase; Parquet and CSV.
+"""The rows of the tidy tables: one per trial, and one per trial and phase, from summary.json.
 
-Units are in the column names: _s, _ms, _kbps, _fraction, _ssim, _count; the others have none.
+Units are in the column names: _s, _ms, _mm, _kbps, _fraction, _ssim, _count; others have none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
-from pathlib import Path
+from itertools import pairwise
 from typing import Any, TypeAlias
 
-from tams_app.errors import LogError
-from tams_app.study.plan import AttemptState
-from tams_app.study.results import SSIM_KINDS, StudyData, TrialResult
+from tams_app.config import Config
+from tams_app.records import Phase
+from tams_app.study.plan import AttemptState, PlannedTrial
 
 Cell: TypeAlias = str | int | float | bool | None
 Row: TypeAlias = dict[str, Cell]
 
-TRIALS_TABLE = "trials"
-PHASES_TABLE = "phases"
+SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
+PHASES = tuple(phase.value for phase in Phase)
 
 # column -> where it is in summary.json
 _SESSION: dict[str, str] = {
@@ -55,97 +54,93 @@ _VIEW: dict[str, str] = {
 }
 
 # column -> key in a phase's scores
-_DAMAGE = {
+_PHASE: dict[str, str] = {
+    **{kind: kind for kind in SSIM_KINDS},
     "damaged_fraction": "damaged_fraction",
     "undamaged_received_ssim": "undamaged_received_ssim",
     "packets_per_frame_count": "packets_per_frame",
+    **{f"{kind}_count": f"n.{kind}" for kind in SSIM_KINDS},
 }
 
 
-def trial_rows(data: StudyData) -> list[Row]:
-    """One row per finished trial, practice included and marked."""
-    everyone = sorted((*data.results, *data.practice), key=lambda one: one.trial.id)
-    return [_trial_row(one, data) for one in everyone]
-
-
-def phase_rows(data: StudyData) -> list[Row]:
-    """One row per finished trial and phase in which the primary view was scored."""
-    return [row for one in data.results for row in _phase_rows(one)]
-
-
-def write_tables(data: StudyData, directory: Path) -> list[Path]:
-    """trials.csv, trials.parquet, phases.csv, phases.parquet; LogError where they cannot be."""
-    pandas: Any = import_module("pandas")
-
-    written = []
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        tables = {TRIALS_TABLE: trial_rows(data), PHASES_TABLE: phase_rows(data)}
-        for name, rows in tables.items():
-            frame = pandas.DataFrame(rows).convert_dtypes()
-            paths = [directory / f"{name}.csv", directory / f"{name}.parquet"]
-            frame.to_csv(paths[0], index=False)
-            frame.to_parquet(paths[1], index=False)
-            written += paths
-    except OSError as error:
-        raise LogError(f"{directory}: the tables cannot be written: {error.strerror}") from error
-    return written
-
-
-def _trial_row(result: TrialResult, data: StudyData) -> Row:
-    trial, summary = result.trial, result.summary
-    row = _key(result) | {
+def trial_row(
+    trial: PlannedTrial, summary: Mapping[str, Any], processor: str | None, config: Config
+) -> Row:
+    """One finished trial. The experimenter's verdict stands before the simulator's."""
+    verdict = trial.last.verdict if trial.last else None
+    outcome = verdict.model_dump() if verdict else summary["outcome"]
+    completed, time_s = outcome["completed"], outcome["completion_time_s"]
+    row = _key(trial) | {
         "order": trial.order,
         "practice": trial.practice,
-        "simulated": data.plan.simulated,
+        "simulated": config.rig.enabled,
         "seed": trial.seed,
         "participant_seed": trial.participant_seed,
         "void_attempts_count": sum(one.state is AttemptState.VOID for one in trial.attempts),
-        "completed": result.completed,
-        "success": result.success,
-        "completion_time_s": result.completed_time_s,
-        "censored_time_s": result.censored_time_s(data.limit_s),
-        "drops_count": result.drops,
-        "stops_count": len(value_at(summary, "arm.stops") or ()),
-        "missing_phases": " ".join(value_at(summary, "primary_view.missing_phases") or ()),
-        "processor": result.machine.get("processor"),
+        "completed": completed,
+        "success": outcome["success"],
+        "completion_time_s": time_s if completed else None,
+        "censored_time_s": _censored_s(completed, time_s, config.trial.limit_s),
+        "drops_count": outcome["drops"],
+        "stops_count": len(_value_at(summary, "arm.stops") or ()),
+        "missing_phases": " ".join(_value_at(summary, "primary_view.missing_phases") or ()),
+        "processor": processor,
     }
-    row |= {f"primary_{kind}": result.primary_ssim(kind) for kind in SSIM_KINDS}
-    row |= {column: _number(value_at(summary, path)) for column, path in _SESSION.items()}
-    for view in data.config.video.views:
-        values = summary.get("views", {}).get(view) or {}
-        row |= {
-            f"{view}_{column}": _number(value_at(values, path)) for column, path in _VIEW.items()
-        }
-    return row
+    primary = _value_at(summary, "primary_view") or {}
+    row |= {f"primary_{kind}": _cell(primary, kind) for kind in SSIM_KINDS}
+    row |= {column: _cell(summary, path) for column, path in _SESSION.items()}
+    for view in config.video.views:
+        values = _value_at(summary, f"views.{view}") or {}
+        row |= {f"{view}_{column}": _cell(values, path) for column, path in _VIEW.items()}
+    row["glance_agreement_fraction"] = _cell(summary, "operator.relied_on.agreement")
+    stages = _value_at(summary, "operator.uncertainty_mm") or {}
+    return row | {f"uncertainty_{stage}_mm": _cell(one, "p50") for stage, one in stages.items()}
 
 
-def _phase_rows(result: TrialResult) -> list[Row]:
-    by_phase = (result.summary.get("primary_view") or {}).get("by_phase", {})
+def phase_rows(trial: PlannedTrial, summary: Mapping[str, Any]) -> list[Row]:
+    """The phases that a trial went through; scores are empty where no frame was scored."""
+    lasted_s = _phase_seconds(summary)
+    scored = _value_at(summary, "primary_view.by_phase") or {}
+    relied_on = _value_at(summary, "operator.relied_on.by_phase") or {}
     rows = []
-    for phase, scores in by_phase.items():
-        lasted_s = result.phase_seconds.get(phase)
-        row = _key(result) | {"phase": phase, "duration_s": lasted_s and round(lasted_s, 4)}
-        row |= {kind: _number(scores.get(kind)) for kind in SSIM_KINDS}
-        row |= {column: _number(scores.get(key)) for column, key in _DAMAGE.items()}
-        row |= {f"{kind}_count": _number(value_at(scores, f"n.{kind}")) for kind in SSIM_KINDS}
-        shares = result.relied_on.get(phase, {})
-        row |= {f"relied_on_{view}_fraction": share for view, share in shares.items()}
-        rows.append(row)
+    for phase in PHASES:
+        if phase not in lasted_s and phase not in scored and phase not in relied_on:
+            continue
+        scores = scored.get(phase) or {}
+        row = _key(trial) | {"phase": phase, "duration_s": lasted_s.get(phase)}
+        row |= {column: _cell(scores, path) for column, path in _PHASE.items()}
+        shares = relied_on.get(phase) or {}
+        rows.append(row | {f"relied_on_{view}_fraction": one for view, one in shares.items()})
     return rows
 
 
-def _key(result: TrialResult) -> Row:
+def _key(trial: PlannedTrial) -> Row:
     return {
-        "trial": result.trial.id,
-        "participant": result.participant,
-        "strategy": result.strategy,
-        "network": result.network,
-        "repetition": result.trial.repetition,
+        "trial": trial.id,
+        "participant": trial.participant,
+        "strategy": trial.strategy,
+        "network": trial.network,
+        "repetition": trial.repetition,
     }
 
 
-def value_at(tree: Mapping[str, Any], path: str) -> Any:
+def _censored_s(completed: bool | None, time_s: float | None, limit_s: float) -> float | None:
+    """The completion time, the limit where the block was not placed; None if not judged."""
+    if completed and time_s is not None:
+        return min(time_s, limit_s)
+    return limit_s if completed is False else None
+
+
+def _phase_seconds(summary: Mapping[str, Any]) -> dict[str, float]:
+    """How long each phase lasted in all."""
+    changes = summary.get("phases") or []
+    found: dict[str, float] = {}
+    for change, later in pairwise((*changes, {"t_s": summary.get("duration_s")})):
+        found[change["phase"]] = found.get(change["phase"], 0.0) + later["t_s"] - change["t_s"]
+    return {phase: round(seconds, 4) for phase, seconds in found.items()}
+
+
+def _value_at(tree: Mapping[str, Any], path: str) -> Any:
     """The value at a dotted path, None where a part of it is missing."""
     node: Any = tree
     for part in path.split("."):
@@ -155,6 +150,7 @@ def value_at(tree: Mapping[str, Any], path: str) -> Any:
     return node
 
 
-def _number(value: Any) -> Cell:
-    """Simple values as they are; what has no place in a cell is left out."""
+def _cell(tree: Mapping[str, Any], path: str) -> Cell:
+    """A simple value as it is, None for what has no place in a cell."""
+    value = _value_at(tree, path)
     return value if isinstance(value, str | int | float | bool) else None

@@ -1,5 +1,5 @@
-"""One trial in a process of its own: a crash of one is no matter of the others, and each begins
-from the same state. The parent's side and, as `python -m`, the child's."""
+"""Trials in processes of their own, side by side on this machine: a crash of one leaves the others
+alone, and each begins from the same state. As `python -m` it is the child's side."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import pickle
 import signal
 import subprocess
 import sys
+import time
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from tams_app.errors import TamsError
 from tams_app.study.machine import mark_ended
@@ -22,6 +24,7 @@ _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 # Trials run side by side, one per core; and the last bits of a sum depend on who adds up what.
 _ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 _END_TIMEOUT_S = 5.0
+_POLL_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +94,64 @@ class TrialProcess:
             lines = []
         said = [line.strip() for line in lines if line.strip()]
         return said[-1] if said else f"its process ended with exit code {code}"
+
+
+class TrialPool(Protocol):
+    """Somewhere that trials run side by side."""
+
+    @property
+    def slots(self) -> int:
+        """How many at a time, at least 1."""
+
+    def start(self, job: Job) -> None:
+        """Begin a trial; at most `slots` run at a time."""
+
+    def wait(self) -> list[tuple[Job, str]]:
+        """Wait for at least one to end: what ended, and why it failed ("" if it did not)."""
+
+    def close(self) -> None:
+        """End those that still run; may be called twice."""
+
+
+class LocalPool:
+    """Processes on this machine; `workers` None: one for each core that we may use."""
+
+    def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
+        cores = _usable_cores()
+        self._slots = workers or len(cores)
+        self._runner = runner
+        pinned = self._slots <= len(cores)  # more than cores: the system shares them out
+        self._free: list[int | None] = list(cores) if pinned else [None] * self._slots
+        self._running: dict[TrialProcess, int | None] = {}
+
+    @property
+    def slots(self) -> int:
+        return self._slots
+
+    def start(self, job: Job) -> None:
+        core = self._free.pop(0)
+        self._running[TrialProcess(self._runner, job, core)] = core
+
+    def wait(self) -> list[tuple[Job, str]]:
+        while self._running:
+            ended = [(one, failure) for one in self._running if (failure := one.poll()) is not None]
+            if ended:
+                for process, _ in ended:
+                    self._free.append(self._running.pop(process))
+                return [(process.job, failure) for process, failure in ended]
+            time.sleep(_POLL_S)
+        return []
+
+    def close(self) -> None:
+        for process in self._running:
+            process.stop()
+        self._running.clear()
+
+
+def _usable_cores() -> list[int]:
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
 
 
 def _main() -> int:

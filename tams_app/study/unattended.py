@@ -19,10 +19,9 @@ from rich.progress import (
 )
 
 from tams_app.study.folder import StudyFolder
-from tams_app.study.local_pool import TrialPool
 from tams_app.study.plan import Attempt, AttemptState, Plan, PlannedTrial
 from tams_app.study.runner import TrialSpec
-from tams_app.study.trial_process import Job
+from tams_app.study.trial_process import Job, TrialPool
 
 _SPEED_OVER_S = 3600.0  # the time left is judged by the trials of the last hour
 

@@ -10,7 +10,10 @@ from types import ModuleType
 from typing import Any
 
 from tams_app.config import Config
+from tams_app.errors import TamsError
+from tams_app.study.machine import mark_ended
 from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
 
 RUNNING = "running"
@@ -28,6 +31,32 @@ class StuckRunner:
             while True:
                 signal.pause()
         PlantedRunner().run(spec, folder)
+
+
+class PlayedPool:
+    """Trials one after the other in this process: what runs them apart is tested elsewhere."""
+
+    slots = 1
+
+    def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
+        self._runner = runner
+        self._ended: list[tuple[Job, str]] = []
+
+    def start(self, job: Job) -> None:
+        try:
+            self._runner.run(job.spec, job.folder)
+        except TamsError as error:
+            self._ended.append((job, str(error)))
+        else:
+            mark_ended(job.folder)
+            self._ended.append((job, ""))
+
+    def wait(self) -> list[tuple[Job, str]]:
+        ended, self._ended = self._ended, []
+        return ended
+
+    def close(self) -> None:
+        """Nothing still runs."""
 
 
 def played_virtual(runner: TrialRunner) -> ModuleType:

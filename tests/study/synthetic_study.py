@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,9 +14,13 @@ from tams_app.errors import DeviceError
 from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
 from tams_app.study.machine import mark_ended
-from tams_app.study.plan import AttemptState
+from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.planning import make_plan
 from tams_app.study.runner import TrialSpec
+from tams_app.study.tables import phase_rows, trial_row
+
+if TYPE_CHECKING:
+    from tams_app.study.results import StudyData
 
 NETWORK_TIME_S = {"s1": 24.0, "s2": 32.0, "s3": 55.0}
 NETWORK_SSIM = {"s1": 0.95, "s2": 0.88, "s3": 0.78}
@@ -30,7 +34,7 @@ class PlantedRunner:
     time_effect_s: dict[str, float] = field(default_factory=dict)
     ssim_effect: dict[str, float] = field(default_factory=dict)
     noise_s: float = 4.0
-    lapses: float = 0.04  # share of trials that nobody completes
+    lapses: float = 0.04  # share of trials that are not completed
     judged: bool = True
     relied: bool = True
     lost_ssim: dict[str, float] = field(default_factory=dict)  # what loss takes on s3, by strategy
@@ -173,3 +177,30 @@ def fill_study(study: StudyFolder, runner: PlantedRunner, leave: tuple[str, ...]
             done = attempt.model_copy(update={"state": AttemptState.DONE})
             plan = plan.with_attempt(trial.id, done)
     study.save(plan)
+
+
+def planted_data(
+    runner: PlantedRunner,
+    participants: int,
+    change: dict[tuple[str, str, str], dict[str, float | None]] | None = None,
+    **overrides: Any,
+) -> StudyData:
+    """What a report is made of, without a folder; `change`: scores by strategy, network, phase."""
+    import pandas
+
+    from tams_app.study.results import study_data
+
+    config = small_config(**overrides)
+    plan = make_plan(config, participants)
+    trials, phases = [], []
+    for trial in plan.trials:
+        summary = runner.summary(TrialSpec.of(trial))
+        for (*condition, phase), scores in (change or {}).items():
+            if [trial.strategy, trial.network] == condition:
+                summary["primary_view"]["by_phase"][phase] |= scores
+        trials.append(trial_row(trial, summary, "some processor", config))
+        phases += phase_rows(trial, summary)
+        done = Attempt(folder=trial.id, state=AttemptState.DONE)
+        plan = plan.with_attempt(trial.id, done)
+    tables = (pandas.DataFrame(one).convert_dtypes() for one in (trials, phases))
+    return study_data(plan, config, *tables)

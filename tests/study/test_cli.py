@@ -10,19 +10,21 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
 import tams_app.console.trial
+import tams_app.study.commands
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.runner import TrialRunner
-from tests.study.played_study import RUNNING, played_virtual
+from tests.study.played_study import RUNNING, PlayedPool, played_virtual
 from tests.study.synthetic_study import PlantedRunner
-from tests.study.test_guided import SUCCESS, Experimenter
+from tests.study.test_guided import SUCCESS
 
 pytestmark = pytest.mark.untimed
 
@@ -37,6 +39,7 @@ def study(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
     def run(*arguments: object, runner: TrialRunner | None = None) -> tuple[int, str, str]:
         virtual = played_virtual(runner or PlantedRunner())
         monkeypatch.setitem(sys.modules, "tams_app.session.virtual", virtual)
+        monkeypatch.setattr(tams_app.study.commands, "LocalPool", PlayedPool)
         code = _main(["study", *map(str, arguments)])
         return (code, *capsys.readouterr())
 
@@ -75,20 +78,51 @@ def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Pa
     assert trial.state is TrialState.RETAKEN
     assert trial.attempts[0].reason == "the light went out"
 
-    code, text, _ = study("forget", "P02", out)
+    code, text, err = study("forget", "P02", out)  # there is no terminal to ask at
+    assert (code, text, "add --yes" in err, len(err.splitlines())) == (2, "", True, 1)
+    code, text, _ = study("forget", "P02", out, "--yes")
     assert (code, "P02 is forgotten: 3 trials" in text) == (0, True)
     assert not (out / "trials" / "P02").exists()
 
 
-def test_report_writes_where_it_is_told(study: Run, config: Path, tmp_path: Path) -> None:
-    for extra in ("pandas", "pyarrow", "statsmodels"):
+def test_report_writes_where_it_is_told_and_is_made_again_from_its_tables(
+    study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for extra in ("jinja2", "pandas", "pyarrow", "statsmodels"):
         pytest.importorskip(extra)
-    study("run", "--sim", "--participants", 1, "--config", config, "--out", tmp_path / "s")
-    words = ("--out", tmp_path / "r", "--tolerance-ssim", 0.02)
-    code, text, _ = study("report", tmp_path / "s", *words)
+    from tams_app.study.report import build
+
+    monkeypatch.setattr(build, "drawing", MagicMock())  # figures take most of the time
+    monkeypatch.setattr(build, "to_png", lambda figure: b"drawn")
+    folder, tables = tmp_path / "s", tmp_path / "s" / "tables"
+    study("run", "--sim", "--participants", 1, "--config", config, "--out", folder)
+    code, text, _ = study("report", folder, "--out", tmp_path / "r", "--tolerance-ssim", 0.02)
     assert code == 0
-    assert (tmp_path / "r" / "report.html").is_file()
-    assert "report.html" in text.replace("\n", "")
+    told = [Path(line) for line in text.splitlines()]
+    assert [path.name for path in told] == [
+        "report.html",
+        "trials.csv",
+        "trials.parquet",
+        "phases.csv",
+        "phases.parquet",
+    ]
+    assert all(path.is_file() for path in told)
+    assert "within\n0.02 in SSIM" in (tmp_path / "r" / "report.html").read_text()
+
+    words = ("--config", config, "--tolerance-ssim", 0.02)
+    assert study("report", "--from-tables", tables, *words)[0] == 0
+    pages = [path / "report.html" for path in (tmp_path / "r", tables)]
+    assert len({path.read_text() for path in pages}) == 1
+    code, _, err = study("report", "--from-tables", tables)  # planned otherwise by default
+    assert (code, "give the study's own with --config" in err) == (2, True)
+
+
+def test_a_study_without_results_has_no_report(study: Run, config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "s"
+    study("plan", "--participants", 1, "--config", config, "--out", out)
+    code, text, err = study("report", out)
+    assert (code, text, "no trial is done yet" in err) == (2, "", True)
+    assert not (out / "report").exists()
 
 
 def test_the_same_command_plans_runs_and_then_finds_all_done(
@@ -124,9 +158,13 @@ def test_the_same_command_plans_runs_and_then_finds_all_done(
         (["show", "new"], "make one with `study plan`"),
         (["void", "P01-01", "new"], "Missing option '--reason'"),
         (["void", "P01-01", "new", "--reason", "x"], "make one with `study plan`"),
-        (["forget", "P01", "new"], "make one with `study plan`"),
+        (["forget", "P01", "new", "--yes"], "make one with `study plan`"),
         (["forget"], "Missing argument 'PARTICIPANT'"),
+        (["forget", "P01", "--yes"], "Missing argument 'DIR'"),
         (["report", "new"], "make one with `study plan`"),
+        (["report", "new", "--from-tables", "old"], "give one of them"),
+        (["report", "--from-tables", "new"], "trials.csv: cannot be read"),
+        (["report", "new", "--config", "c.yaml"], "--config is for --from-tables"),
         (["report", "new", "--tolerance-ssim", "-1"], "Invalid value for '--tolerance-ssim'"),
         (["dance"], "No such command 'dance'"),
     ],
@@ -245,12 +283,12 @@ def test_ctrl_c_leaves_a_study_that_goes_on(study: Run, config: Path, tmp_path: 
     assert {path: path.read_bytes() for path in kept} == kept
 
 
-def test_people_are_guided_through_trials_whose_strategy_nobody_names(
+def test_people_are_guided_through_trials_whose_strategy_is_not_named(
     study: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = configuration(tmp_path / "lab.yaml", CONFIG_DIRECTORY / "lite6.yaml")
-    person = Experimenter("g", "j", "y", "0", "44", "y", "s")
-    monkeypatch.setattr("builtins.input", person.ask)
+    answers = ["g", "j", "y", "0", "44", "y", "s"]
+    monkeypatch.setattr("builtins.input", lambda *_: answers.pop(0))
     monkeypatch.setattr(
         tams_app.console.trial, "LiveTrialRunner", lambda config: PlantedRunner(judged=False)
     )
@@ -259,12 +297,12 @@ def test_people_are_guided_through_trials_whose_strategy_nobody_names(
     assert code == 0
     assert "block on start mark" in text
     assert f"`study run {out} --participant P01` goes on from here" in text
-    assert "equal" not in text + " ".join(person.asked)
+    assert "equal" not in text
     (trial,) = (trial for trial in StudyFolder(out).load().trials if trial.is_done)
     assert trial.attempts[0].verdict is not None
     assert trial.attempts[0].verdict.completion_time_s == 44.0
 
-    person.answers = [*SUCCESS[:4], "50", "y", "s"]
+    answers += [*SUCCESS[:4], "50", "y", "s"]
     assert study("run", out, "--participant", "P02")[0] == 0
     assert [one.participant for one in StudyFolder(out).load().trials if one.is_done] == [
         "P01",

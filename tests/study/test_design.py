@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.study.design import (
+from tams_app.study.planning import (
     conditions,
     derive_seed,
     is_counterbalanced,

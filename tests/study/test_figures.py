@@ -54,12 +54,12 @@ def test_a_phase_too_short_for_its_name_keeps_its_line() -> None:
     assert sum(line.get_linestyle() == "--" for line in figure.axes[2].lines) == 3
 
 
-def test_the_file_is_a_picture_for_print(tmp_path: Path) -> None:
+def test_the_file_is_an_image_for_print(tmp_path: Path) -> None:
     save_bitrates(Synthetic(2.0).log(), tmp_path / "bitrates.png")
-    picture = cv2.imread(str(tmp_path / "bitrates.png"))
-    assert picture is not None
-    assert picture.shape[1] == round(WIDTH_IN * DPI)
-    assert picture.std() > 5
+    image = cv2.imread(str(tmp_path / "bitrates.png"))
+    assert image is not None
+    assert image.shape[1] == round(WIDTH_IN * DPI)
+    assert image.std() > 5
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.1])

@@ -112,7 +112,7 @@ def test_after_a_crash_whole_trials_count_and_others_are_kept_and_retried(tmp_pa
     assert len(again.trial(fourth).attempts) == 2
 
 
-def test_forgetting_deletes_one_participant_and_what_was_computed_from_him(tmp_path: Path) -> None:
+def test_forgetting_deletes_one_participant_and_what_was_computed_from_them(tmp_path: Path) -> None:
     study = make_study(tmp_path)
     fill_study(study, PlantedRunner())
     for name in ("tables", "report"):

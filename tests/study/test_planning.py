@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 from collections import defaultdict
 
 import pytest
 
+from tams_app.config import load_config
 from tams_app.errors import ConfigError
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, TrialState, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tests.study.synthetic_study import small_config
@@ -19,6 +22,38 @@ def test_eighteen_participants_and_one_repetition_make_162_counterbalanced_trial
     assert len(plan.trials) == 162
     assert balance_sentence(plan).startswith("Counterbalanced: 18 participants")
     assert len({trial.id for trial in plan.trials}) == 162
+
+
+def test_the_published_study_is_planned_as_it_was_run() -> None:
+    """Who does what in which order, with which seeds, must never change for a study's seed."""
+    plan = make_plan(load_config(None, {"study.repetitions": 1}), 18)
+    planned = {
+        (
+            one.id,
+            one.participant,
+            one.strategy,
+            one.network,
+            one.order,
+            one.seed,
+            one.participant_seed,
+        )
+        for one in plan.trials
+    }
+    with (PROJECT_DIRECTORY / "docs/study/trials.csv").open(encoding="utf-8") as file:
+        run = {
+            (
+                row["trial"],
+                row["participant"],
+                row["strategy"],
+                row["network"],
+                int(row["order"]),
+                int(row["seed"]),
+                int(row["participant_seed"]),
+            )
+            for row in csv.DictReader(file)
+        }
+    assert planned == run
+    assert [one.id for one in plan.trials[:9]] == [f"P01-{number:02}" for number in range(1, 10)]
 
 
 @pytest.mark.parametrize("participants", [1, 16, 17, 19])

@@ -6,300 +6,298 @@ import html
 import re
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import cv2
-import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from tams_app.errors import LogError
-from tams_app.study.folder import StudyFolder
+from tams_app.errors import ConfigError
 from tams_app.study.plan import void
-from tams_app.study.report import paired
-from tams_app.study.report.blocks import Document, Listing, Paragraph, Picture, Section, Table
-from tams_app.study.report.build import build_document, write_report
-from tams_app.study.report.comparing import Finding, Measure, compare, judge
-from tams_app.study.report.damage_section import damage_section
-from tams_app.study.report.design_section import design_section
-from tams_app.study.report.drawing import picture
-from tams_app.study.report.html import render_html
-from tams_app.study.report.model_table import model_blocks
-from tams_app.study.report.operator_section import operator_section
-from tams_app.study.report.pdf import write_pdf
-from tams_app.study.report.summary_section import received_ssim, success_share
-from tams_app.study.results import StudyData, TrialResult, read_results
-from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
+from tams_app.study.report import build, drawing
+from tams_app.study.report.build import build_report
+from tams_app.study.report.findings import (
+    Finding,
+    Quantity,
+    claims,
+    compared,
+    difference_sentence,
+    judge,
+)
+from tams_app.study.report.measures import Measures
+from tams_app.study.results import StudyData, read_results, read_tables, write_tables
+from tams_app.study.statistics.differences import PairedDifference
+from tams_app.study.statistics.intervals import Estimate
+from tests.study.report_page import Page
+from tests.study.synthetic_study import (
+    PlantedRunner,
+    fill_study,
+    make_study,
+    planted_data,
+    small_config,
+)
 
 pytestmark = pytest.mark.untimed
 
-for extra in ("pandas", "pyarrow", "statsmodels"):
+for extra in ("jinja2", "pandas", "pyarrow", "statsmodels"):
     pytest.importorskip(extra)
 
 WINNING = PlantedRunner({"tams": -12.0}, {"tams": 0.02}, noise_s=2.0, lapses=0.0)
 EVEN = PlantedRunner(noise_s=2.0, lapses=0.0)
 LOSING = PlantedRunner({"tams": 12.0}, {"tams": -0.02}, noise_s=2.0, lapses=0.0)
 TWO_BY_TWO = {"study__strategies": ["equal", "tams"], "study__networks": ["s1", "s3"]}
+HOSTILE = 'a "quoted" <script>$x_1^2$</script> & more'
 
 
-def document(path: Path, runner: PlantedRunner, people: int = 12, **more: Any) -> Document:
-    study = make_study(path, people, **{**TWO_BY_TWO, **more})
-    fill_study(study, runner)
-    return build_document(read_results(study))
+def measured(runner: PlantedRunner, people: int = 12, **more: Any) -> Measures:
+    return Measures(planted_data(runner, people, **{**TWO_BY_TWO, **more}))
 
 
-def texts(found: Document | Section) -> list[str]:
-    """Every sentence of it."""
-    sections = found.sections if isinstance(found, Document) else (found,)
-    blocks = [block for section in sections for block in section.blocks]
-    return [block.text for block in blocks if isinstance(block, Paragraph)] + [
-        item for block in blocks if isinstance(block, Listing) for item in block.items
-    ]
+def estimate(found: PairedDifference) -> float:
+    assert found.estimate is not None
+    return found.estimate.value
 
 
-def tables(found: Document, caption: str) -> list[Table]:
-    blocks = [block for section in found.sections for block in section.blocks]
-    return [one for one in blocks if isinstance(one, Table) and caption in one.caption]
-
-
-def claims(found: Document) -> list[str]:
-    return [text for text in texts(found.sections[0]) if text.startswith("Claim:")]
-
-
-def censored_s(result: TrialResult) -> float | None:
-    return result.censored_time_s(120.0)
+def words_of(data: StudyData, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Page:
+    """The report without its figures, which take most of the time."""
+    monkeypatch.setattr(build, "drawing", MagicMock())
+    monkeypatch.setattr(build, "to_png", lambda figure: b"")
+    return Page(build_report(data, **more).html)
 
 
 @pytest.fixture(scope="module")
-def even_data(tmp_path_factory: pytest.TempPathFactory) -> StudyData:
+def even() -> StudyData:
     """A study of strategies that do not differ."""
-    study = make_study(tmp_path_factory.mktemp("even"), 12, **TWO_BY_TWO)
-    fill_study(study, EVEN)
-    return read_results(study)
+    return planted_data(EVEN, 12, **TWO_BY_TWO)
 
 
 @pytest.fixture(scope="module")
-def even(even_data: StudyData) -> Document:
-    """Its report."""
-    return build_document(even_data)
+def folder(even: StudyData, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where its report is written, with remarks."""
+    out = tmp_path_factory.mktemp("report")
+    build_report(even, f"First {HOSTILE}.\n\nSecond.").write(out)
+    return out
 
 
-def test_a_planted_advantage_holds(tmp_path: Path) -> None:
-    ssim, time, _ = claims(document(tmp_path, WINNING))
-    assert ssim.endswith("2 comparisons: holds: 2.")
-    assert time.endswith("2 comparisons: holds: 2.")
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Page:
+    return Page((folder / "report.html").read_text(encoding="utf-8"))
 
 
-def test_where_nothing_was_planted_hardly_any_interval_excludes_zero(tmp_path: Path) -> None:
-    """At 95 % one interval in twenty may; ten would be far too many."""
+def test_a_planted_advantage_holds() -> None:
+    ssim, time, _ = claims(measured(WINNING))
+    assert ssim.tally == "2 comparisons: holds: 2"
+    assert time.tally == "2 comparisons: holds: 2"
+
+
+def test_where_nothing_was_planted_hardly_any_test_finds_a_difference() -> None:
+    """At 5 % one in twenty may; ten would be far too many."""
     shown = 0
     for seed in range(5):
-        study = make_study(tmp_path / str(seed), 12, **TWO_BY_TWO, seed=seed)
-        fill_study(study, EVEN)
-        data = read_results(study)
-        for network in data.plan.networks:
-            for measure in (received_ssim, success_share, censored_s):
-                found = compare(data, "equal", network, measure)
+        measures = measured(EVEN, seed=seed)
+        for network in ("s1", "s3"):
+            for quantity in compared(120.0):
+                found = measures.difference("equal", network, quantity.column)
                 shown += judge(found, more_is_better=True) is not Finding.NOT_SHOWN
     assert shown <= 4  # of 30
 
 
-def test_a_planted_disadvantage_is_said_as_plainly(tmp_path: Path) -> None:
-    found = document(tmp_path, LOSING)
-    ssim, time, _ = claims(found)
-    assert ssim.endswith("2 comparisons: the opposite holds: 2.")
-    assert time.endswith("the opposite holds: 2.")
-    assert any(text.startswith("S1, TAMS against Equal, by phase (paired): lower in Reach")
-               for text in texts(found))  # fmt: skip
+def test_a_planted_disadvantage_is_said_as_plainly() -> None:
+    measures = measured(LOSING)
+    ssim, time, _ = claims(measures)
+    assert ssim.tally == "2 comparisons: the opposite holds: 2"
+    assert time.tally == "2 comparisons: the opposite holds: 2"
+    assert estimate(measures.phase_difference("equal", "s1", "REACH")) == pytest.approx(
+        -0.02, abs=0.005
+    )
 
 
-def test_a_handful_of_participants_decides_nothing(tmp_path: Path) -> None:
-    found = document(tmp_path, WINNING, people=3)
-    assert all(claim.endswith("not known: 2.") for claim in claims(found))
-    assert any("3 participants: too few for an interval" in text for text in texts(found))
+def test_favourable_and_unfavourable_differences_get_the_same_test_and_words() -> None:
+    quantity = Quantity("SSIM", "any", 3)
+    for p, favourable, unfavourable in (
+        (0.04, "holds", "the opposite holds"),
+        (0.052, "no difference shown", "no difference shown"),
+        (0.10, "no difference shown", "no difference shown"),
+    ):
+        for value, verdict in ((0.1, favourable), (-0.1, unfavourable)):
+            found = PairedDifference(Estimate(value, value - 0.1, value + 0.1, 18), p, 18, 0)
+            words = difference_sentence(found, quantity)
+            assert words.startswith(f"{verdict} (paired t test, p = .{round(1000 * p):03})")
 
 
-def test_simulated_operator_and_people_are_never_mixed_up(even: Document) -> None:
-    found = even
-    assert "simulated operator" in found.title
-    (overall,) = tables(found, "SSIM of the primary view, mean of the phase means")
+def test_a_handful_of_participants_decides_nothing() -> None:
+    found = claims(measured(WINNING, people=3))
+    assert all(claim.tally.endswith("not known: 2") for claim in found)
+    assert "not known (3 participants: too few to test)" in found[0].sentences[0]
+
+
+def test_simulated_operator_and_people_are_never_mixed_up(page: Page) -> None:
+    assert page.sentences[0] == "TAMS study: simulated operator"
+    overall = page.table("SSIM of the primary view, mean of the phase means")
     assert overall.header[1] == "Received, simulated operator"
     assert overall.header[4] == "Received, paper, 16 people on hardware"
-    theirs = {row[0]: row[4] for row in overall.rows}
-    assert theirs == {
+    assert overall.column(4) == {
         "S1, Equal": "0.944",
         "S1, TAMS": "0.968",
         "S3, Equal": "0.764",
         "S3, TAMS": "0.794",
     }
-    (times,) = tables(found, "Completion times with")
-    assert [row[-1] for row in times.rows] == ["24.7", "23.5", "68.9", "43.9"]
-    (success,) = tables(found, "Success and completion")
-    assert [row[-1] for row in success.rows] == ["90–92 %", "90–92 %", "48 %", "71 %"]
+    assert [*page.table("Completion times with").column(5).values()] == [
+        "24.7",
+        "23.5",
+        "68.9",
+        "43.9",
+    ]
+    success = page.table("Success and completion").column(5)
+    assert [*success.values()] == ["90–92 %", "90–92 %", "48 %", "71 %"]
 
 
-def test_what_is_missing_is_listed(tmp_path: Path) -> None:
+def test_what_the_figures_are_worth_is_said(page: Page) -> None:
+    told = " ".join(page.sentences)
+    assert "ended missed" in told  # live against virtual
+    assert "that S1 agrees with the paper is no finding" in told
+    assert "the paper prints none" in told  # of the thresholds
+    assert "the paper does not say which it took" in page.table("Welch's t-test").caption
+    assert "fitted to the paper's times under S1" in page.table("Completion times with").caption
+
+
+def test_what_is_missing_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = make_study(tmp_path, 2, **TWO_BY_TWO)
     fill_study(study, PlantedRunner(missing_phase="PRE_RELEASE"), leave=("P02-03",))
     study.save(void(study.load(), "P01-02", "the light went out"))
-    sentences = texts(design_section(read_results(study), None))
+    sentences = words_of(read_results(study), monkeypatch, tolerance_ssim=0.002).sentences
     assert "Missing: 2 planned trials: P01-02, P02-03." in sentences
     assert "P01-02: void, the light went out" in sentences
     assert any(text.startswith("Not counterbalanced") for text in sentences)
     assert any("Pre-release in 6 of 6 trials" in text for text in sentences)
+    assert any("differ, within 0.002 in SSIM, as measured" in text for text in sentences)
 
 
-def test_how_long_the_phases_lasted_is_told(even: Document) -> None:
-    (told,) = [text for text in texts(even) if text.startswith("Phases lasted")]
+def test_how_long_the_phases_lasted_is_told(page: Page) -> None:
+    (told,) = [text for text in page.sentences if text.startswith("Phases lasted")]
     assert told == (
         "Phases lasted, medians over all trials: Reach 5.00 s, Align 5.00 s, Grasp 5.00 s, "
         "Transport 5.00 s, Pre-release 5.00 s and Release 15.00 s."
     )
 
 
-def test_the_machine_and_its_tolerance_are_stated(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 2, **TWO_BY_TWO)
-    fill_study(study, EVEN)
-    data = read_results(study)
-    assert any("this study did not measure" in text for text in texts(design_section(data, None)))
-    stated = texts(design_section(data, 0.002))
-    assert any("within 0.002 in SSIM, as measured" in text for text in stated)
+def test_a_study_that_knows_little_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One participant, no loss, no reliance, no completed trial; thresholds that were set."""
+    runner = PlantedRunner({"tams": 500.0, "equal": 500.0}, damage_told=False, relied=False)
+    data = planted_data(runner, 1, policy__phases__v_eps_mm_s=7.0, **TWO_BY_TWO)
+    sentences = words_of(data, monkeypatch).sentences
+    assert "Phases are inferred with thresholds other than TAMS's defaults." in sentences
+    assert not any("the paper prints none" in text for text in sentences)
+    assert "No trial tells which frames loss left incomplete." in sentences
+    assert "No trial tells which view the operator relied on." in sentences
+    assert "No trial was completed." in sentences
 
 
-def test_a_model_that_cannot_be_fitted_is_a_sentence(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 1, **TWO_BY_TWO)
-    fill_study(study, EVEN)
-    first, second = model_blocks(read_results(study))
-    assert isinstance(first, Paragraph)
-    assert isinstance(second, Paragraph)
-    assert "at least two participants" in first.text
+def test_a_model_that_cannot_be_fitted_is_a_sentence() -> None:
+    found = measured(EVEN, people=1).model("censored_time_s")
+    assert "at least two participants" in getattr(found, "reason", "")
 
 
-def planted(cell: str) -> float:
+def value(cell: str) -> float:
     """The value before its interval."""
     return float(cell.split()[0].replace("−", "-"))
 
 
-def test_the_difference_of_ssim_is_also_taken_in_other_ways(even: Document) -> None:
-    (table,) = tables(even, "taken in other ways")
-    by_phases, common, by_time, all_views = map(planted, table.rows[0][1:])
+def test_the_difference_of_ssim_is_also_taken_in_other_ways(page: Page) -> None:
+    by_phases, common, by_time, all_views = map(value, page.table("in other ways").rows[0][1:])
     assert by_time == pytest.approx(by_phases + 0.01, abs=1e-4)  # as planted
     assert common == pytest.approx(by_phases, abs=1e-4)  # no phase is missing
     assert all_views == pytest.approx(by_phases, abs=1e-4)  # each view is planted like the primary
 
 
-def test_a_phase_that_one_trial_of_a_pair_lacks_is_left_out_of_the_other(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 6, **TWO_BY_TWO)
-    fill_study(study, EVEN)
-    data = read_results(study)
-    (whole,) = tables(build_document(data), "taken in other ways")
-    for one in data.of("tams", "s1"):  # a phase much better than the others, of TAMS alone
-        one.summary["primary_view"]["by_phase"]["RELEASE"]["received_ssim"] = 1.0
-    for one in data.of("equal", "s1"):
-        del one.summary["primary_view"]["by_phase"]["RELEASE"]
-    (cut,) = tables(build_document(data), "taken in other ways")
-    assert planted(cut.rows[0][2]) == pytest.approx(planted(whole.rows[0][2]), abs=0.004)
+def test_a_phase_that_one_trial_of_a_pair_lacks_is_left_out_of_the_other() -> None:
+    measures = measured(EVEN, people=6)
+    whole = estimate(measures.common_phases_difference("equal", "s1"))
+    phases = measures.data.phases
+    release = phases["phase"] == "RELEASE"
+    # a phase much better than the others, of TAMS alone
+    phases.loc[release & (phases["strategy"] == "tams"), "received_ssim"] = 1.0
+    phases.loc[release & (phases["strategy"] == "equal"), "received_ssim"] = None
+    cut = estimate(measures.common_phases_difference("equal", "s1"))
+    assert cut == pytest.approx(whole, abs=0.004)
 
 
-def test_what_coding_won_and_loss_took_again_are_told_apart(tmp_path: Path) -> None:
+def test_what_coding_won_and_loss_took_again_are_told_apart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Planted on s3: equal received SSIM, of which loss takes .03 more from TAMS."""
-    runner = PlantedRunner(noise_s=2.0, lapses=0.0, lost_ssim={"tams": 0.05, "equal": 0.02})
-    study = make_study(tmp_path, 12, **TWO_BY_TWO)
-    fill_study(study, runner)
-    data = read_results(study)
+    lost = {"tams": 0.05, "equal": 0.02}
+    data = planted_data(PlantedRunner(noise_s=2.0, lapses=0.0, lost_ssim=lost), 12, **TWO_BY_TWO)
+    measures = Measures(data)
 
-    def difference(measure: Measure, network: str) -> float:
-        found = compare(data, "equal", network, measure).estimate
-        assert found is not None
-        return found.value
+    def difference(column: str, network: str) -> float:
+        return estimate(measures.difference("equal", network, column))
 
-    received = difference(received_ssim, "s3")
-    assert difference(lambda one: one.lost_ssim, "s3") == pytest.approx(-0.03)
-    assert difference(lambda one: one.coding_ssim, "s3") == pytest.approx(received + 0.03, abs=1e-4)
-    assert difference(lambda one: one.lost_ssim, "s1") == pytest.approx(0)
-    section = damage_section(data)
-    told = [text for text in texts(section) if "by loss make" in text]
-    assert [text.split(",")[0] for text in told] == ["S3"]  # nothing is damaged on S1
-    assert "−0.0300 by loss" in told[0]
-    parts = next(one for one in section.blocks if isinstance(one, Table))
-    assert parts.rows[0][4].startswith("4.50 ")
-    shares = [one for one in section.blocks if isinstance(one, Table) and "Share" in one.caption]
-    assert ["on S3," in one.caption for one in shares] == [True]
-    assert shares[0].rows[0][1].startswith("0.200 ")
+    received = difference("primary_received_ssim", "s3")
+    assert difference("lost_ssim", "s3") == pytest.approx(-0.03)
+    assert difference("undamaged_ssim", "s3") == pytest.approx(received + 0.03, abs=1e-4)
+    assert difference("lost_ssim", "s1") == pytest.approx(0)
+    page = words_of(data, monkeypatch)
+    parts = page.table("Received SSIM, TAMS minus the other, in two parts")
+    assert parts.column(3)["S3, against Equal"].startswith("−0.0300 ")
+    packets = page.table("how many packets").column(4)
+    assert packets["S1, Equal"].startswith("4.50 ")
+    (shares,) = page.tables("Share of incomplete frames")  # nothing is lost on S1
+    assert "on S3," in shares.caption
+    assert shares.rows[0][1] == "0.200"
 
 
-def test_a_study_that_knows_nothing_of_damage_says_so(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 1, **TWO_BY_TWO)
-    fill_study(study, PlantedRunner(damage_told=False))
-    told = texts(damage_section(read_results(study)))
-    assert told == ["No trial tells which frames were damaged by loss."]
-
-
-def test_a_phase_without_an_undamaged_frame_has_no_part_in_what_loss_took(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 1, **TWO_BY_TWO)
-    fill_study(study, PlantedRunner(lost_ssim={"tams": 0.05}))
-    data = read_results(study)
-    (one,) = data.of("tams", "s3")
-    by_phase = one.summary["primary_view"]["by_phase"]
-    by_phase["GRASP"] |= {"undamaged_received_ssim": None, "received_ssim": 0.1}
-    assert one.lost_ssim == pytest.approx(-0.05)
-    assert one.coding_ssim == pytest.approx((one.parted_ssim or 0.0) + 0.05)
-    assert any("undamaged frame (1 in all trials)" in text for text in texts(damage_section(data)))
-    for scores in by_phase.values():
-        scores["undamaged_received_ssim"] = None
-    assert one.lost_ssim is None
-    assert one.coding_ssim is None
+def test_a_phase_without_a_complete_frame_has_no_part_in_what_loss_took() -> None:
+    runner = PlantedRunner(lost_ssim={"tams": 0.05})
+    changed = {"undamaged_received_ssim": None, "received_ssim": 0.1}
+    data = planted_data(runner, 1, change={("tams", "s3", "GRASP"): changed}, **TWO_BY_TWO)
+    measures = Measures(data)
+    (lost,) = measures.values("tams", "s3", "lost_ssim")
+    assert lost == pytest.approx(-0.05)
+    assert measures.phases_without_complete_frames == 1
+    none = {("tams", "s3", phase): changed for phase in drawing.PHASES}
+    data = planted_data(runner, 1, change=none, **TWO_BY_TWO)
+    assert Measures(data).values("tams", "s3", "lost_ssim") == []
 
 
 def test_parts_of_a_sum_are_drawn_on_one_scale_and_an_empty_panel_does_not_set_it(
-    even_data: StudyData, monkeypatch: pytest.MonkeyPatch
+    even: StudyData,
 ) -> None:
-    drawn: list[Figure] = []
-
-    def keep(figure: Figure, name: str, caption: str, alternative: str) -> Picture:
-        drawn.append(figure)
-        return picture(figure, name, caption, alternative)
-
-    monkeypatch.setattr(paired, "picture", keep)
+    tenth = even.trials.assign(tenth=even.trials["primary_received_ssim"] / 10)
+    data = StudyData(even.plan, even.config, tenth, even.practice, even.phases)
     quantities = [
-        paired.Quantity("received", "", received_ssim, 4),
-        paired.Quantity("a tenth of it", "", lambda one: (received_ssim(one) or 0.0) / 10, 4),
-        paired.Quantity("nobody knows", "", lambda one: None, 4),
+        Quantity("received", "primary_received_ssim", 4),
+        Quantity("a tenth of it", "tenth", 4),
+        Quantity("not known", "unknown", 4),
     ]
-    paired.paired_figure(even_data, "parts", "", quantities, one_scale=True)
-    first, second, third = (axis.get_xlim() for axis in drawn[0].axes)
+    figure = drawing.differences_figure(Measures(data), quantities, one_scale=True)
+    first, second, third = (axis.get_xlim() for axis in figure.axes)
     assert first == second == third
     assert first[1] - first[0] < 0.1  # an empty axis would be 1 wide
 
 
-def test_how_sure_the_operator_was_stands_beside_what_he_relied_on(even: Document) -> None:
-    (table,) = tables(even, "How sure the simulated operator was")
-    assert table.rows[0] == ("Reach", "1.25", "1.25", "1.25", "1.25")
+def test_how_sure_the_operator_was_stands_beside_what_they_relied_on(page: Page) -> None:
+    sure = page.table("How sure the simulated operator was")
+    assert sure.header == ["Condition", "Reach"]
+    assert {*sure.column(1).values()} == {"1.25"}
 
 
-def test_agreement_with_w_is_measured_and_not_assumed(even: Document, tmp_path: Path) -> None:
-    (agreement,) = tables(even, "Agreement:")
+def test_agreement_with_w_is_measured_and_not_assumed(page: Page) -> None:
     # the planted operator is half of the time on EIH, W's choice in four of six phases
-    assert agreement.rows[0][1].startswith("0.42 ")
-    (by_glances,) = tables(even, "fraction of glances")
-    assert by_glances.rows[0][1].startswith("0.60 ")
-    study = make_study(tmp_path, 1, **TWO_BY_TWO)
-    fill_study(study, PlantedRunner(relied=False))
-    sentences = texts(operator_section(read_results(study)))
-    assert sentences == ["No trial tells which view the operator relied on."]
+    assert page.table("Agreement:").rows[0][1].startswith("0.42 ")
+    assert page.table("fraction of glances").rows[0][1].startswith("0.60 ")
 
 
-def test_the_report_is_one_page_without_links_and_its_figures_beside_it(tmp_path: Path) -> None:
-    study = make_study(tmp_path / "study", 6, **TWO_BY_TWO)
-    fill_study(study, WINNING)
-    (study.path / "remarks.txt").write_text("First <b>remark</b>.\n\nSecond.")
-    written = write_report(study, tmp_path / "out")
-    page = written.html.read_text(encoding="utf-8")
-    assert not re.search(r"https?://|<script|<link|@import|url\(", page)
-    assert "First &lt;b&gt;remark&lt;/b&gt;." in page
-    assert page.count("<img alt=") == len(written.figures) == 7
-    assert all(len(alt) > 20 for alt in re.findall(r'<img alt="([^"]*)"', page))
-    assert written.pdf.read_bytes().startswith(b"%PDF")
-    names = {path.stem for path in written.figures}
+def test_the_report_is_one_page_without_links_and_its_figures_beside_it(
+    page: Page, folder: Path
+) -> None:
+    assert not re.search(r"https?://|<script|<link|@import|url\(", page.text)
+    assert "@media print" in page.text
+    assert f"First {html.escape(HOSTILE, quote=False)}.".replace('"', "&#34;") in page.text
+    assert f"First {HOSTILE}." in page.sentences
+    assert "<h3>Remarks of those who ran the study</h3>" in page.text
+    assert all(len(image.get("alt", "")) > 20 for image in page.images)
+    assert all(image.get("src", "").startswith("data:image/png;base64,") for image in page.images)
+    names = {path.stem for path in folder.glob("*.png")}
     assert names == {
         "ssim",
         "ssim_phases",
@@ -309,41 +307,28 @@ def test_the_report_is_one_page_without_links_and_its_figures_beside_it(tmp_path
         "differences",
         "relied_on",
     }
-    for path in written.figures:
-        picture = cv2.imread(str(path))
-        assert picture is not None
-        assert picture.std() > 5
-    total = sum(path.stat().st_size for path in (tmp_path / "out").iterdir())
-    assert total < 5_000_000
-    assert all(path.is_file() for path in written.tables)
+    assert len(page.images) == len(names)
+    for path in folder.glob("*.png"):
+        drawn = cv2.imread(str(path))
+        assert drawn is not None
+        assert drawn.std() > 5
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 3_000_000
 
 
-def test_a_study_without_results_has_no_report(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 1, **TWO_BY_TWO)
-    with pytest.raises(LogError, match="no trial is done yet"):
-        write_report(study)
-    assert not (StudyFolder(tmp_path).path / "report").exists()
-
-
-def test_html_and_pdf_take_any_text(tmp_path: Path) -> None:
-    picture = np.zeros((8, 8, 3), np.uint8)
-    png = cv2.imencode(".png", picture)[1].tobytes()
-    hostile = 'a "quoted" <script>$x_1^2$</script> & more'
-    section = Section(
-        hostile,
-        (
-            Paragraph(hostile, verdict=True),
-            Listing((hostile,)),
-            Table(hostile, (hostile, "b"), ((hostile, hostile),) * 80),
-            Picture("name", png, hostile, hostile),
-        ),
-    )
-    found = Document(hostile, hostile, (section,))
-    page = render_html(found)
-    assert "<script>" not in page
-    assert html.escape(hostile) in page
-    write_pdf(found, tmp_path / "report.pdf")
-    content = (tmp_path / "report.pdf").read_bytes()
-    assert len(re.findall(rb"/Type /Page\b", content)) >= 2
-    write_pdf(found, tmp_path / "again.pdf")
-    assert (tmp_path / "again.pdf").read_bytes() == content  # reproducible
+def test_exported_tables_tell_the_same_as_the_study(even: StudyData, tmp_path: Path) -> None:
+    write_tables(even, tmp_path)
+    again = read_tables(tmp_path, small_config(**TWO_BY_TWO))
+    for quantity in compared(120.0):
+        first, second = (
+            Measures(one).difference("equal", "s3", quantity.column) for one in (even, again)
+        )
+        assert first == second
+    assert Measures(again).model("censored_time_s") == Measures(even).model("censored_time_s")
+    assert {trial.id for trial in again.plan.trials} == {trial.id for trial in even.plan.trials}
+    with pytest.raises(ConfigError, match="is not the one that the configuration plans"):
+        read_tables(tmp_path, small_config(**TWO_BY_TWO, seed=12))
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_tables(tmp_path / "none", small_config())
+    (tmp_path / "trials.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(ConfigError, match="has no column trial"):
+        read_tables(tmp_path, small_config())

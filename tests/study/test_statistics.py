@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.study.statistics.intervals import (
-    FEWEST_TO_RESAMPLE,
-    bootstrap_mean,
-    mean_interval,
-    means_by_unit,
-    wilson_interval,
+from tams_app.study.statistics.differences import (
+    FEWEST_TO_TEST,
+    PairedDifference,
+    cohens_d,
+    paired_difference,
+    welch,
 )
+from tams_app.study.statistics.intervals import mean_interval, wilson_interval
 from tams_app.study.statistics.mixed_model import (
     INTERCEPT,
     MixedModel,
     NotFitted,
     fit_mixed_model,
-    interaction_columns,
 )
-from tams_app.study.statistics.pairs import paired_difference
-from tams_app.study.statistics.welch import cohens_d, stars, welch
 
 pytestmark = pytest.mark.untimed
 
@@ -42,8 +41,9 @@ def test_welch_s_t_is_that_of_the_published_sleep_example() -> None:
     assert found.t == pytest.approx(-1.8608, abs=5e-5)
     assert found.df == pytest.approx(17.776, abs=5e-4)
     assert found.p == pytest.approx(0.07939, abs=5e-6)
-    assert (found.low, found.high) == pytest.approx((-3.3654832, 0.2054832), abs=5e-7)
-    assert found.difference == pytest.approx(0.75 - 2.33)
+    ends = (found.difference.low, found.difference.high)
+    assert ends == pytest.approx((-3.3654832, 0.2054832), abs=5e-7)
+    assert found.difference.value == pytest.approx(0.75 - 2.33)
 
 
 def test_cohen_s_d_is_that_of_the_published_sleep_example() -> None:
@@ -56,10 +56,6 @@ def test_cohen_s_d_is_that_of_the_published_sleep_example() -> None:
 def test_welch_needs_values_and_variance() -> None:
     assert welch([1], [1, 2, 3]) is None
     assert welch([2, 2], [3, 3]) is None
-
-
-def test_stars_are_those_of_the_paper() -> None:
-    assert [stars(p) for p in (0.05, 0.049, 0.0099, 0.00099)] == ["ns", "*", "**", "***"]
 
 
 # Newcombe (1998), "Two-sided confidence intervals for the single proportion", Statistics in
@@ -86,54 +82,60 @@ def test_the_t_interval_is_that_of_fisher_s_maize() -> None:
     found = mean_interval(MAIZE)
     assert found is not None
     assert (found.value, found.low, found.high) == pytest.approx((20.93, 0.03, 41.84), abs=5e-3)
-    assert found.excludes_zero
     one = mean_interval([3.0])
     assert one is not None
-    assert (one.value, one.low, one.high, one.excludes_zero) == (3.0, None, None, False)
+    assert (one.value, one.low, one.high) == (3.0, None, None)
     assert mean_interval([]) is None
     assert wilson_interval(0, 0) is None
 
 
-def test_the_bootstrap_interval_of_the_maize_lies_where_the_t_interval_does() -> None:
-    found = bootstrap_mean(MAIZE)
-    assert found is not None
-    assert found.low is not None
-    assert found.high is not None
-    assert found.value == pytest.approx(20.93, abs=5e-3)
-    assert found.low == pytest.approx(0.03, abs=6)
-    assert found.high == pytest.approx(41.84, abs=6)
-    assert found == bootstrap_mean(MAIZE)  # seeded
-    assert found != bootstrap_mean(MAIZE, seed=1)
+def paired(differences: list[float]) -> PairedDifference:
+    """One pair for each participant."""
+    index = pd.MultiIndex.from_tuples([(f"P{n:02}", 1) for n in range(len(differences))])
+    first = pd.Series(differences, index=index, dtype=float)
+    return paired_difference(first, first * 0.0)
 
 
-def test_the_bootstrap_covers_the_truth_about_as_often_as_it_says() -> None:
+def test_the_paired_t_test_is_that_of_fisher_s_maize() -> None:
+    found = paired([float(one) for one in MAIZE])
+    assert found.p == pytest.approx(0.0497, abs=5e-5)  # as R's t.test gives it
+    assert found.is_shown
+    assert found.estimate == mean_interval(MAIZE)
+    assert not paired([float(one) for one in MAIZE[:14]] + [-60.0]).is_shown
+
+
+def test_the_paired_t_test_is_that_of_the_published_sleep_example() -> None:
+    found = paired([one - two for one, two in zip(DRUG_1, DRUG_2, strict=True)])
+    assert found.p == pytest.approx(0.002833, abs=5e-7)
+    assert found.estimate is not None
+    ends = (found.estimate.low, found.estimate.high)
+    assert ends == pytest.approx((-2.4598858, -0.7001142), abs=5e-7)
+
+
+def test_interval_and_test_say_the_same() -> None:
     random = np.random.default_rng(1)
-    hits = 0
-    for _ in range(40):
-        found = bootstrap_mean(random.normal(3, 1, 25).tolist())
-        assert found is not None
-        assert found.low is not None
-        assert found.high is not None
-        hits += found.low <= 3 <= found.high
-    assert 34 <= hits <= 40
+    shown = 0
+    for _ in range(100):
+        found = paired(random.normal(0.4, 1, 12).tolist())
+        assert found.estimate is not None
+        assert found.estimate.low is not None
+        assert found.estimate.high is not None
+        assert found.is_shown == (found.estimate.low > 0 or found.estimate.high < 0)
+        shown += found.is_shown
+    assert 10 < shown < 60
 
 
-@given(st.lists(st.floats(0.1, 9), min_size=1, max_size=FEWEST_TO_RESAMPLE - 1))
-def test_a_handful_of_units_never_excludes_zero(values: list[float]) -> None:
-    found = bootstrap_mean(values)
-    assert found is not None
-    assert not found.excludes_zero
+@given(st.lists(st.floats(0.1, 9), min_size=1, max_size=FEWEST_TO_TEST - 1))
+def test_a_handful_of_participants_shows_nothing(values: list[float]) -> None:
+    found = paired(values)
+    assert (found.is_shown, found.p) == (False, None)
+    assert found.estimate is not None
+    assert found.estimate.low is None
 
 
-def test_values_that_never_vary_have_an_interval_without_width() -> None:
-    found = bootstrap_mean([0.0] * 8)
-    assert found is not None
-    assert (found.low, found.high, found.excludes_zero) == (0.0, 0.0, False)
-    assert bootstrap_mean([]) is None
-
-
-def test_repetitions_count_once_per_participant() -> None:
-    assert means_by_unit({"P01": [1, 3], "P02": [5], "P03": []}) == [2.0, 5.0]
+def test_differences_that_never_vary_are_all_or_nothing() -> None:
+    assert not paired([0.0] * 8).is_shown
+    assert paired([0.5] * 8).is_shown
 
 
 def test_pairs_are_made_within_participant_and_the_rest_is_counted() -> None:
@@ -141,11 +143,17 @@ def test_pairs_are_made_within_participant_and_the_rest_is_counted() -> None:
     second = {key: value - 2.0 for key, value in first.items()}
     del first[("P03", 1)]
     second[("P99", 1)] = 0.0
-    found = paired_difference(first, second)
+    found = paired_difference(pd.Series(first), pd.Series(second))
     assert (found.pairs, found.unpaired) == (15, 2)
     assert found.estimate is not None
     assert (found.estimate.value, found.estimate.n) == (2.0, 8)
-    assert paired_difference({}, second).estimate is None
+
+
+def test_repetitions_count_once_per_participant() -> None:
+    first = {("P01", 1): 1.0, ("P01", 2): 3.0, ("P02", 1): 5.0}
+    found = paired_difference(pd.Series(first), pd.Series(first) * 0.0)
+    assert found.estimate is not None
+    assert (found.estimate.value, found.estimate.n) == (3.5, 2)
 
 
 # Pinheiro & Bates (2000), Mixed-Effects Models in S and S-PLUS, section 1.2: `ergoStool`, effort to
@@ -167,8 +175,8 @@ def test_the_mixed_model_is_that_of_the_published_ergo_stool_example() -> None:
     efforts = [float(effort) for row in ERGO_STOOL for effort in row]
     subjects = [f"S{number}" for number in range(9) for _ in range(4)]
     types = [f"T{number}" for _ in range(9) for number in range(1, 5)]
-    columns = {one: [float(kind == one) for kind in types] for one in ("T2", "T3", "T4")}
-    model = fit_mixed_model(efforts, columns, subjects)
+    rows = pd.DataFrame({"effort": efforts, "type": types, "participant": subjects})
+    model = fit_mixed_model(rows, "effort ~ type")
     assert isinstance(model, MixedModel)
     betas = [term.beta for term in model.terms]
     assert betas == pytest.approx([8.555556, 3.888889, 2.222222, 0.666667], abs=1e-5)
@@ -185,7 +193,8 @@ RAIL = [(55, 53, 54), (26, 37, 32), (78, 91, 85), (92, 100, 96), (49, 51, 50), (
 
 def test_the_mixed_model_is_that_of_the_published_rail_example() -> None:
     times = [float(time) for row in RAIL for time in row]
-    model = fit_mixed_model(times, {}, [f"R{number}" for number in range(6) for _ in range(3)])
+    rails = [f"R{number}" for number in range(6) for _ in range(3)]
+    model = fit_mixed_model(pd.DataFrame({"time": times, "participant": rails}), "time ~ 1")
     assert isinstance(model, MixedModel)
     assert model.term(INTERCEPT).beta == pytest.approx(66.5, abs=1e-4)
     assert model.term(INTERCEPT).standard_error == pytest.approx(10.17104, abs=2e-2)
@@ -195,18 +204,16 @@ def test_the_mixed_model_is_that_of_the_published_rail_example() -> None:
 
 def planted(interaction_s: float, people: int, sigma: float) -> MixedModel | NotFitted:
     random = np.random.default_rng(4)
-    strategies, networks, groups, times = [], [], [], []
+    rows = []
     for person in range(people):
         offset = random.normal(0, 4)
         for strategy in ("equal", "tams"):
             for network in ("s1", "s3"):
                 both = interaction_s * (strategy == "tams" and network == "s3")
-                strategies.append(strategy)
-                networks.append(network)
-                groups.append(f"P{person}")
-                times.append(25 + 30 * (network == "s3") + both + offset + random.normal(0, sigma))
-    columns = interaction_columns(strategies, networks, ("equal", "tams"), ("s1", "s3"))
-    return fit_mixed_model(times, columns, groups)
+                time = 25 + 30 * (network == "s3") + both + offset + random.normal(0, sigma)
+                rows.append((f"P{person}", strategy, network, time))
+    table = pd.DataFrame(rows, columns=["participant", "strategy", "network", "time"])
+    return fit_mixed_model(table, "time ~ strategy * network")
 
 
 def test_a_planted_interaction_is_found_and_none_is_not() -> None:
@@ -221,11 +228,15 @@ def test_a_planted_interaction_is_found_and_none_is_not() -> None:
 
 
 def test_a_model_that_cannot_be_says_why() -> None:
+    def fit(values: list[float], columns: list[float], groups: str) -> MixedModel | NotFitted:
+        rows = pd.DataFrame({"y": values, "x": columns, "participant": list(groups)})
+        return fit_mixed_model(rows, "y ~ x")
+
     reasons = [
-        fit_mixed_model([1, 2, 3], {}, ["P1"] * 3),
-        fit_mixed_model([1, 2, 3], {"a": [0, 1, 0]}, ["P1", "P2", "P1"]),
-        fit_mixed_model([1, 2, 3, 4, 5], {"a": [0] * 5}, ["P1", "P2", "P1", "P2", "P1"]),
-        fit_mixed_model([2.0] * 6, {}, ["P1", "P2"] * 3),
+        fit([1, 2, 3], [0, 1, 0], "aaa"),
+        fit([1, 2, 3], [0, 1, 0], "aba"),
+        fit([1, 2, 3, 4, 5], [0] * 5, "ababa"),
+        fit([2.0] * 6, [0, 1, 0, 1, 1, 0], "ababab"),
     ]
     sentences = [reason.reason for reason in reasons if isinstance(reason, NotFitted)]
     assert [text.split(":")[0][:40] for text in sentences] == [
@@ -240,7 +251,7 @@ def test_participants_without_differences_are_remarked_and_not_an_error() -> Non
     random = np.random.default_rng(0)
     values = np.tile(random.normal(0, 1, 6), 8)  # each participant has exactly the same mean
     groups = [f"P{number}" for number in range(8) for _ in range(6)]
-    model = fit_mixed_model(values.tolist(), {}, groups)
+    model = fit_mixed_model(pd.DataFrame({"y": values, "participant": groups}), "y ~ 1")
     assert isinstance(model, MixedModel)
     assert model.group_sd < 0.05
     assert model.remarks

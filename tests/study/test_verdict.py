@@ -1,28 +1,35 @@
-"""The verdict: answers that fit each other and the rules."""
+"""The verdict: the log's time, and answers that fit each other and the rules."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from tams_app.config import TrialConfig
+from tams_app.recording import SessionLog
+from tams_app.recording.mcap_log import McapLog
+from tams_app.records import PacketRecord, Phase, PhaseChange
+from tams_app.runtime.clock import NS_PER_S
 from tams_app.study.plan import Verdict
-from tams_app.study.verdict import Conversation, ask_verdict
+from tams_app.study.verdict import ask_verdict, completion_time_s, measured_time_s
+from tests.study.experimenter import Experimenter
+from tests.synthetic_session import START_NS, header, live_records, tick
 
 pytestmark = pytest.mark.untimed
 
 
 def judged(*answers: str, measured_s: float | None = 40.0) -> tuple[Verdict, list[str]]:
-    """The verdict from these answers; each of them is used."""
-    left, said = list(answers), list[str]()
-    verdict = ask_verdict(
-        Conversation(lambda _: left.pop(0), said.append), TrialConfig(), measured_s
-    )
-    assert not left
-    return verdict, said
+    """The verdict from these answers, each of which is used, and what was said meanwhile."""
+    person = Experimenter(*answers)
+    verdict = ask_verdict(person, TrialConfig(), measured_s)
+    assert not person.answers
+    return verdict, person.said
 
 
 def test_answers_that_make_no_sense_are_asked_for_again() -> None:
-    verdict, said = judged("maybe", "Yes", "-1", "1.5", "100", "²", "2", "y", "", "y")
+    verdict, said = judged("maybe", "y", "-1", "1.5", "100", "²", "2", "", "y", "y")
     assert verdict == Verdict(completed=True, success=True, drops=2, completion_time_s=40.0)
     assert len(said) == 6
 
@@ -44,7 +51,7 @@ def test_within_the_rules_the_experimenter_decides() -> None:
     assert judged("y", "0", "y", "y")[0].success is True
 
 
-def test_without_a_measured_time_he_is_asked_for_it() -> None:
+def test_without_a_measured_time_it_is_asked_for() -> None:
     verdict, said = judged("y", "0", "nan", "0", "121", "x", "45,5", "y", measured_s=None)
     assert verdict.completion_time_s == 45.5
     assert len(said) == 4
@@ -53,3 +60,44 @@ def test_without_a_measured_time_he_is_asked_for_it() -> None:
 def test_a_measured_time_that_is_wrong_or_beyond_the_limit_is_replaced() -> None:
     assert judged("y", "0", "n", "50", "y")[0].completion_time_s == 50
     assert judged("y", "0", "60", "y", measured_s=130.0)[0].completion_time_s == 60
+
+
+def log(engaged_s: float | None, opened_s: tuple[float, ...]) -> SessionLog:
+    record = SessionLog(header(), START_NS)
+    for number in range(0, 1200, 12):
+        one = tick(number)
+        engaged = engaged_s is not None and one.due_ns >= START_NS + engaged_s * NS_PER_S
+        record.ticks.append(replace(one, arming="engaged" if engaged else "ready"))
+    record.phases.append(PhaseChange(START_NS, Phase.REACH, "start"))
+    record.phases += [
+        PhaseChange(START_NS + round(at * NS_PER_S), Phase.RELEASE, "gripper opened")
+        for at in opened_s
+    ]
+    return record
+
+
+def test_the_time_is_from_the_first_engagement_to_the_last_opening() -> None:
+    found = completion_time_s(log(2.0, (1.0, 5.0, 9.0)))
+    assert found is not None
+    assert 6.89 < found < 7.01  # ticks of 100 ms
+
+
+def test_without_engagement_or_opening_there_is_no_time() -> None:
+    assert completion_time_s(log(None, (5.0,))) is None
+    assert completion_time_s(log(2.0, ())) is None
+    assert completion_time_s(log(2.0, (1.0,))) is None  # opened before the trial began
+
+
+def write_log(path: Path) -> None:
+    """A log of two seconds without its packets."""
+    written = McapLog(path, header())
+    for record in live_records(2.0, video_bytes=100):
+        if not isinstance(record, PacketRecord):
+            written.write(record, START_NS)
+    written.close()
+
+
+def test_the_time_is_measured_from_the_log_where_there_is_one(tmp_path: Path) -> None:
+    assert measured_time_s(tmp_path) is None
+    write_log(tmp_path / "session.mcap")
+    assert measured_time_s(tmp_path) is None  # the arm was never engaged in that session

@@ -1,1 +1,1 @@
-"""From a study's results to a report: HTML, PDF and the figures."""
+"""The report of a study: its numbers, its figures, and the template of its page."""

@@ -1,106 +1,177 @@
-"""Builds the report of a study: report.html, report.pdf, the figures, and the tables."""
+"""Builds the report of a study: one page that carries its figures, and the figures as files."""
 
 from __future__ import annotations
 
+import base64
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from tams_app.config.streaming import PhasesConfig
 from tams_app.errors import LogError
-from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
-from tams_app.study.report.blocks import Document, Picture
-from tams_app.study.report.damage_section import damage_section
-from tams_app.study.report.design_section import design_section
-from tams_app.study.report.differences_section import differences_section
-from tams_app.study.report.fidelity_section import fidelity_section
-from tams_app.study.report.html import render_html
-from tams_app.study.report.operator_section import operator_section
-from tams_app.study.report.pdf import write_pdf
-from tams_app.study.report.success_section import success_section
-from tams_app.study.report.summary_section import summary_section
-from tams_app.study.report.time_section import time_section
-from tams_app.study.report.tracking_section import tracking_section
-from tams_app.study.results import StudyData, read_results
-from tams_app.study.tables import write_tables
+from tams_app.recording import read_log
+from tams_app.study.figures import bitrates_figure
+from tams_app.study.plan import AttemptState, ParticipantState
+from tams_app.study.planning import balance_sentence
+from tams_app.study.report import drawing, paper, wording
+from tams_app.study.report.drawing import to_png
+from tams_app.study.report.findings import PARTS, claims, compared
+from tams_app.study.report.measures import Measures
+from tams_app.study.results import StudyData
+from tams_app.study.runner import LOG_NAME
+from tams_app.study.statistics.differences import FEWEST_TO_TEST
+from tams_app.study.statistics.mixed_model import NotFitted
+from tams_app.study.tables import PHASES
 
 HTML_NAME = "report.html"
-PDF_NAME = "report.pdf"
-REMARKS_NAME = "remarks.txt"
-REMARKS_BYTES = 100_000
+TEMPLATE_NAME = "report.html.j2"
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
-    """What a report consists of on disk."""
+class Report:
+    """The page, and the figures that it carries: PNG by name."""
 
-    html: Path
-    pdf: Path
-    figures: tuple[Path, ...]
-    tables: tuple[Path, ...]
+    html: str
+    figures: dict[str, bytes]
+
+    def write(self, directory: Path) -> Path:
+        """Write the page and the figures beside it; the page's path. LogError where they cannot."""
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            for name, png in self.figures.items():
+                (directory / f"{name}.png").write_bytes(png)
+            (directory / HTML_NAME).write_text(self.html, encoding="utf-8")
+        except OSError as error:
+            raise LogError(
+                f"{directory}: the report cannot be written: {error.strerror}"
+            ) from error
+        return directory / HTML_NAME
 
 
-def build_document(
-    data: StudyData, remarks: str = "", tolerance_ssim: float | None = None
-) -> Document:
-    """All sections; `remarks` are the experimenters' own words, paragraphs apart by an empty line.
+def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | None = None) -> Report:
+    """The whole report.
 
+    `remarks`: the experimenters' own words, paragraphs apart by an empty line;
     `tolerance_ssim`: how far SSIM may differ between processors, where it was measured.
     """
-    whose = "simulated operator" if data.plan.simulated else "people on hardware"
-    return Document(
-        f"{data.plan.name}: {whose}",
-        f"{len(data.results)} of {sum(not one.practice for one in data.plan.trials)} planned "
-        "trials. Every sentence and figure is made from the study's data by `study report`.",
-        (
-            summary_section(data, remarks),
-            design_section(data, tolerance_ssim),
-            tracking_section(data),
-            fidelity_section(data),
-            damage_section(data),
-            time_section(data),
-            success_section(data),
-            differences_section(data),
-            operator_section(data),
-        ),
+    measures = Measures(data)
+    figures: dict[str, bytes] = {}
+
+    def draw(name: str, make: Callable[..., Figure], *arguments: Any, **options: Any) -> Markup:
+        """The figure as the source of an image."""
+        figures[name] = to_png(make(*arguments, **options))
+        coded = base64.b64encode(figures[name]).decode("ascii")
+        return Markup(f"data:image/png;base64,{coded}")
+
+    page = _template().render(
+        data=data,
+        plan=data.plan,
+        config=data.config,
+        m=measures,
+        draw=draw,
+        drawing=drawing,
+        bitrates_figure=lambda trial: bitrates_figure(read_log(data.folders[trial] / LOG_NAME)),
+        example=_example(data),
+        remarks=[text.strip() for text in remarks.split("\n\n") if text.strip()],
+        tolerance_ssim=tolerance_ssim,
+        run=_run_facts(measures),
+        claims=claims(measures),
+        quantities=compared(data.limit_s),
+        parts=PARTS,
     )
+    return Report(page, figures)
 
 
-def write_report(
-    study: StudyFolder, out: Path | None = None, tolerance_ssim: float | None = None
-) -> Written:
-    """Read the study, write tables beside it and the report into `out` (default: its report/).
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters = (
+        wording.name,
+        wording.term_name,
+        wording.phase_name,
+        wording.number,
+        wording.interval,
+        wording.value,
+        wording.percent,
+        wording.p_value,
+        wording.listed,
+    )
+    environment.filters |= {one.__name__: one for one in filters}
+    environment.filters["apply"] = lambda text, name: environment.filters[name](text)
+    environment.filters["prefixed"] = lambda text, prefix: f"{prefix}{text}"
+    environment.tests["not_fitted"] = lambda found: isinstance(found, NotFitted)
+    environment.globals |= {
+        "counted": wording.counted,
+        "paper": paper,
+        "PHASES": PHASES,
+        "FEWEST_TO_TEST": FEWEST_TO_TEST,
+    }
+    return environment.get_template(TEMPLATE_NAME)
 
-    Remarks are taken from remarks.txt in the study's folder. LogError if there is no result yet
-    or the disk refuses.
-    """
-    data = read_results(study)
-    if not data.results:
-        raise LogError(f"{study.path}: no trial is done yet: run `study run` first")
-    document = build_document(data, _remarks(study), tolerance_ssim)
-    tables = write_tables(data, study.path / TABLES_NAME)
-    directory = out or study.path / REPORT_NAME
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        figures = tuple(
-            _write_picture(block, directory)
-            for section in document.sections
-            for block in section.blocks
-            if isinstance(block, Picture)
+
+def _run_facts(measures: Measures) -> dict[str, Any]:
+    """What was run, what is missing, and on what it depends."""
+    data, plan = measures.data, measures.data.plan
+    here = sum(one.state is ParticipantState.TAKES_PART for one in plan.participants)
+    silent = (AttemptState.DONE, AttemptState.STARTED)
+    processors = Counter(data.trials["processor"].fillna("unknown"))
+    return {
+        "here": here,
+        "forgotten": len(plan.participants) - here,
+        "planned": sum(not one.practice for one in plan.trials),
+        "balance": balance_sentence(plan),
+        "missing": sorted(
+            [one.id for one in plan.left if not one.practice] + list(data.unreadable)
+        ),
+        "not_counted": [
+            f"{trial.id}: {attempt.state.value}, {attempt.reason or 'no reason given'}"
+            + (" (done since)" if trial.is_done else "")
+            for trial in plan.trials
+            for attempt in trial.attempts
+            if attempt.state not in silent
+        ],
+        "phases_lasted": [
+            f"{wording.phase_name(phase)} {seconds:.2f} s"
+            for phase, seconds in measures.median_phases_s().items()
+        ],
+        "unscored": [
+            f"{wording.phase_name(phase)} in {count}"
+            for phase in PHASES
+            if (count := measures.unscored(phase))
+        ],
+        "processors": [
+            f"{kind} ({wording.counted(count, 'trial')})"
+            for kind, count in processors.most_common()
+        ],
+        "versions": sorted(set(data.trials["version"].dropna())),
+        "default_thresholds": data.config.policy.phases == PhasesConfig(),
+    }
+
+
+def _example(data: StudyData) -> dict[str, Any] | None:
+    """The first completed trial of the proposed strategy with all six phases, or the like."""
+    middle = data.plan.networks[len(data.plan.networks) // 2]
+    phases = data.phases[data.phases["received_ssim"].notna()].groupby("trial").size()
+
+    def unfitness(row: dict[str, Any]) -> tuple[bool, ...]:
+        return (
+            row["strategy"] != data.plan.proposed,
+            row["network"] != middle,
+            row["completed"] is not True,
+            phases.get(row["trial"], 0) != len(PHASES),
         )
-        (directory / HTML_NAME).write_text(render_html(document), encoding="utf-8")
-        write_pdf(document, directory / PDF_NAME)
-    except OSError as error:
-        raise LogError(f"{directory}: the report cannot be written: {error.strerror}") from error
-    return Written(directory / HTML_NAME, directory / PDF_NAME, figures, tuple(tables))
 
-
-def _write_picture(picture: Picture, directory: Path) -> Path:
-    path = directory / f"{picture.name}.png"
-    path.write_bytes(picture.png)
-    return path
-
-
-def _remarks(study: StudyFolder) -> str:
-    path = study.path / REMARKS_NAME
-    if not path.is_file():
-        return ""
-    return path.read_text(encoding="utf-8", errors="replace")[:REMARKS_BYTES]
+    rows = data.trials.to_dict("records")
+    logged = [one for one in rows if (data.folders.get(one["trial"], Path()) / LOG_NAME).is_file()]
+    return min(logged, key=unfitness, default=None)

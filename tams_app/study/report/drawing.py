@@ -1,15 +1,24 @@
-"""How a report's figures look: colours told apart by everybody, markers besides, thin frames."""
+"""The figures of a report: colours safe for colour-blind readers, markers besides."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-from tams_app.study.report.blocks import Picture
+from tams_app.records import Phase
+from tams_app.study.report import paper
+from tams_app.study.report.findings import Quantity
+from tams_app.study.report.measures import Measures
+from tams_app.study.report.wording import name, phase_name
 from tams_app.study.statistics.intervals import Estimate
+from tams_app.study.tables import PHASES
 
 # Okabe and Ito's palette: told apart also with deficient colour vision
 COLOURS = ("#999999", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
@@ -20,35 +29,222 @@ GRID = "#d9d9d9"
 DPI = 150
 WIDTH_IN = 8.0
 SMALL_PT, TEXT_PT, TITLE_PT = 8, 9, 10
+_TICKS = 4  # more would run into each other
+_JITTER_SEED = 5
+
+Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
 
 
-def new_figure(
+def to_png(figure: Figure) -> bytes:
+    """The figure as it is printed; the same data give the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def ssim_figure(measures: Measures) -> Figure:
+    """Received SSIM of the primary view beside the paper's."""
+    figure, (axis,) = _new_figure(2.8)
+    for place, strategy, column, network, x in _side_by_side(measures, 0.5):
+        label = name(strategy) if column == 0 else None
+        found = measures.mean(strategy, network, "primary_received_ssim")
+        _draw_estimate(axis, x, found, place, label)
+        theirs = paper.RECEIVED_SSIM.get((strategy, network))
+        if theirs is not None:
+            label = "paper, people" if column == place == 0 else None
+            hollow: Style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 6}
+            axis.plot(x + 0.06, theirs, MARKERS[place % len(MARKERS)], label=label, **hollow)
+    _name_networks(axis, measures)
+    axis.set_ylabel("Received SSIM, primary view", fontsize=TEXT_PT)
+    _legend_above(figure, axis)
+    return figure
+
+
+def ssim_phases_figure(measures: Measures) -> Figure:
+    """Received SSIM of the primary view by phase, a panel for each network."""
+    plan = measures.data.plan
+    figure, axes = _new_figure(3.4, len(plan.networks), share_y=False)
+    shifts = _offsets(len(plan.strategies), 0.6)
+    for axis, network in zip(axes, plan.networks, strict=True):
+        for place, strategy in enumerate(plan.strategies):
+            for column, phase in enumerate(PHASES):
+                found = measures.phase_mean(strategy, network, phase)
+                label = name(strategy) if column == 0 else None
+                _draw_estimate(axis, column + shifts[place], found, place, label)
+        _name_phases(axis, rotation=35, ha="right", fontsize=SMALL_PT)
+        axis.set_title(name(network), fontsize=TITLE_PT)
+    axes[0].set_ylabel("Received SSIM, primary view", fontsize=TEXT_PT)
+    _legend_above(figure, axes[0])
+    return figure
+
+
+def differences_figure(
+    measures: Measures, quantities: Sequence[Quantity], one_scale: bool = False
+) -> Figure:
+    """A panel for each quantity: the proposed strategy minus each other one, by network.
+
+    `one_scale`: for parts of a sum, which are compared by eye.
+    """
+    plan, others = measures.data.plan, measures.others
+    figure, axes = _new_figure(
+        1.1 + 0.42 * len(plan.networks) * max(1, len(others)), len(quantities)
+    )
+    for axis, quantity in zip(axes, quantities, strict=True):
+        axis.grid(visible=False)
+        axis.grid(axis="x", linewidth=0.5, color=GRID)
+        axis.axvline(0, color=INK, linewidth=1)
+        for other, shift in zip(others, _offsets(len(others), 0.5), strict=True):
+            place = plan.strategies.index(other)
+            for row, network in enumerate(plan.networks):
+                found = measures.difference(other, network, quantity.column).estimate
+                label = f"against {name(other)}" if row == 0 else None
+                _draw_estimate(axis, row + shift, found, place, label, across=True)
+        axis.set_title(quantity.title, fontsize=TITLE_PT)
+        axis.set_xlabel(quantity.better, fontsize=SMALL_PT)
+        axis.set_ylim(len(plan.networks) - 0.5, -0.5)
+        axis.set_yticks(range(len(plan.networks)), [name(one) for one in plan.networks])
+        axis.xaxis.set_major_locator(MaxNLocator(_TICKS))
+    if one_scale:
+        drawn = [axis for axis in axes if axis.containers] or axes
+        ends = [end for axis in drawn for end in axis.get_xlim()]
+        for axis in axes:
+            axis.set_xlim(min(ends), max(ends))
+    _legend_above(figure, axes[0])
+    return figure
+
+
+def completion_time_figure(measures: Measures) -> Figure:
+    """The paper's box plot: quartiles, median, whiskers 5th to 95th percentile, a dot per trial."""
+    figure, (axis,) = _new_figure(3.6)
+    plan = measures.data.plan
+    width = 0.8 / len(plan.strategies) * 0.75
+    random = np.random.default_rng(_JITTER_SEED)
+    top = 0.0
+    for place, strategy, _, network, x in _side_by_side(measures, 0.8):
+        times = measures.values(strategy, network, "completion_time_s")
+        if times:
+            _draw_box(axis, times, x, width, place, random)
+            top = max(top, *times)
+    axis.set_ylim(0, 1.05 * top)
+    for place, strategy in enumerate(plan.strategies):
+        axis.fill_between([], [], color=COLOURS[place % len(COLOURS)], label=name(strategy))
+    _name_networks(axis, measures)
+    axis.set_ylabel("Completion time [s]", fontsize=TEXT_PT)
+    _legend_above(figure, axis)
+    return figure
+
+
+def success_figure(measures: Measures) -> Figure:
+    """Success rates with Wilson's intervals beside the paper's."""
+    figure, (axis,) = _new_figure(3.0)
+    count = len(measures.data.plan.strategies)
+    for place, strategy, column, network, x in _side_by_side(measures, 0.78):
+        fill: Style = {
+            "color": COLOURS[place % len(COLOURS)],
+            "hatch": HATCHES[place % len(HATCHES)],
+        }
+        if column == 0:
+            axis.bar([0], [0], edgecolor=INK, label=name(strategy), **fill)
+        found = measures.share(strategy, network, "success")
+        if found is None or found.low is None or found.high is None:
+            continue
+        low, value, high = (100 * one for one in (found.low, found.value, found.high))
+        axis.bar(
+            x,
+            value,
+            0.78 / count * 0.9,
+            edgecolor=INK,
+            linewidth=0.6,
+            alpha=0.8,
+            yerr=[[value - low], [high - value]],
+            error_kw={"ecolor": INK, "elinewidth": 0.9, "capsize": 3},
+            **fill,
+        )
+        above: Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
+        axis.annotate(f"{value:.0f} %", (x, high), fontsize=SMALL_PT, **above)
+        theirs = paper.SUCCESS_SHARE.get((strategy, network))
+        if theirs is not None:
+            known = axis.get_legend_handles_labels()[1]
+            label = None if "paper, people" in known else "paper, people"
+            white: Style = {"markerfacecolor": "white", "markeredgecolor": INK, "markersize": 5}
+            axis.plot(x, 100 * theirs, "D", label=label, **white)
+    axis.set_ylim(0, 112)
+    axis.set_yticks(range(0, 101, 20))
+    _name_networks(axis, measures)
+    axis.set_ylabel("Success [%]", fontsize=TEXT_PT)
+    _legend_above(figure, axis)
+    return figure
+
+
+def relied_on_figure(measures: Measures) -> Figure:
+    """Each view's share of what the operator's glances told, beside the rows of W."""
+    figure, (axis,) = _new_figure(3.0)
+    weights = measures.weights
+    for column, phase in enumerate(PHASES):
+        below_told = below_weight = 0.0
+        for place, view in enumerate(measures.data.config.video.views, start=1):
+            fill: Style = {"color": COLOURS[place], "hatch": HATCHES[place - 1], "edgecolor": INK}
+            found = measures.relied_on(phase, view)
+            told, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
+            label = view.upper() if column == 0 else None
+            bar: Style = {"width": 0.34, "linewidth": 0.6, **fill}
+            axis.bar(column - 0.2, told, bottom=below_told, alpha=0.9, label=label, **bar)
+            axis.bar(column + 0.2, weight, bottom=below_weight, alpha=0.45, **bar)
+            below_told, below_weight = below_told + told, below_weight + weight
+    _name_phases(axis, fontsize=TEXT_PT)
+    axis.set_ylabel("Share", fontsize=TEXT_PT)
+    axis.set_ylim(0, 1.02)
+    _legend_above(figure, axis)
+    return figure
+
+
+def _new_figure(
     height_in: float, columns: int = 1, share_y: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with one row of axes."""
+    """A figure with one row of axes: light grid behind the data, no frame at the top and right."""
     figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(1, columns, squeeze=False, sharey=share_y)[0]
+    axes = list(figure.subplots(1, columns, squeeze=False, sharey=share_y)[0])
     for axis in axes:
-        dress(axis)
-    return figure, list(axes)
+        axis.set_axisbelow(True)
+        axis.grid(axis="y", linewidth=0.5, color=GRID)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(labelsize=SMALL_PT, colors=INK)
+    return figure, axes
 
 
-def dress(axis: Axes) -> None:
-    """Light grid behind the data, no frame at the top and right."""
-    axis.set_axisbelow(True)
-    axis.grid(axis="y", linewidth=0.5, color=GRID)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.tick_params(labelsize=SMALL_PT, colors=INK)
-
-
-def offsets(count: int, width: float = 0.8) -> list[float]:
+def _offsets(count: int, width: float) -> list[float]:
     """Where `count` things stand side by side around a tick."""
     step = width / count
     return [(place - (count - 1) / 2) * step for place in range(count)]
 
 
-def draw_estimate(
+def _side_by_side(measures: Measures, width: float) -> Iterator[tuple[int, str, int, str, float]]:
+    """Number and name of each strategy and network, and where they stand on the x axis."""
+    plan = measures.data.plan
+    for place, shift in enumerate(_offsets(len(plan.strategies), width)):
+        for column, network in enumerate(plan.networks):
+            yield place, plan.strategies[place], column, network, column + shift
+
+
+def _name_networks(axis: Axes, measures: Measures) -> None:
+    networks = measures.data.plan.networks
+    axis.set_xlim(-0.5, len(networks) - 0.5)
+    axis.set_xticks(range(len(networks)), [name(one) for one in networks], fontsize=TEXT_PT)
+
+
+def _name_phases(axis: Axes, **style: Any) -> None:
+    axis.set_xticks(range(len(PHASES)), [phase_name(one) for one in PHASES], **style)
+
+
+def _legend_above(figure: Figure, axis: Axes) -> None:
+    """The labels of `axis` in one row above the figure."""
+    handles, labels = axis.get_legend_handles_labels()
+    place: Style = {"loc": "outside upper center", "ncols": max(1, len(labels)), "frameon": False}
+    figure.legend(handles, labels, fontsize=SMALL_PT, **place)
+
+
+def _draw_estimate(
     axis: Axes,
     where: float,
     found: Estimate | None,
@@ -78,21 +274,22 @@ def draw_estimate(
     )
 
 
-def legend_above(figure: Figure, axis: Axes) -> None:
-    """The labels of `axis` in one row above the figure, out of the way of the data."""
-    handles, labels = axis.get_legend_handles_labels()
-    figure.legend(
-        handles,
-        labels,
-        loc="outside upper center",
-        ncols=max(1, len(labels)),
-        fontsize=SMALL_PT,
-        frameon=False,
+def _draw_box(
+    axis: Axes, times: list[float], x: float, width: float, place: int, random: np.random.Generator
+) -> None:
+    thin: Style = {"color": INK, "linewidth": 0.9}
+    axis.boxplot(
+        [times],
+        positions=[x],
+        widths=width,
+        whis=(5, 95),
+        showfliers=False,
+        patch_artist=True,
+        manage_ticks=False,
+        boxprops={"facecolor": COLOURS[place % len(COLOURS)], "alpha": 0.55, "edgecolor": INK},
+        medianprops={"color": INK, "linewidth": 1.6},
+        whiskerprops=thin,
+        capprops=thin,
     )
-
-
-def picture(figure: Figure, name: str, caption: str, alternative: str) -> Picture:
-    """Draw the figure; the same data give the same bytes."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    return Picture(name, buffer.getvalue(), caption, alternative)
+    scattered = x + random.uniform(-0.35, 0.35, len(times)) * width
+    axis.plot(scattered, times, ".", color=INK, alpha=0.45, markersize=3.5)

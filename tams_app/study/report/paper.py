@@ -39,7 +39,14 @@ SUCCESS_SHARE: Cells = {
     ("static", "s3"): 0.60,
     ("tams", "s3"): 0.71,
 }
-SUCCESS_S1_TEXT = "90–92 %"
 COHENS_D: Mapping[str, float] = {"s2": -0.72, "s3": -1.38}
 INTERACTION = "tams × s3"
 INTERACTION_BETA_S, INTERACTION_SE_S = -23.47, 3.22
+
+
+def success_text(strategy: str, network: str) -> str:
+    """The paper's success rate as it is printed; a dash where it gives none."""
+    share = SUCCESS_SHARE.get((strategy, network))
+    if share is not None:
+        return f"{100 * share:.0f} %"
+    return "90–92 %" if network == "s1" and (strategy, network) in COMPLETION_TIME_S else "–"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tams_app.records import Phase
 from tams_app.study.statistics.intervals import Estimate
 
 NONE = "–"
@@ -18,7 +17,8 @@ def name(key: str) -> str:
 
 def term_name(term: str) -> str:
     """A model term's name in print."""
-    return " × ".join(name(part) if part != "intercept" else part for part in term.split(" × "))
+    parts = term.split(" × ")
+    return " × ".join(part.lower() if part == "Intercept" else name(part) for part in parts)
 
 
 def phase_name(phase: str) -> str:
@@ -47,6 +47,11 @@ def interval(estimate: Estimate | None, digits: int, signed: bool = False) -> st
     )
 
 
+def value(estimate: Estimate | None, digits: int) -> str:
+    """The value without its interval."""
+    return number(estimate.value if estimate else None, digits)
+
+
 def percent(estimate: Estimate | None) -> str:
     """A share with its interval in percent."""
     if estimate is None or estimate.low is None or estimate.high is None:
@@ -60,7 +65,9 @@ def counted(count: int, noun: str) -> str:
 
 
 def p_value(p: float) -> str:
-    return "p < .001" if p < 0.001 else f"p = {p:.3f}".replace("0.", ".", 1)
+    if p < 0.001:
+        return "p < .001"
+    return "p > .999" if p > 0.999 else f"p = {p:.3f}".replace("0.", ".", 1)
 
 
 def listed(words: Sequence[str]) -> str:
@@ -68,6 +75,3 @@ def listed(words: Sequence[str]) -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-PHASES = tuple(phase.value for phase in Phase)

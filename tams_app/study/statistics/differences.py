@@ -1,0 +1,100 @@
+"""Differences between two strategies: over pairs of trials, and between two groups as in the paper.
+
+Every comparison of a report is decided by `paired_difference`, whichever side it favours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from tams_app.study.statistics.intervals import CONFIDENCE, Estimate, mean_interval
+
+# with fewer participants, differences of one sign are no evidence at 5 % (sign test: 2/2^5 = .0625)
+FEWEST_TO_TEST = 6
+ALPHA = 1 - CONFIDENCE
+_NO_VARIATION = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class PairedDifference:
+    """First minus second: the mean over participants of each one's mean difference.
+
+    Interval and `p` are those of the paired t test over participants, two-sided; below
+    `FEWEST_TO_TEST` participants there is neither. `unpaired`: trials without their counterpart.
+    """
+
+    estimate: Estimate | None
+    p: float | None
+    pairs: int
+    unpaired: int
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether the test rejects "no difference" at 5 %."""
+        return self.p is not None and self.p < ALPHA
+
+
+def paired_difference(first: pd.Series, second: pd.Series) -> PairedDifference:
+    """Values indexed by participant and what else a pair shares: (participant, repetition, …)."""
+    first, second = first.dropna(), second.dropna()
+    differences = (first - second).dropna()
+    pairs, unpaired = len(differences), len(first) + len(second) - 2 * len(differences)
+    by_participant = differences.groupby(level=0).mean().to_numpy(dtype=np.float64)
+    estimate = mean_interval(by_participant.tolist())
+    if estimate is None or estimate.n < FEWEST_TO_TEST:
+        untested = estimate and Estimate(estimate.value, None, None, estimate.n)
+        return PairedDifference(untested, None, pairs, unpaired)
+    if np.ptp(by_participant) < _NO_VARIATION:  # t is not defined: all or nothing
+        p = 1.0 if abs(estimate.value) < _NO_VARIATION else 0.0
+    else:
+        p = float(stats.ttest_1samp(by_participant, 0.0).pvalue)
+    return PairedDifference(estimate, p, pairs, unpaired)
+
+
+@dataclass(frozen=True, slots=True)
+class Welch:
+    """First group minus second: difference with interval, t, degrees of freedom, p, Cohen's d.
+
+    d: difference by the pooled standard deviation (Cohen 1988); None where nothing varies.
+    """
+
+    difference: Estimate
+    t: float
+    df: float
+    p: float
+    d: float | None
+
+
+def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
+    """Welch's unequal-variances t-test, two-sided; None below two values or without variance."""
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    if len(a) < 2 or len(b) < 2 or max(np.ptp(a), np.ptp(b)) < _NO_VARIATION:
+        return None
+    found = stats.ttest_ind(a, b, equal_var=False)
+    ends = found.confidence_interval(CONFIDENCE)
+    difference = Estimate(
+        float(np.mean(a) - np.mean(b)), float(ends.low), float(ends.high), len(a) + len(b)
+    )
+    return Welch(
+        difference,
+        float(found.statistic),
+        float(found.df),
+        float(found.pvalue),
+        cohens_d(first, second),
+    )
+
+
+def cohens_d(first: Sequence[float], second: Sequence[float]) -> float | None:
+    """(mean of the first − mean of the second) / pooled SD; None where it is not defined."""
+    freedom = len(first) + len(second) - 2
+    if len(first) < 2 or len(second) < 2:
+        return None
+    squares = sum(float(np.var(group, ddof=1)) * (len(group) - 1) for group in (first, second))
+    pooled = math.sqrt(squares / freedom)
+    return float(np.mean(first) - np.mean(second)) / pooled if pooled > 0 else None
