@@ -17,7 +17,7 @@ _SIGMAS = 5.0
 _LEAST_GREYS = 6.0  # what compression alone changes from image to image
 _CLEAR_SHARE = 0.04  # of the image, in the mean of the window
 _CLEAR_RATIO = 3.0  # times what the next camera sees
-_FEWEST_PICTURES = 15
+_FEWEST_FRAMES = 15
 
 Grey = NDArray[np.float32]
 
@@ -81,7 +81,7 @@ class Attribution:
 def attribute(moved: Mapping[str, Sequence[float]], taken: Mapping[str, str]) -> Attribution:
     """Decide from each camera's shares over one window; `taken`: view by camera, bound already."""
     shares = {name: float(np.mean(seen)) if len(seen) else 0.0 for name, seen in moved.items()}
-    blind = [name for name, seen in moved.items() if len(seen) < _FEWEST_PICTURES]
+    blind = [name for name, seen in moved.items() if len(seen) < _FEWEST_FRAMES]
     if len(blind) == len(moved):
         return Attribution("", "no camera gave enough images: look at their cables", shares)
     first, *others = sorted(shares, key=lambda name: shares[name], reverse=True)

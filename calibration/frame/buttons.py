@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.stroke import Reason, RefusedError
 from hw.openvr.components import ROLES, ComponentReading, role_map
 from tams_app.errors import ConfigError
 from tams_app.runtime.clock import NS_PER_S

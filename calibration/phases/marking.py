@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.desk import Desk
 from calibration.phases.marks import (
     Mark,
     add_mark,
@@ -16,7 +15,8 @@ from calibration.phases.marks import (
     without_mark,
     write_marks,
 )
-from calibration.phases.strip import Replay, strip
+from calibration.phases.replay import Replay, strip
+from calibration.ui import WizardUI
 from tams_app.errors import ConfigError
 
 HELP = """\
@@ -58,7 +58,7 @@ class Marking:
             return self._mark(words)
         return False
 
-    def picture(self) -> str:
+    def figure(self) -> str:
         """Where the cursor is."""
         return strip(self.replay, self.marks, self.cursor_s)
 
@@ -90,24 +90,24 @@ class Marking:
         self.cursor_s = round(min(max(t_s, 0.0), last_s), _ROUND)
 
 
-def mark_trial(desk: Desk, replay: Replay, path: Path) -> list[Mark]:
+def mark_trial(ui: WizardUI, replay: Replay, path: Path) -> list[Mark]:
     """Ask for marks until told that it is enough; they are kept at `path` after each command."""
     marks = read_marks(path, replay.last_s) if path.is_file() else []
     marking = Marking(replay, marks)
-    desk.say(f"\n{replay.name}: {replay.last_s:.1f} s, {len(marks)} marks so far\n{HELP}")
+    ui.say(f"\n{replay.name}: {replay.last_s:.1f} s, {len(marks)} marks so far\n{HELP}")
     while True:
-        desk.say(marking.picture())
-        command = desk.conversation.ask(f"{marking.cursor_s:.2f} s> ").strip()
+        ui.say(marking.figure())
+        command = ui.line(f"{marking.cursor_s:.2f} s> ").strip()
         if command.lower() == "q":
             return marking.marks
         if command == "?":
-            desk.say(HELP)
+            ui.say(HELP)
             continue
         try:
             if marking.handle(command):
                 write_marks(path, marking.marks)
         except ConfigError as error:
-            desk.say(f"Not understood: {error}")
+            ui.say(f"Not understood: {error}")
 
 
 def _number(word: str) -> float | None:

@@ -64,6 +64,8 @@ class CameraConfig(Section):
     pixel_format: Literal["mjpeg", "raw"] = "mjpeg"
     exposure_us: Positive | None = None  # None leaves the automatic exposure on
     white_balance_k: Annotated[int, Field(ge=1000, le=20000)] | None = None
+    # From the light to the frame's time stamp: added to the age of what the operator sees.
+    latency_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
     controls: dict[str, int] = Field(
         default_factory=dict
     )  # further V4L2 controls by their names, such as gain

@@ -111,6 +111,13 @@ def video_delay_ns(network: Network, rule: RepairRule) -> int:
     return round((network.latency_ms + rule.latency_ms) * NS_PER_MS)
 
 
+def camera_delays_ns(config: Config) -> dict[str, int]:
+    """From the light to the capture time stamp, by view, as calibrated; the rig has no delay."""
+    if config.rig.enabled:
+        return {}  # it brings its own cameras
+    return {view: round(one.latency_ms * NS_PER_MS) for view, one in config.cameras.items()}
+
+
 def teleop(config: Config, delay_ns: int) -> Teleop:
     """Clutch to limits, for the Lite 6 with the configured tool; `delay_ns` of the frames."""
     model = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))

@@ -90,7 +90,8 @@ class Streaming:
     @property
     def primary_age_ns(self) -> Callable[[int, Phase], int]:
         """Tells the age of the shown primary view of a phase at a time [ns]."""
-        return primary_age_ns(self._uplink, self._weights.primary_view)
+        delays_ns = build.camera_delays_ns(self._config)
+        return primary_age_ns(self._uplink, self._weights.primary_view, delays_ns)
 
     def enter(self, phase: Phase) -> None:
         """A phase began: allocate anew at once. In the control thread; does not block."""

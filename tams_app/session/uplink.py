@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol
 
 from tams_app.config import Config, Network
@@ -148,12 +149,20 @@ class VideoAges(Protocol):
         """Age of the frame shown of `view`; None before the first, and if nobody knows."""
 
 
-def primary_age_ns(ages: VideoAges, primary: Callable[[Phase], str]) -> Callable[[int, Phase], int]:
-    """Age of the shown primary view of a phase; endless before the first frame."""
+def primary_age_ns(
+    ages: VideoAges,
+    primary: Callable[[Phase], str],
+    camera_delays_ns: Mapping[str, int] = MappingProxyType({}),
+) -> Callable[[int, Phase], int]:
+    """Age of the shown primary view of a phase; endless before the first frame.
+
+    `camera_delays_ns`: by view, what passed from the light to the capture time stamp.
+    """
     endless_ns = 1 << 62
 
     def age_ns(now_ns: int, phase: Phase) -> int:
-        age = ages.age_ns(primary(phase), now_ns)
-        return endless_ns if age is None else age
+        view = primary(phase)
+        age = ages.age_ns(view, now_ns)
+        return endless_ns if age is None else age + camera_delays_ns.get(view, 0)
 
     return age_ns

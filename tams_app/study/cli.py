@@ -82,6 +82,7 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
         _check_run_options(sim, workers, dask, participant)
         options = _options(sim, repetitions, practice, seed)
         study = _study_to_run(_folder(folder, out), sim, participants, options, config)
+        from tams_app.questions import TerminalQuestions
         from tams_app.study import commands
 
         console = _console()
@@ -89,11 +90,10 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
             runner = simulated(study.config())
             raise typer.Exit(commands.run_simulated(study, runner, console, workers, dask))
 
-        def say(text: str) -> None:
-            console.print(text, markup=False, highlight=False, soft_wrap=True)
-
         runner = live(study.config())
-        raise typer.Exit(commands.run_guided(study, runner, participant, input, say))
+        raise typer.Exit(
+            commands.run_guided(study, runner, participant, TerminalQuestions(console))
+        )
 
     for command in (plan, show, void, forget, report):
         app.command()(command)

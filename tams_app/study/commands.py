@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,8 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tams_app.config import Config
-from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError, SetupError
+from tams_app.questions import Questions
 from tams_app.recording import read_log
 from tams_app.study.completion_time import completion_time_s
 from tams_app.study.folder import StudyFolder
@@ -92,14 +91,13 @@ def run_guided(
     study: StudyFolder,
     runner: TrialRunner,
     participant: str | None,
-    ask: Callable[[str], str],
-    say: Callable[[str], None],
+    questions: Questions,
 ) -> int:
     """`study run` on hardware: one sitting with one participant."""
     with study.locked():
         if study.load().simulated:
             raise ConfigError(f"{study.path}: is planned for the simulated rig: add --sim")
-        GuidedRun(study, runner, Conversation(ask, say), measured_time_s).run(participant)
+        GuidedRun(study, runner, questions, measured_time_s).run(participant)
     return 0
 
 

@@ -11,8 +11,8 @@ from enum import Enum
 from pathlib import Path
 
 from tams_app.config import Config
-from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError, TamsError
+from tams_app.questions import Questions
 from tams_app.study.folder import StudyFolder
 from tams_app.study.machine import mark_ended
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan, PlannedTrial, void
@@ -37,7 +37,7 @@ class GuidedRun:
         self,
         study: StudyFolder,
         runner: TrialRunner,
-        talk: Conversation,
+        talk: Questions,
         measure_time: MeasureTime,
     ) -> None:
         self._study = study

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from tams_app.config import TrialConfig
-from tams_app.conversation import Conversation
+from tams_app.questions import Questions
 from tams_app.study.plan import Verdict
 
 MAX_DROPS = 99
 
 
-def ask_verdict(talk: Conversation, rules: TrialConfig, measured_s: float | None) -> Verdict:
+def ask_verdict(talk: Questions, rules: TrialConfig, measured_s: float | None) -> Verdict:
     """Completed, drops, time and success; `measured_s` is the time that the log tells.
 
     Success that the rules exclude is not accepted; a completion within the rules may still be
@@ -28,7 +28,7 @@ def ask_verdict(talk: Conversation, rules: TrialConfig, measured_s: float | None
     return Verdict(completed=True, success=success, drops=drops, completion_time_s=time_s)
 
 
-def _completion_time(talk: Conversation, rules: TrialConfig, measured_s: float | None) -> float:
+def _completion_time(talk: Questions, rules: TrialConfig, measured_s: float | None) -> float:
     """The log's time if the experimenter takes it, else the one he gives."""
     if measured_s is not None and 0 < measured_s <= rules.limit_s:
         question = f"The gripper opened last {measured_s:.1f} s after the start. Take that time?"

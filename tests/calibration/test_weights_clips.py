@@ -14,11 +14,19 @@ from hypothesis import strategies as st
 from calibration.weights import clip_file
 from calibration.weights.clip_file import ClipWriter, play
 from calibration.weights.clips import ClipFolder
-from calibration.weights.composing import STRIP_HEIGHT, instants, newest_at, side_by_side
-from calibration.weights.cutting import cut_session
-from calibration.weights.decoding import Picture, decode
-from calibration.weights.segments import LONGEST_S, SHORTEST_S, Segment, phase_segments, select
-from calibration.weights.sources import open_session
+from calibration.weights.cutting import (
+    LONGEST_S,
+    SHORTEST_S,
+    STRIP_HEIGHT,
+    Segment,
+    cut_session,
+    instants,
+    newest_at,
+    phase_segments,
+    select,
+    side_by_side,
+)
+from calibration.weights.sources import Picture, decode, open_session
 from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Phase, PhaseChange
 from tams_app.runtime.clock import NS_PER_S

@@ -2,13 +2,12 @@
 
 import pytest
 
-from calibration.desk import PlayedDesk
 from calibration.weights.clips import Clip
 from calibration.weights.rating import rate, viewing_order
-from calibration.weights.rating_files import RatingFolder
-from calibration.weights.ratings import Answer
+from calibration.weights.ratings import Answer, RatingFolder
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -162,18 +161,18 @@ def test_every_rater_sees_every_clip_once_in_an_order_of_his_own(tmp_path):
 
 def test_a_rater_watches_then_answers_and_what_he_said_is_kept(tmp_path, folder):
     watched = []
-    desk = PlayedDesk(["w", "r", "2", "5", "-", "gt", "y"])
+    ui = ScriptedUI(["w", "r", "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a", "b"), (Phase.REACH,))
-    rate(desk, folder, "p01", given_, VIEWS, watched.append, seed=0)
+    rate(ui, folder, "p01", given_, VIEWS, watched.append, seed=0)
     assert len(watched) == 4  # two clips, watched again
     assert set(watched) == {clip.path for clip in given_}
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
 def test_a_rater_may_take_back_what_he_said_before_it_is_kept(tmp_path, folder):
-    desk = PlayedDesk(["r", "1", "1", "1", "eih", "n", "2", "5", "-", "gt", "y"])
+    ui = ScriptedUI(["r", "1", "1", "1", "eih", "n", "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a",), (Phase.REACH,))
-    rate(desk, folder, "p01", given_, VIEWS, lambda path: None, seed=0)
+    rate(ui, folder, "p01", given_, VIEWS, lambda path: None, seed=0)
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
@@ -181,16 +180,16 @@ def test_an_interrupted_rater_goes_on_where_he_stopped(tmp_path, folder):
     given_ = clips(tmp_path, ("a",))
     one = ["r", "3", "3", "3", "gt", "y"]
     with pytest.raises(ConfigError, match="nobody"):
-        rate(PlayedDesk(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
+        rate(ScriptedUI(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
     first = folder.open("p01").answers
     assert len(first) == 2
-    desk = PlayedDesk(one * 4)
-    rate(desk, folder, "p01", given_, VIEWS, _unseen, seed=0)
-    assert any("has rated 2 phases before" in text for text in desk.said)
+    ui = ScriptedUI(one * 4)
+    rate(ui, folder, "p01", given_, VIEWS, _unseen, seed=0)
+    assert any("has rated 2 phases before" in text for text in ui.said)
     answers = folder.open("p01").answers
     assert answers[:2] == first
     assert {answer.phase for answer in answers} == set(Phase)
-    again = PlayedDesk()
+    again = ScriptedUI()
     rate(again, folder, "p01", given_, VIEWS, _unseen, seed=0)
     assert again.said == ["p01 has rated every phase. Thank you. What was said stays as it is."]
 

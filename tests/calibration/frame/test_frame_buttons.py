@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.buttons import PATIENCE_NS, PressWatch, settle
-from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.stroke import Reason, RefusedError
 from hw.openvr.components import ComponentReading
 
 pytestmark = pytest.mark.untimed

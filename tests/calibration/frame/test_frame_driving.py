@@ -4,11 +4,12 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from calibration.desk import PlayedDesk
 from calibration.frame.result import rows
-from calibration.frame.wizard import Options, run_frame
+from calibration.frame.wizard import FrameWizard
+from calibration.options import FrameOptions
 from tams_app.config import load_config
 from tests.calibration.frame.driving import drive
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -36,8 +37,8 @@ def test_a_rig_turned_at_random_is_drivable_again_once_calibrated(tmp_path, seed
     before = drive(load_config(path), LONG_ENOUGH_S)
     assert not before.success
 
-    options = Options(sim=True, yes=True, seed=seed)
-    assert run_frame(PlayedDesk(), path, options) == 0
+    options = FrameOptions(config=path, sim=True, yes=True, seed=seed)
+    assert FrameWizard(ScriptedUI(), options).run() == 0
 
     config = load_config(path)
     assert config.calibrated_by[0].startswith("frame-")

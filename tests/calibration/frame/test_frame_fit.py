@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.fit import fit_strokes
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import turn_deg
+from calibration.frame.stroke import Reason, RefusedError
 from tests.calibration.frame.synthetic import stroke, strokes
 
 pytestmark = pytest.mark.untimed

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from io import StringIO
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from calibration.frame.buttons import ButtonFinding
 from calibration.frame.capture import Held
 from calibration.frame.fit import FrameFit
-from calibration.frame.prompts import SIX_WAYS, Move
-from calibration.frame.reasons import RefusedError
-from calibration.frame.stroke import ASKED_LENGTH_M, MIN_SAMPLES, Stroke, fit_line
+from calibration.frame.sources import SIX_DIRECTIONS, Move
+from calibration.frame.stroke import ASKED_LENGTH_M, MIN_SAMPLES, RefusedError, Stroke, fit_line
 from calibration.frame.touches import TouchFit
 from hw.openvr.components import ROLES, ComponentReading
 from tams_app.records import ControllerSample
@@ -29,7 +27,6 @@ _MEANING = {
     "−z": "down",
 }
 _BAR = 20
-_WIDTH = 100
 PARTS = {
     "trigger": "the trigger (deadman and clutch)",
     "grip": "the grip (translation or orientation)",
@@ -39,21 +36,13 @@ PARTS = {
 }
 
 
-def as_text(table: Table) -> str:
-    """A table to be said rather than shown: it stays, also in a file."""
-    console = Console(width=_WIDTH, file=StringIO(), no_color=True, highlight=False)
-    with console.capture() as captured:
-        console.print(table)
-    return "\n".join(line.rstrip() for line in captured.get().splitlines())
-
-
-def meaning(way: Move) -> str:
+def meaning(move: Move) -> str:
     """A robot's direction in words, as seen from the robot."""
-    return _MEANING[way.name]
+    return _MEANING[move.name]
 
 
 def stroke_line(axis: int, held: Held | None, sample: ControllerSample) -> Table:
-    """Travel, straightness and number of samples of the stroke under way."""
+    """Travel, straightness and number of samples of the stroke under move."""
     table = Table(box=None, show_header=False)
     table.add_row("controller", sample.status.value)
     if held is None:
@@ -71,7 +60,7 @@ def stroke_line(axis: int, held: Held | None, sample: ControllerSample) -> Table
 
 
 def touch_line(number: int, held: Held | None, sample: ControllerSample) -> Table:
-    """Whether the touch is under way."""
+    """Whether the touch is under move."""
     table = Table(box=None, show_header=False)
     table.add_row("controller", sample.status.value)
     samples = 0 if held is None else len(held.poses)
@@ -96,7 +85,7 @@ def finding_table(finding: ButtonFinding) -> Table:
     for name in ("part", "found", "in force", ""):
         table.add_column(name)
     for role in ROLES:
-        verdict = "[bold]put right[/]" if role in finding.wrong else "as it was"
+        verdict = "put right" if role in finding.wrong else "as it was"
         table.add_row(role, finding.paths[role], finding.believed[role], verdict)
     return table
 
@@ -104,16 +93,13 @@ def finding_table(finding: ButtonFinding) -> Table:
 def compass_table(asked: Move | None, lit: Move | None, right: Mapping[Move, bool]) -> Table:
     """The six directions: which one is asked for, which one the arm would take now."""
     table = Table(box=None, show_header=False)
-    for way in SIX_WAYS:
-        style = "bold black on green" if way == lit else "" if way == asked else "dim"
-        tried = {True: "✓", False: "✗", None: ""}[right.get(way)]
+    for move in SIX_DIRECTIONS:
+        style = "bold black on green" if move == lit else "" if move == asked else "dim"
         table.add_row(
-            "▶" if way == asked else " ",
-            f"[{style}] {_ARROWS[way.name]} {way.name} [/]"
-            if style
-            else f" {_ARROWS[way.name]} {way.name} ",
-            meaning(way),
-            tried,
+            "▶" if move == asked else " ",
+            Text(f" {_ARROWS[move.name]} {move.name} ", style),
+            meaning(move),
+            {True: "✓", False: "✗", None: ""}[right.get(move)],
         )
     return table
 

@@ -1,4 +1,4 @@
-"""W as a picture, beside what it was made from."""
+"""W as a figure, beside what it was made from."""
 
 from __future__ import annotations
 
@@ -6,29 +6,22 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
-from calibration.weights.agreement import RELIABLE_ALPHA, TENTATIVE_ALPHA
-from calibration.weights.assessment import Assessment
+from calibration.figures import PALETTE, new_figure, save_figure
+from calibration.weights.agreement import RELIABLE_ALPHA, TENTATIVE_ALPHA, Assessment
 from calibration.weights.ratings import LEAST, MOST, Sheet, necessity_table
-from tams_app.errors import LogError
 from tams_app.records import Phase
 
-# Okabe and Ito's palette: told apart also with deficient colour vision
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#999999")
 _SMALL_PT, _TEXT_PT = 8, 9
-_DPI = 110
 _SPREAD = 0.09  # between the dots of raters who said the same
 _ROWS_IN = 0.62
 
 
-def save_picture(
+def save_weights(
     assessment: Assessment, sheets: list[Sheet], views: tuple[str, ...], path: Path
 ) -> None:
-    """W, the necessity every rater gave, the votes and Kendall's W by phase, as a PNG."""
-    figure = Figure(figsize=(11, 1.5 + _ROWS_IN * len(Phase)), layout="constrained")
-    FigureCanvasAgg(figure)
+    """W, the necessity every rater gave, the votes and Kendall's W by phase, drawn to a file."""
+    figure = new_figure(11, 1.5 + _ROWS_IN * len(Phase))
     shares, necessity, votes, concordance = figure.subplots(
         1, 4, sharey=True, width_ratios=(2.2, 3.2, 2.2, 1.4)
     )
@@ -46,11 +39,7 @@ def save_picture(
         fontsize=_SMALL_PT,
         frameon=False,
     )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=_DPI, metadata={"Software": None})
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+    save_figure(figure, path, dpi=110)
 
 
 def _title(assessment: Assessment) -> str:
@@ -109,7 +98,7 @@ def _draw_necessity(axes: Axes, sheets: list[Sheet], views: tuple[str, ...]) -> 
                 "o",
                 ms=3.5,
                 alpha=0.75,
-                color=_COLOURS[number % len(_COLOURS)],
+                color=PALETTE[number % len(PALETTE)],
                 label=label,
             )
             if len(points):
@@ -130,7 +119,7 @@ def _draw_votes(axes: Axes, assessment: Assessment, views: tuple[str, ...]) -> N
         left = 0
         for number, view in enumerate(views):
             count = assessment.rows[phase].votes[view]
-            axes.barh(y, count, left=left, height=0.5, color=_COLOURS[number % len(_COLOURS)])
+            axes.barh(y, count, left=left, height=0.5, color=PALETTE[number % len(PALETTE)])
             if count:
                 axes.text(
                     left + count / 2,

@@ -1,0 +1,123 @@
+"""The terminal that a wizard talks through: sentences, questions, a live area, the Enter key."""
+
+from __future__ import annotations
+
+import sys
+from io import StringIO
+from types import TracebackType
+from typing import Any, Protocol, Self, TypeVar
+
+from rich.console import Console, RenderableType
+from rich.live import Live
+from rich.prompt import PromptBase
+
+from tams_app.console.terminal import Key, TerminalKeys
+from tams_app.errors import ConfigError
+from tams_app.questions import Questions, TerminalQuestions
+
+T = TypeVar("T")
+_TEXT_WIDTH = 100
+
+
+class WizardUI(Questions, Protocol):
+    """A context manager; leaving it restores the terminal."""
+
+    @property
+    def attended(self) -> bool:
+        """Whether there is a person who can be asked; if not, questions raise ConfigError."""
+
+    def line(self, question: str) -> str:
+        """Ask for one line, which may be empty."""
+
+    def show(self, live: RenderableType) -> None:
+        """Display the current measurement in place of what was shown before."""
+
+    def pressed(self) -> bool:
+        """Whether Enter was pressed since the last call; False without a terminal."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+class TerminalUI(TerminalQuestions):
+    """The terminal that the command was started from, or the file or pipe in its place."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        super().__init__(console or Console())
+        self._keys = TerminalKeys()
+        self._live: Live | None = None
+
+    @property
+    def attended(self) -> bool:
+        # a process may be started without any standard input
+        return sys.stdin is not None and sys.stdin.isatty() and self.console.is_terminal
+
+    def show(self, live: RenderableType) -> None:
+        if not self.console.is_terminal:
+            return  # a file would get every state of it
+        if self._live is None:
+            display = Live(
+                console=self.console, auto_refresh=False, redirect_stdout=False, transient=True
+            )
+            try:
+                display.start()
+            except BaseException:  # Ctrl-C: a display that has only half started cannot be stopped
+                self.console.show_cursor(True)
+                raise
+            self._live = display
+        self._live.update(live, refresh=True)
+
+    def pressed(self) -> bool:
+        if not self._keys.active:
+            self._keys.open()
+        return self._keys.active and Key.CONFIRM in self._keys.read(0.0)
+
+    def _ask(self, prompt: type[PromptBase[T]], question: str, **how: Any) -> T:
+        self._restore()
+        if not self.attended:
+            raise ConfigError(
+                "there is no terminal to ask at: start it from one, or look at the command's "
+                "--help for how to run it unattended"
+            )
+        try:
+            return super()._ask(prompt, question, **how)
+        except EOFError as error:
+            raise ConfigError("the terminal was closed before the question was answered") from error
+
+    def _restore(self) -> None:
+        """Remove the live area and let the terminal read whole lines."""
+        live, self._live = self._live, None
+        try:
+            if live is not None:
+                live.stop()
+        finally:
+            self._keys.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._restore()
+
+
+def as_text(*parts: RenderableType) -> str:
+    """Tables as text that stays, the same on every terminal and in a file."""
+    # no markup: `[s]` is a unit, not a style
+    console = Console(
+        width=_TEXT_WIDTH, file=StringIO(), no_color=True, markup=False, highlight=False
+    )
+    with console.capture() as capture:
+        for part in parts:
+            console.print(part)
+    return "\n".join(line.rstrip() for line in capture.get().splitlines())
