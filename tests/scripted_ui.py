@@ -8,6 +8,8 @@ from rich.console import Console, RenderableType
 
 from calibration.ui import TerminalUI
 
+CTRL_C = "\x03"
+
 
 class ScriptedConsole(Console):
     """Gives the answers in turn, then the end of the input; keeps what is printed and asked."""
@@ -28,7 +30,10 @@ class ScriptedConsole(Console):
         self.transcript.append(str(prompt))
         if not self.answers:
             raise EOFError
-        return self.answers.pop(0)
+        answer = self.answers.pop(0)
+        if answer == CTRL_C:
+            raise KeyboardInterrupt
+        return answer
 
 
 class ScriptedUI(TerminalUI):

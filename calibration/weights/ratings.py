@@ -38,7 +38,7 @@ SCALE_WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """One rater on one phase: whole numbers LEAST..MOST by view, None where the rater cannot say."""
+    """One rater on one phase: whole numbers LEAST..MOST by view, None for no answer."""
 
     phase: Phase
     necessity: Mapping[str, int | None]

@@ -151,11 +151,11 @@ def test_it_is_written_only_after_a_yes(store):
     ui = ScriptedUI(["n"])
     assert store.propose(ui, frame(), yes=False) is None
     assert store.in_force("frame") is None
-    path = store.propose(ScriptedUI(["y"]), frame(), yes=False)
+    path = store.propose(ScriptedUI(["perhaps", "y"]), frame(), yes=False)
     assert path == store.in_force("frame")
 
 
-def test_without_anybody_to_ask_only_yes_writes(store):
+def test_without_a_terminal_only_yes_writes(store):
     ui = ScriptedUI()
     assert store.propose(ui, frame(), yes=False) is None
     assert any("--yes" in text for text in ui.said)

@@ -5,7 +5,7 @@ import pytest
 from calibration.weights.clips import Clip
 from calibration.weights.rating import rate, viewing_order
 from calibration.weights.ratings import Answer, RatingFolder
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.scripted_ui import ScriptedUI
 
@@ -105,36 +105,38 @@ def test_a_file_whose_rater_has_no_pseudonym_is_refused(folder, name):
         folder.sheets()
 
 
-def test_an_answer_after_a_last_line_without_an_end_is_on_a_line_of_its_own(folder):
-    folder.open("p01")
-    folder.add("p01", REACH_ANSWER)
-    file = folder.path / "p01.yaml"
-    file.write_text(file.read_text().rstrip("\n"))
-    folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
-    assert [answer.phase for answer in folder.open("p01").answers] == [Phase.REACH, Phase.GRASP]
-
-
 @pytest.mark.parametrize("answers", ["answers: []", "answers:\n  - "])
-def test_a_file_that_an_answer_would_spoil_is_refused_before_its_rater_is_asked(folder, answers):
+def test_a_file_written_by_hand_is_added_to_however_it_is_laid_out(folder, answers):
     folder.open("p01")
     file = folder.path / "p01.yaml"
     if answers.endswith("- "):
         answers += "{phase: REACH, necessity: {eih: 1, gt: 1, gs: 1}, most_critical: gt}"
-    file.write_text(file.read_text().replace("answers:", answers))
-    before = file.read_bytes()
-    with pytest.raises(ConfigError, match=r"p01\.yaml: cannot be added to"):
-        folder.open("p01")
-    with pytest.raises(ConfigError, match=r"p01\.yaml: cannot be added to"):
+    file.write_text(file.read_text().replace("answers: []", answers).rstrip("\n"))
+    before = folder.open("p01").answers
+    folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
+    assert folder.open("p01").answers[:-1] == before
+
+
+def test_a_disk_that_is_full_while_an_answer_is_added_loses_no_other(folder, monkeypatch):
+    folder.open("p01")
+    folder.add("p01", REACH_ANSWER)
+    before = (folder.path / "p01.yaml").read_bytes()
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("calibration.weights.ratings.os.fsync", full)
+    with pytest.raises(LogError, match="No space left"):
         folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
-    assert file.read_bytes() == before
-    assert len(folder.sheets()) == 1  # it can be built from
+    assert (folder.path / "p01.yaml").read_bytes() == before
 
 
 def test_a_phase_answered_twice_in_a_file_is_refused(folder):
     folder.open("p01")
     folder.add("p01", REACH_ANSWER)
     file = folder.path / "p01.yaml"
-    file.write_text(file.read_text() + file.read_text().splitlines()[-1] + "\n")
+    text = file.read_text()
+    file.write_text(text + text.partition("answers:\n")[2])
     with pytest.raises(ConfigError, match="REACH: is answered twice"):
         folder.sheets()
 

@@ -20,10 +20,10 @@ from calibration.weights.sources import open_session
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
 from tests.calibration.weights_session import record_session
-from tests.scripted_ui import ScriptedUI
+from tests.scripted_ui import CTRL_C, ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -72,7 +72,7 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
     assert "not of people" in content["calibration"]["source"]
     quality = content["calibration"]["quality"]
     assert quality["simulated_raters"] == 8
-    assert "RELEASE: keeps its present row: nobody rated it" in quality["remarks"]
+    assert "RELEASE: keeps its present row: no rater rated it" in quality["remarks"]
     assert list(quality["clips"]) == ["trial-1"]
     assert written(config).with_suffix(".png").read_bytes().startswith(PNG)
     assert any("5 clips" in text and "No clip of RELEASE" in text for text in ui.said)
@@ -141,15 +141,7 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_p
 def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    ui = ScriptedUI(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4"])
-    asked = ui.console.input
-
-    def until_ctrl_c(prompt, **how):
-        if not ui.attended:
-            raise KeyboardInterrupt
-        return asked(prompt, **how)
-
-    ui.console.input = until_ctrl_c
+    ui = ScriptedUI(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4", CTRL_C, "unused"])
     with pytest.raises(KeyboardInterrupt):
         WeightWizard(
             ui, WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
@@ -218,7 +210,7 @@ def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(
         WeightWizard(ScriptedUI(), replace(options, **changes)).run()
 
 
-def test_peoples_ratings_of_the_rigs_pictures_are_told_where_a_real_arm_is_meant(
+def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
     config, session, tmp_path
 ):
     cut_session(open_session(session, VIEWS), ClipFolder(tmp_path / "clips"), lambda *_: None)
@@ -234,7 +226,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(config, tmp_path):
     folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
     (tmp_path / "work").write_text("in the way")
     options = WeightOptions(config=config, ratings=folder.path, folder=tmp_path / "work", yes=True)
-    with pytest.raises(LogError, match=r"weights\.png: cannot be written"):
+    with pytest.raises(TamsError, match=r"weights\.png: cannot be written"):
         WeightWizard(ScriptedUI(), options).run()
 
 
@@ -254,7 +246,7 @@ def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
     assert capsys.readouterr().out == "Please watch /tmp/[red]a/:smile:.mp4\n"
 
 
-def test_the_same_ratings_give_the_same_picture(tmp_path):
+def test_the_same_ratings_give_the_same_figure(tmp_path):
     present = load_config().policy.weights.matrix
     sheets = simulate_panel(PANELS["paper"], VIEWS, list(Phase)[:4], 5, 0)
     for name in ("one.png", "two.png"):

@@ -20,9 +20,10 @@ from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.runner import TrialRunner
+from tests.scripted_ui import ScriptedConsole
 from tests.study.played_study import RUNNING, played_virtual
 from tests.study.synthetic_study import PlantedRunner
-from tests.study.test_guided import SUCCESS, Experimenter
+from tests.study.test_guided import SUCCESS
 
 pytestmark = pytest.mark.untimed
 
@@ -249,8 +250,8 @@ def test_people_are_guided_through_trials_whose_strategy_nobody_names(
     study: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     config = configuration(tmp_path / "lab.yaml", CONFIG_DIRECTORY / "lite6.yaml")
-    person = Experimenter("g", "j", "y", "0", "44", "y", "s")
-    monkeypatch.setattr("builtins.input", person.ask)
+    person = ScriptedConsole("g", "j", "y", "0", "44", "y", "s")
+    monkeypatch.setattr("builtins.input", person.input)
     monkeypatch.setattr(
         tams_app.console.trial, "LiveTrialRunner", lambda config: PlantedRunner(judged=False)
     )
@@ -259,7 +260,7 @@ def test_people_are_guided_through_trials_whose_strategy_nobody_names(
     assert code == 0
     assert "block on start mark" in text
     assert f"`study run {out} --participant P01` goes on from here" in text
-    assert "equal" not in text + " ".join(person.asked)
+    assert "equal" not in text
     (trial,) = (trial for trial in StudyFolder(out).load().trials if trial.is_done)
     assert trial.attempts[0].verdict is not None
     assert trial.attempts[0].verdict.completion_time_s == 44.0

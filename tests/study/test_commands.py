@@ -10,6 +10,7 @@ from rich.console import Console
 
 import tams_app.study.commands as commands
 from tams_app.errors import ConfigError, SetupError
+from tams_app.questions import TerminalQuestions
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import PacketRecord
 from tams_app.study.commands import (
@@ -26,8 +27,9 @@ from tams_app.study.folder import StudyFolder
 from tams_app.study.report.blocks import Picture
 from tams_app.study.report.tracking_section import tracking_section
 from tams_app.study.results import read_results
+from tests.scripted_ui import ScriptedConsole
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
-from tests.study.test_guided import HARDWARE, SUCCESS, Experimenter
+from tests.study.test_guided import HARDWARE, SUCCESS
 from tests.study.test_unattended import SMALL
 from tests.synthetic_session import START_NS, header, live_records
 
@@ -98,7 +100,7 @@ def test_commands_on_no_study_leave_nothing_behind(tmp_path: Path) -> None:
 def test_simulated_and_human_studies_are_not_run_the_other_way(tmp_path: Path) -> None:
     simulated = make_study(tmp_path / "sim", 1)
     with pytest.raises(ConfigError, match="add --sim"):
-        run_guided(simulated, PlantedRunner(), None, input, print)
+        run_guided(simulated, PlantedRunner(), None, TerminalQuestions(Screen()))
     human = make_study(tmp_path / "human", 1, **HARDWARE)
     with pytest.raises(ConfigError, match="leave out --sim"):
         run_simulated(human, PlantedRunner(), Screen())
@@ -106,9 +108,9 @@ def test_simulated_and_human_studies_are_not_run_the_other_way(tmp_path: Path) -
 
 def test_a_sitting_through_the_command(tmp_path: Path) -> None:
     study = make_study(tmp_path, 1, **HARDWARE)
-    person = Experimenter("g", "j", "y", "0", "44", "y", "s")
+    person = ScriptedConsole("g", "j", "y", "0", "44", "y", "s")
     runner = PlantedRunner(judged=False)
-    assert run_guided(study, runner, "P01", person.ask, person.said.append) == 0
+    assert run_guided(study, runner, "P01", TerminalQuestions(person)) == 0
     (result,) = read_results(study).results
     assert (result.success, result.completion_time_s) == (True, 44.0)
     assert len(SUCCESS) < 7  # without a log the time is asked for

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from tams_app.conversation import Conversation
 from tams_app.errors import ConfigError
+from tams_app.questions import TerminalQuestions
 from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import AttemptState, TrialState
 from tams_app.study.results import read_results
 from tams_app.study.runner import TrialRunner, TrialSpec
+from tests.scripted_ui import ScriptedConsole
 from tests.study.synthetic_study import PlantedRunner, make_study
 
 pytestmark = pytest.mark.untimed
@@ -27,30 +28,14 @@ HARDWARE = {
 RUNNER = PlantedRunner(judged=False)
 
 
-class Experimenter:
-    """Answers from a list; when it is used up, he has left (end of input)."""
-
-    def __init__(self, *answers: str) -> None:
-        self.answers = list(answers)
-        self.said: list[str] = []
-        self.asked: list[str] = []
-
-    def ask(self, question: str) -> str:
-        self.asked.append(question)
-        if not self.answers:
-            raise EOFError
-        return self.answers.pop(0)
-
-
 def sit(
     study: StudyFolder,
-    person: Experimenter,
+    person: ScriptedConsole,
     runner: TrialRunner = RUNNER,
     participant: str | None = None,
     measured: Callable[[Path], float | None] = lambda _: 31.5,
 ) -> int:
-    talk = Conversation(person.ask, person.said.append)
-    return GuidedRun(study, runner, talk, measured).run(participant)
+    return GuidedRun(study, runner, TerminalQuestions(person), measured).run(participant)
 
 
 def hardware_study(path: Path, participants: int = 1, **more: object) -> StudyFolder:
@@ -62,7 +47,7 @@ SUCCESS: Sequence[str] = ("g", "j", "y", "0", "y", "y")  # go, judge, placed, dr
 
 def test_a_sitting_goes_through_all_trials_and_keeps_the_verdicts(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter(*SUCCESS, "g", "j", "n", "3")
+    person = ScriptedConsole(*SUCCESS, "g", "j", "n", "3")
     assert sit(study, person) == 2
     first, second = read_results(study).results
     assert (first.completed, first.success, first.drops) == (True, True, 0)
@@ -74,7 +59,7 @@ def test_a_sitting_goes_through_all_trials_and_keeps_the_verdicts(tmp_path: Path
 
 def test_he_is_asked_to_set_the_scene_and_never_told_the_strategy(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter(*SUCCESS, *SUCCESS)
+    person = ScriptedConsole(*SUCCESS, *SUCCESS)
     sit(study, person)
     spoken = " ".join([*person.said, *person.asked]).lower()
     assert "block on start mark" in spoken
@@ -86,7 +71,7 @@ def test_he_is_asked_to_set_the_scene_and_never_told_the_strategy(tmp_path: Path
 
 def test_a_void_trial_is_taken_again_and_its_reason_and_data_stay(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter("g", "v", "", "the light went out", *SUCCESS, *SUCCESS)
+    person = ScriptedConsole("g", "v", "", "the light went out", *SUCCESS, *SUCCESS)
     assert sit(study, person) == 2
     trial = study.load().trials[0]
     assert trial.state is TrialState.RETAKEN
@@ -99,11 +84,11 @@ def test_a_void_trial_is_taken_again_and_its_reason_and_data_stay(tmp_path: Path
 
 def test_leaving_before_the_verdict_asks_only_for_the_verdict_next_time(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    assert sit(study, Experimenter("g")) == 0
+    assert sit(study, ScriptedConsole("g")) == 0
     attempt = study.load().trials[0].last
     assert attempt is not None
     assert attempt.state is AttemptState.RAN
-    person = Experimenter("j", "y", "0", "y", "y", "s")
+    person = ScriptedConsole("j", "y", "0", "y", "y", "s")
     assert sit(study, person) == 1
     assert "has no verdict" in person.said[0]
     assert len(study.load().trials[0].attempts) == 1
@@ -111,24 +96,24 @@ def test_leaving_before_the_verdict_asks_only_for_the_verdict_next_time(tmp_path
 
 def test_a_killed_study_asks_for_the_verdict_of_what_ran_to_its_end(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    sit(study, Experimenter("g"))
+    sit(study, ScriptedConsole("g"))
     plan = study.load()
     attempt = plan.trials[0].last
     assert attempt is not None
     started = attempt.model_copy(update={"state": AttemptState.STARTED})
     study.save(plan.with_attempt(plan.trials[0].id, started))  # as if killed before it was noted
-    assert sit(study, Experimenter("j", "y", "0", "y", "y", "s")) == 1
+    assert sit(study, ScriptedConsole("j", "y", "0", "y", "y", "s")) == 1
 
 
 def test_a_trial_that_cannot_be_run_is_retried_on_his_word(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
     failing = PlantedRunner(judged=False, fails=("P01-01",))
-    person = Experimenter("g", "a", "g", "s")
+    person = ScriptedConsole("g", "a", "g", "s")
     assert sit(study, person, failing) == 0
     assert "P01-01 could not be run: P01-01: the rig fell over" in person.said
     states = [attempt.state for attempt in study.load().trials[0].attempts]
     assert states == [AttemptState.FAILED] * 2
-    assert sit(study, Experimenter(*SUCCESS, "s")) == 1
+    assert sit(study, ScriptedConsole(*SUCCESS, "s")) == 1
 
 
 class Interrupted:
@@ -138,7 +123,7 @@ class Interrupted:
 
 def test_ctrl_c_during_a_trial_keeps_the_study(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter("g")
+    person = ScriptedConsole("g")
     assert sit(study, person, Interrupted()) == 0
     assert "goes on from here" in person.said[-1]
     attempt = study.load().trials[0].last
@@ -148,21 +133,21 @@ def test_ctrl_c_during_a_trial_keeps_the_study(tmp_path: Path) -> None:
 
 def test_practice_needs_no_verdict_and_is_not_analysed(tmp_path: Path) -> None:
     study = hardware_study(tmp_path, study__practice_trials=1)
-    assert sit(study, Experimenter("g", *SUCCESS, "s")) == 2
+    assert sit(study, ScriptedConsole("g", *SUCCESS, "s")) == 2
     data = read_results(study)
     assert (len(data.practice), len(data.results)) == (1, 1)
 
 
 def test_each_participant_has_his_own_sitting(tmp_path: Path) -> None:
     study = hardware_study(tmp_path, 2)
-    assert sit(study, Experimenter(*SUCCESS, "s"), participant="P02") == 1
+    assert sit(study, ScriptedConsole(*SUCCESS, "s"), participant="P02") == 1
     assert study.load().left[0].participant == "P01"
     with pytest.raises(ConfigError, match="is no participant"):
-        sit(study, Experimenter(), participant="P05")
+        sit(study, ScriptedConsole(), participant="P05")
     study.forget(study.load(), "P02")
     with pytest.raises(ConfigError, match="was forgotten"):
-        sit(study, Experimenter(), participant="P02")
-    assert sit(study, Experimenter(*SUCCESS, *SUCCESS)) == 2
-    person = Experimenter()
+        sit(study, ScriptedConsole(), participant="P02")
+    assert sit(study, ScriptedConsole(*SUCCESS, *SUCCESS)) == 2
+    person = ScriptedConsole()
     assert sit(study, person) == 0
     assert person.said == ["All trials of this study are done."]

@@ -5,20 +5,20 @@ from __future__ import annotations
 import pytest
 
 from tams_app.config import TrialConfig
+from tams_app.questions import TerminalQuestions
 from tams_app.study.plan import Verdict
-from tams_app.study.verdict import Conversation, ask_verdict
+from tams_app.study.verdict import ask_verdict
+from tests.scripted_ui import ScriptedConsole
 
 pytestmark = pytest.mark.untimed
 
 
 def judged(*answers: str, measured_s: float | None = 40.0) -> tuple[Verdict, list[str]]:
     """The verdict from these answers; each of them is used."""
-    left, said = list(answers), list[str]()
-    verdict = ask_verdict(
-        Conversation(lambda _: left.pop(0), said.append), TrialConfig(), measured_s
-    )
-    assert not left
-    return verdict, said
+    person = ScriptedConsole(*answers)
+    verdict = ask_verdict(TerminalQuestions(person), TrialConfig(), measured_s)
+    assert not person.answers
+    return verdict, person.said
 
 
 def test_answers_that_make_no_sense_are_asked_for_again() -> None:

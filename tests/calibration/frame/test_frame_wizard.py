@@ -1,7 +1,8 @@
 """The whole conversation, with the simulated person and with recorded strokes."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from calibration.frame import simulated
+from calibration.frame import simulated, wizard
 from calibration.frame.asking import (
     ATTEMPTS,
     ask_buttons,
@@ -17,10 +18,11 @@ from calibration.frame.asking import (
     fit_touched,
 )
 from calibration.frame.directions import try_six_directions
+from calibration.frame.fit import FrameFit
 from calibration.frame.result import rows
 from calibration.frame.rotation import turn_deg
 from calibration.frame.simulated import SimulatedSetup
-from calibration.frame.sources import Press
+from calibration.frame.sources import SIX_DIRECTIONS, Press
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
@@ -41,19 +43,19 @@ TURNED = Rotation.random(random_state=4).as_matrix()
 SWAPPED = {"a": "b/click", "b": "a/click"}
 
 
+def write_rig(folder, rotation=TURNED, wiring=None, **more):
+    """A configuration of a rig whose frame and buttons are as given; its path."""
+    path = folder / "lab.yaml"
+    content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
+    turned = [list(row) for row in rows(rotation)]
+    content["rig"] = {"hand_rotation": turned, "wiring": wiring or {}}
+    path.write_text(yaml.safe_dump({**content, **more}))
+    return path
+
+
 @pytest.fixture
 def rig(tmp_path):
-    """Writes a configuration of a rig whose frame and buttons are as given; its path."""
-
-    def write(rotation=TURNED, wiring=None, **more):
-        path = tmp_path / "lab.yaml"
-        content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
-        turned = [list(row) for row in rows(rotation)]
-        content["rig"] = {"hand_rotation": turned, "wiring": wiring or {}}
-        path.write_text(yaml.safe_dump({**content, **more}))
-        return path
-
-    return write
+    return partial(write_rig, tmp_path)
 
 
 def calibrate(path, ui=None, **options):
@@ -66,17 +68,56 @@ def files(path):
     return sorted((path.parent / "calibration" / "lab").glob("frame-*.yaml"))
 
 
-def test_a_turned_rig_is_found_right_and_its_directions_all_light_up(rig):
-    path = rig()
-    code, ui = calibrate(path)
+@dataclass(frozen=True)
+class Calibrated:
+    """A rig calibrated once, with the command's own figure."""
+
+    path: Path
+    ui: ScriptedUI
+    fit: FrameFit
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    path, fits = write_rig(tmp_path_factory.mktemp("calibrated")), []
+
+    def fit(*arguments):
+        fits.append(fit_moves(*arguments))
+        return fits[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wizard, "fit_moves", fit)
+        code, ui = calibrate(path, figure=path.with_name("fit.png"))
     assert code == 0
-    assert turn_deg(np.array(load_config(path).hand.rotation), TURNED) < 2.0
-    assert any("6 of 6 directions lit up as asked for" in text for text in ui.said)
-    quality = yaml.safe_load(files(path)[0].read_text())["calibration"]["quality"]
+    return Calibrated(path, ui, fits[0])
+
+
+@pytest.fixture
+def fitted(calibrated, monkeypatch):
+    """The person does not move again: for what comes after the fit."""
+    monkeypatch.setattr(wizard, "fit_moves", lambda *_: calibrated.fit)
+    monkeypatch.setattr(
+        wizard, "try_six_directions", lambda *_: dict.fromkeys(SIX_DIRECTIONS, True)
+    )
+
+
+def test_a_turned_rig_is_found_right_and_its_directions_all_light_up(calibrated):
+    assert turn_deg(np.array(load_config(calibrated.path).hand.rotation), TURNED) < 2.0
+    assert any("6 of 6 directions lit up as asked for" in text for text in calibrated.ui.said)
+    (file,) = files(calibrated.path)
+    quality = yaml.safe_load(file.read_text())["calibration"]["quality"]
     assert quality["true_error_deg"] <= quality["error_bound_95_deg"] <= 2.0
     assert quality["directions_lit"] == "6 of 6"
 
 
+def test_the_figure_is_drawn_where_it_is_asked_for_and_beside_the_file(calibrated):
+    (file,) = files(calibrated.path)
+    figure = file.with_suffix(".png").read_bytes()
+    assert figure.startswith(b"\x89PNG")
+    assert figure == calibrated.path.with_name("fit.png").read_bytes()
+
+
+@pytest.mark.usefixtures("fitted")
 def test_swapped_buttons_are_put_right(rig):
     path = rig(wiring=SWAPPED)
     code, ui = calibrate(path, buttons=True, rounds=1)
@@ -88,6 +129,7 @@ def test_swapped_buttons_are_put_right(rig):
     assert re.search(r"menu +joystick/click +joystick/click +as it was", table)
 
 
+@pytest.mark.usefixtures("fitted")
 def test_buttons_that_were_put_right_stay_so_when_only_the_frame_is_made_anew(rig):
     path = rig(wiring=SWAPPED)
     calibrate(path, buttons=True)
@@ -123,8 +165,8 @@ def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monk
     assert files(path) == []
 
 
+@pytest.mark.usefixtures("fitted")
 def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch):
-    monkeypatch.setattr("calibration.frame.asking.GOOD_DEG", 0.1)
     monkeypatch.setattr("calibration.frame.result.GOOD_DEG", 0.1)
     path = rig()
     with pytest.raises(RefusedError, match="A person at the terminal must confirm"):
@@ -232,18 +274,29 @@ def test_enter_skips_a_direction(rig):
     assert list(trial.lit.values()) == [True] * 5
 
 
+@pytest.mark.usefixtures("fitted")
 def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeypatch):
-    def turned(*arguments):
-        fit = fit_moves(*arguments)
-        aside = Rotation.from_euler("z", 90, degrees=True).as_matrix()
-        return replace(fit, rotation=aside @ fit.rotation)
-
-    monkeypatch.setattr("calibration.frame.wizard.fit_moves", turned)
+    lit = dict.fromkeys(SIX_DIRECTIONS, True) | {SIX_DIRECTIONS[0]: False}
+    monkeypatch.setattr(wizard, "try_six_directions", lambda *_: lit)
     path = rig()
-    with pytest.raises(RefusedError, match="Another direction lit up for") as caught:
+    with pytest.raises(RefusedError, match=r"Another direction lit up for \+x") as caught:
         calibrate(path)
     assert caught.value.reason is Reason.WRONG_DIRECTION
     assert files(path) == []
+
+
+@pytest.mark.usefixtures("fitted")
+def test_ctrl_c_while_the_directions_are_tried_keeps_the_frame_out_of_force(rig, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(wizard, "try_six_directions", interrupted)
+    path, ui = rig(), ScriptedUI()
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(path, ui)
+    assert "Kept, but not in force" in ui.said[-1]
+    assert len(files(path)) == 1
+    assert load_config(path).calibrated_by == ()
 
 
 class Clumsy:
@@ -301,6 +354,7 @@ def test_a_button_that_never_arrives_ends_it_with_what_to_do(rig):
     assert source.asked == ["trigger", "grip", *["a"] * ATTEMPTS]
 
 
+@pytest.mark.usefixtures("fitted")
 def test_nothing_is_written_unless_asked_for(rig):
     path = rig()
     assert calibrate(path, yes=False)[0] == 1
@@ -350,6 +404,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_first_prompt(rig):
     assert ui.said == []
 
 
+@pytest.mark.usefixtures("fitted")
 def test_a_person_who_does_not_want_it_has_not_failed(rig):
     path = rig()
     assert calibrate(path, ScriptedUI(["n"]), yes=False)[0] == 0
@@ -371,19 +426,11 @@ def test_a_recorded_session_gives_the_frame(rig, tmp_path):
     assert any("cannot be tried out" in text for text in ui.said)
 
 
-def test_the_figure_is_drawn(rig, tmp_path):
-    figure = tmp_path / "fit.png"
-    calibrate(rig(), figure=figure)
-    assert figure.read_bytes().startswith(b"\x89PNG")
-
-
-def test_the_same_seed_makes_the_same_frame(rig):
-    path = rig()
-    calibrate(path)
-    first = load_config(path).hand.rotation
-    (path.parent / "calibration" / "lab" / "in-force.yaml").unlink()
-    calibrate(path)
-    assert load_config(path).hand.rotation == first
+def test_the_same_seed_makes_the_same_frame(rig, calibrated):
+    config = load_config(rig())
+    with SimulatedSetup(config, 0).hand(config.controller) as hand:
+        fit = fit_moves(ScriptedUI(), hand, config, rounds=2)
+    assert np.array_equal(fit.rotation, calibrated.fit.rotation)
 
 
 @pytest.mark.parametrize(
