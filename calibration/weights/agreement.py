@@ -1,6 +1,6 @@
 """How far raters agree, and what their ratings come to: W with its evidence.
 
-Sources: K. Krippendorff, "Computing Krippendorff's Alpha-Reliability" (2011), and his "Content
+Sources: K. Krippendorff, "Computing Krippendorff's Alpha-Reliability" (2011) and "Content
 Analysis" (2004), page 241, for the two bounds; S. Siegel, "Nonparametric Statistics" (1956),
 chapter 9, for Kendall's W with its correction for ties.
 """

@@ -185,7 +185,7 @@ def test_what_is_no_command_changes_nothing(replay, command) -> None:
 def test_marks_are_kept_at_once_and_gone_on_with_later(replay, tmp_path: Path) -> None:
     path = tmp_path / "phases.csv"
     interrupted = ScriptedUI(["1.0 reach", "2.5 align"])
-    with pytest.raises(ConfigError):  # nobody answers any more: as if the terminal went away
+    with pytest.raises(ConfigError):  # no more answers: as if the terminal went away
         mark_trial(interrupted, replay, path)
     assert read_marks(path, replay.last_s) == SOME[:2]
     later = ScriptedUI(["4.0 -", "q"])

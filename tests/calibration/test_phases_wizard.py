@@ -54,7 +54,7 @@ def logs(tmp_path_factory) -> tuple[Path, ...]:
 
 @pytest.fixture(scope="module")
 def unlabelled(tmp_path_factory) -> tuple[Path, ...]:
-    """The same trials as hardware would log them: nobody knows where the block was."""
+    """The same trials as hardware would log them: it is not known where the block was."""
     folder = tmp_path_factory.mktemp("unlabelled")
     return tuple(
         record(folder / f"trial-{number}", session(walk(legs), every=THINNED)[0], [], rig=False)

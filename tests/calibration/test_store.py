@@ -222,7 +222,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_anything_is_measured(sto
     for ui, yes in ((ScriptedUI(), True), (ScriptedUI(["y"]), False)):
         with pytest.raises(TamsError, match="cannot be written: nothing that is measured"):
             store.check_before(ui, yes, simulated=False)
-    store.check_before(ScriptedUI(), yes=False, simulated=False)  # nobody would write
+    store.check_before(ScriptedUI(), yes=False, simulated=False)  # nothing would be written
 
 
 def test_what_would_be_replaced_is_named_before_the_question(store):

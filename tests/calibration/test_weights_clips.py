@@ -303,7 +303,7 @@ def test_without_a_display_a_clip_is_not_played(tmp_path, monkeypatch):
 
 @pytest.fixture
 def screen(tmp_path, monkeypatch):
-    """What a display shows that nobody sits at."""
+    """What a display shows that no one sits at."""
     if shutil.which("Xvfb") is None:
         pytest.skip("needs Xvfb (apt-get install xvfb)")
     reading, writing = os.pipe()

@@ -90,7 +90,7 @@ def test_a_simulated_rater_cannot_be_taken_for_a_person(folder):
 def test_a_spoilt_rating_file_is_refused_with_its_name_and_the_reason(folder, line, reason):
     folder.open("p01")
     file = folder.path / "p01.yaml"
-    file.write_text(file.read_text() + line + "\n")
+    file.write_text(file.read_text().replace("answers: []", "answers:") + line + "\n")
     with pytest.raises(ConfigError, match=reason) as refusal:
         folder.sheets()
     assert "p01.yaml" in str(refusal.value)
@@ -148,7 +148,7 @@ def test_a_renamed_rating_file_is_refused(folder):
         folder.sheets()
 
 
-def test_every_rater_sees_every_clip_once_in_an_order_of_his_own(tmp_path):
+def test_every_rater_sees_every_clip_once_in_an_order_of_its_own(tmp_path):
     given_ = clips(tmp_path)
     orders = [viewing_order(given_, rater, 1) for rater in ("p01", "p02", "p03")]
     for order in orders:
@@ -161,7 +161,7 @@ def test_every_rater_sees_every_clip_once_in_an_order_of_his_own(tmp_path):
     assert viewing_order(given_, "p01", 2) != orders[0]
 
 
-def test_a_rater_watches_then_answers_and_what_he_said_is_kept(tmp_path, folder):
+def test_a_rater_watches_then_answers_and_what_was_said_is_kept(tmp_path, folder):
     watched = []
     ui = ScriptedUI(["w", "r", "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a", "b"), (Phase.REACH,))
@@ -171,17 +171,17 @@ def test_a_rater_watches_then_answers_and_what_he_said_is_kept(tmp_path, folder)
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
-def test_a_rater_may_take_back_what_he_said_before_it_is_kept(tmp_path, folder):
+def test_a_rater_may_take_back_what_was_said_before_it_is_kept(tmp_path, folder):
     ui = ScriptedUI(["r", "1", "1", "1", "eih", "n", "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a",), (Phase.REACH,))
     rate(ui, folder, "p01", given_, VIEWS, lambda path: None, seed=0)
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
-def test_an_interrupted_rater_goes_on_where_he_stopped(tmp_path, folder):
+def test_an_interrupted_rater_goes_on_where_it_stopped(tmp_path, folder):
     given_ = clips(tmp_path, ("a",))
     one = ["r", "3", "3", "3", "gt", "y"]
-    with pytest.raises(ConfigError, match="nobody"):
+    with pytest.raises(ConfigError, match="no terminal"):
         rate(ScriptedUI(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
     first = folder.open("p01").answers
     assert len(first) == 2

@@ -1,4 +1,4 @@
-"""What the calibration is for: a rig whose frame nobody knows cannot be driven, and then can."""
+"""What the calibration is for: a rig whose frame is not known cannot be driven, and then can."""
 
 import pytest
 import yaml
