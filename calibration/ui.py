@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self, TypeVar
 from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.prompt import PromptBase
+from rich.table import Table
 
 from tams_app.console.terminal import Key, TerminalKeys
 from tams_app.errors import ConfigError
@@ -109,6 +110,15 @@ class TerminalUI(TerminalQuestions):
         trace: TracebackType | None,
     ) -> None:
         self._restore()
+
+
+def plain_table(first: str, *others: str, gap: int = 2) -> Table:
+    """A table without lines, its first column left and the others right."""
+    table = Table(box=None, padding=(0, gap))
+    table.add_column(first)
+    for name in others:
+        table.add_column(name, justify="right")
+    return table
 
 
 def as_text(*parts: RenderableType) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from rich.console import JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
@@ -42,7 +43,7 @@ def meaning(move: Move) -> str:
 
 
 def stroke_line(axis: int, held: Held | None, sample: ControllerSample) -> Table:
-    """Travel, straightness and number of samples of the stroke under move."""
+    """Travel, straightness and number of samples of the stroke under way."""
     table = Table(box=None, show_header=False)
     table.add_row("controller", sample.status.value)
     if held is None:
@@ -60,7 +61,7 @@ def stroke_line(axis: int, held: Held | None, sample: ControllerSample) -> Table
 
 
 def touch_line(number: int, held: Held | None, sample: ControllerSample) -> Table:
-    """Whether the touch is under move."""
+    """Whether the touch is under way."""
     table = Table(box=None, show_header=False)
     table.add_row("controller", sample.status.value)
     samples = 0 if held is None else len(held.poses)
@@ -70,9 +71,7 @@ def touch_line(number: int, held: Held | None, sample: ControllerSample) -> Tabl
 
 def button_table(reading: ComponentReading | None, role: str, found: Mapping[str, str]) -> Table:
     """Every component with how far it is pressed, and the part it was found to play."""
-    table = Table(title=f"Press and let go {PARTS[role]}", title_justify="left", box=None)
-    for name in ("component", "pressed", "plays"):
-        table.add_column(name)
+    table = _titled(f"Press and let go {PARTS[role]}", "component", "pressed", "plays")
     roles = {path: role for role, path in found.items()}
     for path, value in (reading.values if reading else {}).items():
         table.add_row(path, _bar(value), roles.get(path, ""))
@@ -81,9 +80,7 @@ def button_table(reading: ComponentReading | None, role: str, found: Mapping[str
 
 def finding_table(finding: ButtonFinding) -> Table:
     """What each part moves, and what was believed."""
-    table = Table(title=f"Buttons of {finding.controller_type}", title_justify="left", box=None)
-    for name in ("part", "found", "in force", ""):
-        table.add_column(name)
+    table = _titled(f"Buttons of {finding.controller_type}", "part", "found", "in force", "")
     for role in ROLES:
         verdict = "put right" if role in finding.wrong else "as it was"
         table.add_row(role, finding.paths[role], finding.believed[role], verdict)
@@ -111,10 +108,8 @@ def result_table(fit: FrameFit | TouchFit) -> Table:
 
 def _stroke_table(fit: FrameFit) -> Table:
     """Each stroke: how it went, and how far it is from the axis it was made for."""
-    table = Table(title="The strokes", title_justify="left", box=None)
-    for name in ("stroke", "length, mm", "samples", "straight", "scatter, mm", "off axis, °"):
-        table.add_column(name, justify="right")
-    table.add_column("")
+    columns = ("length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
+    table = _titled("The strokes", "stroke", *columns, justify="right")
     for stroke in fit.strokes:
         line = stroke.line
         table.add_row(
@@ -131,12 +126,16 @@ def _stroke_table(fit: FrameFit) -> Table:
 
 def _touch_table(fit: TouchFit) -> Table:
     """Each touch: how far the frame of the others misses it."""
-    table = Table(title="The touches", title_justify="left", box=None)
-    table.add_column("point", justify="right")
-    table.add_column("missed by the others, mm", justify="right")
-    table.add_column("")
+    table = _titled("The touches", "point", "missed by the others, mm", "", justify="right")
     for number, miss in enumerate(fit.misses_mm):
         table.add_row(str(number + 1), f"{miss:.1f}", "left out" if number in fit.left_out else "")
+    return table
+
+
+def _titled(title: str, *columns: str, justify: JustifyMethod = "left") -> Table:
+    table = Table(title=title, title_justify="left", box=None)
+    for name in columns:
+        table.add_column(name, justify=justify)
     return table
 
 

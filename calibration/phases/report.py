@@ -13,6 +13,7 @@ from calibration.figures import new_figure, save_figure
 from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
 from calibration.phases.scores import Scores
 from calibration.phases.trials import PHASES
+from calibration.ui import plain_table
 from tams_app.config import PhasesConfig
 from tams_app.records import Phase
 
@@ -29,9 +30,7 @@ _CHOSEN, _DEFAULT, _CURVE = "#0072B2", "#D55E00", "#222222"
 
 def thresholds_table(found: PhaseFit) -> Table:
     """Chosen against default, and how far they moved as each trial was left out."""
-    table = Table(box=None, padding=(0, 2))
-    for name in ("", "chosen", "default", "with one trial left out"):
-        table.add_column(name, justify="left" if not name else "right")
+    table = plain_table("", "chosen", "default", "with one trial left out")
     for name in SEARCHED:
         folds = [getattr(fold.thresholds, name) for fold in found.folds]
         table.add_row(
@@ -51,10 +50,8 @@ def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> T
     }
     if held_out is not None:
         rows["held-out trials"] = held_out
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("frame-wise accuracy (mean recall of the phases)")
-    table.add_column("calibrated", justify="right")
-    table.add_column("defaults", justify="right")
+    what = "frame-wise accuracy (mean recall of the phases)"
+    table = plain_table(what, "calibrated", "defaults")
     for name, (calibrated, defaults) in rows.items():
         table.add_row(name, _of(calibrated), _of(defaults))
     return table
@@ -62,11 +59,8 @@ def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> T
 
 def confusion_table(scores: Scores) -> Table:
     """Counted ticks: a row for each true phase, a column for each inferred one."""
-    table = Table(box=None, padding=(0, 1))
-    table.add_column("true \\ inferred")
-    for phase in PHASES:
-        table.add_column(phase.value, justify="right")
-    table.add_column("recall", justify="right")
+    names = [phase.value for phase in PHASES]
+    table = plain_table("true \\ inferred", *names, "recall", gap=1)
     for phase, row in zip(PHASES, scores.confusion, strict=True):
         cells = [str(count) if count else "·" for count in row]
         table.add_row(phase.value, *cells, _part(scores.recall(phase)))
@@ -75,10 +69,8 @@ def confusion_table(scores: Scores) -> Table:
 
 def switches_table(scores: Scores) -> Table:
     """How late each phase is entered."""
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("switch to")
-    for name in ("found", "missed", "spurious", "delay median [s]", "90 % [s]"):
-        table.add_column(name, justify="right")
+    columns = ("found", "missed", "spurious", "delay median [s]", "90 % [s]")
+    table = plain_table("switch to", *columns)
     for phase in PHASES:
         switches = scores.switches[phase]
         table.add_row(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.cameras.motion import MotionMeter, attribute
+from calibration.cameras.binding import MotionMeter, attribute
 
 pytestmark = pytest.mark.untimed
 

@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.phases.marking import HELP, Marking, mark_trial
+from calibration.phases.marking import (
+    CURSOR_COLUMN,
+    HELP,
+    Marking,
+    Replay,
+    mark_trial,
+    replay_of,
+    strip,
+)
 from calibration.phases.marks import (
     Mark,
     add_mark,
@@ -20,7 +28,6 @@ from calibration.phases.marks import (
     without_mark,
     write_marks,
 )
-from calibration.phases.replay import CURSOR_COLUMN, Replay, replay_of, strip
 from calibration.phases.trials import CODE, NOT_COUNTED, motion_of
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
