@@ -39,7 +39,7 @@ Text: TypeAlias = NDArray[np.str_]
 @dataclass(frozen=True, slots=True)
 class Replay:
     """What is shown of a trial of n ticks: smoothed speeds [mm/s], height of the tool [mm] and the
-    gripper, shape (n,) each; no phase that anybody inferred."""
+    gripper, shape (n,) each; no inferred phase."""
 
     name: str
     t_s: Floats

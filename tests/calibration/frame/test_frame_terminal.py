@@ -106,7 +106,7 @@ def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config, start):
     assert terminal.end() == 1
     assert "Kept, but not in force: " in terminal.text
     assert "tams: interrupted" in terminal.text
-    assert [name[:6] for name in written(config)] == ["frame-"]
+    assert [name[-4:] for name in written(config)] == [".png", "yaml"]  # and no in-force.yaml
 
 
 def test_ctrl_c_before_there_is_a_result_writes_nothing(config, start):
