@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +33,7 @@ def save_weights(
     _draw_concordance(concordance, assessment)
     figure.suptitle(_title(assessment), fontsize=_TEXT_PT)
     handles, labels = necessity.get_legend_handles_labels()
-    at = {"loc": "outside lower center", "ncols": len(views), "frameon": False}
+    at: dict[str, Any] = {"loc": "outside lower center", "ncols": len(views), "frameon": False}
     figure.legend(handles, labels, fontsize=_SMALL_PT, **at)
     save_figure(figure, path, dpi=110)
 
@@ -56,8 +57,8 @@ def _draw_shares(axes: Axes, assessment: Assessment, views: Sequence[str]) -> No
     for (y, x), share in np.ndenumerate(matrix):
         weight = "bold" if views[x] == list(rows.values())[y].dominant else "normal"
         colour = "white" if share > 0.4 else "black"
-        how = {"ha": "center", "va": "center", "fontweight": weight, "color": colour}
-        axes.text(x, y, f"{share:.2f}", fontsize=_TEXT_PT, **how)
+        how: dict[str, Any] = {"ha": "center", "va": "center", "fontweight": weight}
+        axes.text(x, y, f"{share:.2f}", fontsize=_TEXT_PT, color=colour, **how)
     kept = "\n(kept as it was)"
     names = [phase.value + ("" if rows[phase].dominant else kept) for phase in Phase]
     axes.set_xticks(range(len(views)), [view.upper() for view in views])
