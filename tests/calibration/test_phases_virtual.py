@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from calibration.options import PhaseOptions
-from calibration.phases import virtual_trial
+from calibration.phases import virtual_trial, wizard
 from calibration.phases.trials import CODE, infer, motion_of
 from calibration.phases.virtual_trial import VideolessTrial
 from calibration.phases.wizard import PhaseWizard
@@ -62,6 +62,7 @@ def calibrated(tmp_path_factory) -> Iterator[Calibrated]:
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(virtual_trial, "VideolessTrial", Kept)
+        patch.setattr(wizard, "sensitivity", lambda *_: [])  # held elsewhere, for the time it takes
         assert PhaseWizard(ui, options, lambda: NOON).run() == 0
     return Calibrated(config_path, ui, made)
 
