@@ -5,58 +5,40 @@
 
 from __future__ import annotations
 
+import io
 import sys
 
 import numpy as np
+from rich.console import Console
 
-from calibration.cameras.bench import Task
-from calibration.cameras.board import Board
+from calibration.cameras.binding import bind_views
 from calibration.cameras.findings import Findings
-from calibration.cameras.latency_step import measure_offsets_by_light, read_screens
+from calibration.cameras.image_steps import measure_latency
 from calibration.cameras.simulated_bench import SimulatedBench
-from calibration.cameras.which_step import bind_views
-from calibration.desk import PlayedDesk
+from calibration.ui import TerminalUI
 from tams_app.config import Config, load_config
-from tams_app.runtime.clock import MonotonicClock
-
-_RING_S = 9.0
 
 
 def measure(config: Config, seed: int, errors: dict[str, list[float]]) -> None:
-    """Add what one seed's cameras were mistaken by: [ms], and offsets over their stated error."""
-    bench, desk = SimulatedBench(config, seed, MonotonicClock(), Board()), PlayedDesk()
-    cameras = bind_views(desk, bench, config.video.views)
+    """Add what one seed's cameras were mistaken by: [ms], and latencies over their stated error."""
+    bench, ui = SimulatedBench(config, seed), TerminalUI(Console(file=io.StringIO()))
+    cameras = bind_views(ui, bench, config.video.views)
     errors["wrong view"] += [float(bench.truth[c].view != view) for view, c in cameras.items()]
     found = [Findings(view, camera) for view, camera in cameras.items()]
+    measure_latency(ui, bench, found)
     for each in found:
-        bench.prompt(Task.FOCUS, each.view)
-        for _ in bench.shots([each.camera], _RING_S, every=30):
-            pass
-    true_ms = {each.view: bench.truth[each.camera].latency_ms for each in found}
-    first = true_ms[found[0].view]
-    read_screens(desk, bench, found)
-    for each in found:
-        if each.to_capture is not None:
-            errors["light to capture"].append(each.to_capture.median_ms - true_ms[each.view])
-    for name, again in (("screen", False), ("light", True)):
-        if again:
-            measure_offsets_by_light(desk, bench, found)
-        for each in found[1:]:
-            if each.offset is not None:
-                error = each.offset.ms - (true_ms[each.view] - first)
-                errors[f"offset by {name}"].append(error)
-                errors[f"offset by {name}, over its error"].append(error / each.offset.error_ms)
+        if each.latency is not None:
+            error = each.latency.ms - bench.truth[each.camera].latency_ms
+            errors["latency"].append(error)
+            errors["latency, over its error"].append(error / each.latency.error_ms)
 
 
 def main() -> None:
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 10
     errors: dict[str, list[float]] = {
         "wrong view": [],
-        "light to capture": [],
-        "offset by screen": [],
-        "offset by screen, over its error": [],
-        "offset by light": [],
-        "offset by light, over its error": [],
+        "latency": [],
+        "latency, over its error": [],
     }
     config = load_config()
     for seed in range(seeds):

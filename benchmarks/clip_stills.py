@@ -14,7 +14,7 @@ import numpy as np
 from calibration.weights.clips import ClipFolder
 from tams_app.records import Image, Phase
 
-PICTURE = Path(__file__).resolve().parent.parent / "docs" / "calibration" / "weights-clips.jpg"
+FIGURE = Path(__file__).resolve().parent.parent / "docs" / "calibration" / "weights-clips.jpg"
 SCALE = 0.4
 
 
@@ -34,7 +34,7 @@ def main() -> None:
     for clip in ClipFolder(Path(sys.argv[1])).clips():  # in the order of the phases
         paths.setdefault(clip.phase, clip.path)
     rows = [middle_frame(path) for path in paths.values()]
-    cv2.imwrite(str(PICTURE), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 65])
+    cv2.imwrite(str(FIGURE), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 65])
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ Strokes and touches of known truth under random rotations, and the wizard with i
 from __future__ import annotations
 
 import argparse
+import io
 import math
 from collections.abc import Callable
 
@@ -14,15 +15,14 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from calibration.desk import PlayedDesk
+from calibration.frame.asking import fit_moves
 from calibration.frame.fit import fit_strokes
-from calibration.frame.reasons import RefusedError
 from calibration.frame.result import rows
 from calibration.frame.rotation import Matrix, turn_deg
-from calibration.frame.rounds import fit_moves
-from calibration.frame.sources import SimulatedSetup
-from calibration.frame.stroke import Stroke
+from calibration.frame.simulated import SimulatedSetup
+from calibration.frame.stroke import RefusedError, Stroke
 from calibration.frame.touches import Touch, fit_touches
+from calibration.ui import TerminalUI
 from tams_app.config import load_config
 
 Errors = tuple[float, float]  # of the rotation, and what the fit says it may be [deg]
@@ -31,9 +31,9 @@ _ONE_AXIS = 1 / math.sqrt(3)  # a sample that is 5 mm off in space is 2.9 mm off
 
 def strokes(truth: Matrix, random: np.random.Generator, rounds: int, samples: int, length_m: float,
             noise_m: float) -> Errors:  # fmt: skip
-    way = np.linspace(0.0, length_m, samples)
+    along = np.linspace(0.0, length_m, samples)
     made = [
-        Stroke(axis, np.outer(way, truth[axis]) + random.normal(0.0, noise_m, (samples, 3)))
+        Stroke(axis, np.outer(along, truth[axis]) + random.normal(0.0, noise_m, (samples, 3)))
         for _ in range(rounds)
         for axis in range(3)
     ]
@@ -54,7 +54,7 @@ def simulated_person(truth: Matrix, seed: int) -> Errors:
     turned = [list(row) for row in rows(truth)]
     config = load_config(None, {"rig.hand_rotation": turned})
     with SimulatedSetup(config, seed).hand(config.controller) as source:
-        fit = fit_moves(PlayedDesk(), source, config, rounds=2)
+        fit = fit_moves(TerminalUI(Console(file=io.StringIO())), source, config, rounds=2)
     return turn_deg(fit.rotation, truth), fit.error_bound_deg
 
 

@@ -1,8 +1,8 @@
-"""Whether the operator is as sure as he has a right to be: his errors in his own sigmas.
+"""Whether the operator's stated uncertainty is right: the errors of the belief in its own sigmas.
 
-What he goes by (the way from tool to block and to container, the block's heading against the tool)
-at every glance, against what the frames before him showed. Had he judged himself perfectly, 68,
-95 and 99.7 % of the errors would be within one, two and three sigmas.
+What the operator goes by (the displacement from tool to block and to container, the block's heading
+against the tool) at every glance, against what the frames then showed. With a perfectly calibrated
+belief 68, 95 and 99.7 % of the errors would be within one, two and three sigmas.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class NormalisedErrors:
 def normalised_errors(
     belief: Belief, stage: Stage, speed_m_s: float, shown: Sequence[SceneTruth]
 ) -> NormalisedErrors:
-    """`shown`: what was the case in each frame on screen; their mean is what he is held to."""
+    """`shown`: what was the case in each frame on screen; compared with their mean."""
     errors: dict[str, list[float]] = {}
     if shown and belief.seen[Thing.TOOL]:
         for thing, where in _PLACES.items():
@@ -66,7 +66,7 @@ def _way_errors(belief: Belief, where: slice, true: Vector) -> list[float]:
 
 
 def _heading_errors(belief: Belief, shown: SceneTruth) -> list[float]:
-    """None before he has made out the heading at all."""
+    """Empty before the heading has been made out at all."""
     variance = _variance(belief, BLOCK_YAW, TOOL_YAW)
     if variance > _HEADING_KNOWN_RAD**2:
         return []

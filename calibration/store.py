@@ -1,4 +1,4 @@
-"""Keeping what was measured: a dated file for each calibration, none ever changed or lost."""
+"""The files of what was measured: dated, one for each calibration, never changed or lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from calibration.desk import Desk
+from calibration.ui import WizardUI
 from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_key, set_folder
@@ -23,6 +23,9 @@ _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
 )
 _INDEX_HEADER = "# Which calibration counts, by kind. Name an older file here to go back to it.\n"
+
+
+Draw = Callable[[Path], None]  # the figure of a calibration, to a file
 
 
 def utc_now() -> datetime:
@@ -75,14 +78,14 @@ class CalibrationSet:
         """The file of a kind that counts now; None if nothing of that kind was calibrated."""
         return files_in_force(self.folder, read_yaml).get(kind)
 
-    def check_before(self, desk: Desk, yes: bool, simulated: bool) -> None:
+    def check_before(self, ui: WizardUI, yes: bool, simulated: bool) -> None:
         """Before anything is measured: whether the result may and can be written.
 
         ConfigError for what is `simulated` where there are real devices; TamsError if the folder
         could not be written and, by `propose`, would be.
         """
         self._refuse_simulated(simulated)
-        if not yes and not desk.attended:
+        if not yes and not ui.attended:
             return
         there = self.folder
         while not os.path.lexists(there):
@@ -94,53 +97,47 @@ class CalibrationSet:
             )
 
     def propose(
-        self,
-        desk: Desk,
-        calibration: Calibration,
-        yes: bool,
-        write_beside: Callable[[], None] | None = None,
+        self, ui: WizardUI, calibration: Calibration, yes: bool, draw: Draw | None = None
     ) -> Path | None:
         """Show what would be written, ask, and write it; the file, None if nothing was written.
 
-        `yes`: write without asking. Where nobody can be asked nothing is written. An answer that
-        is never given, for Ctrl-C or a closed terminal, loses nothing: the file is kept, but not
-        in force. `write_beside` writes the files that the calibration names, before it counts.
+        `yes`: write without asking. Unattended, nothing is written. If the question is never
+        answered (Ctrl-C, a closed terminal) the file is kept, but not in force. `draw` draws the
+        figure beside the file before that counts.
         """
         self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
-        desk.say(
-            f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}"
-        )
-        desk.say(
-            f"It would replace {before.name}, which is kept." if before else "It is the first."
-        )
-        if not yes and not desk.attended:
-            desk.say("Nothing is written, for nobody is here to be asked; --yes writes it.")
+        ui.say(f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}")
+        ui.say(f"It would replace {before.name}, which is kept." if before else "It is the first.")
+        if not yes and not ui.attended:
+            ui.say("Nothing is written, for there is no terminal to ask at; --yes writes it.")
             return None
         try:
-            wanted = yes or desk.conversation.yes("Write it?")
+            wanted = yes or ui.yes("Write it?")
         except (KeyboardInterrupt, TamsError):
-            path = self._keep(calibration, write_beside)
-            desk.say(
-                f"\nKept, but not in force: {path}\n"
-                f"To use it, write `{calibration.kind}: {path.name}` into {IN_FORCE} beside it."
-            )
+            self.keep(ui, calibration, draw)
             raise
         if not wanted:
-            desk.say("Nothing is written.")
+            ui.say("Nothing is written.")
             return None
-        path = self.write(calibration, write_beside)
-        desk.say(f"Written: {path}\nEvery command with --config {self._config_path} uses it now.")
+        path = self.write(calibration, draw)
+        ui.say(f"Written: {path}\nEvery command with --config {self._config_path} uses it now.")
         return path
 
-    def write(
-        self, calibration: Calibration, write_beside: Callable[[], None] | None = None
-    ) -> Path:
+    def keep(self, ui: WizardUI, calibration: Calibration, draw: Draw | None = None) -> None:
+        """Write it without letting it count, and say how it can be made to."""
+        path = self._new(calibration, draw)
+        ui.say(
+            f"\nKept, but not in force: {path}\n"
+            f"To use it, write `{calibration.kind}: {path.name}` into {IN_FORCE} beside it."
+        )
+
+    def write(self, calibration: Calibration, draw: Draw | None = None) -> Path:
         """Write it and let it count from now on; what counted before stays beside it.
 
         ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
         """
-        path = self._keep(calibration, write_beside)
+        path = self._new(calibration, draw)
         before = files_in_force(self.folder, read_yaml)
         try:
             self._replace_index(
@@ -151,8 +148,8 @@ class CalibrationSet:
         self._check(path, before)
         return path
 
-    def _keep(self, calibration: Calibration, write_beside: Callable[[], None] | None) -> Path:
-        """Write it; what counted before still counts."""
+    def _new(self, calibration: Calibration, draw: Draw | None) -> Path:
+        """A new file, and its figure beside it; what counted before still counts."""
         kind = calibration.kind
         if key := overstepping_key(calibration.changes, kind):
             raise ConfigError(f"{key}: is not for a {kind} calibration to set")
@@ -172,11 +169,16 @@ class CalibrationSet:
         }
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            if write_beside is not None:
-                write_beside()
-            return self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
+            path = self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
         except OSError as error:
             raise self._unwritable(error) from error
+        if draw is not None:
+            try:
+                draw(path.with_suffix(".png"))
+            except BaseException:  # without its figure it is not kept
+                path.unlink(missing_ok=True)
+                raise
+        return path
 
     def _unwritable(self, error: OSError) -> TamsError:
         return TamsError(f"{self.folder}: cannot be written: {error.strerror}")

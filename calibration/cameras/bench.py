@@ -1,4 +1,4 @@
-"""What the steps of the wizard need of the cameras, whether real, simulated or both."""
+"""What the steps of the wizard need of the cameras, whether real or simulated."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Protocol
 
-from calibration.cameras.latency import ScreenTimes
+from calibration.cameras.flashes import Flashes
+from calibration.ui import WizardUI
 from tams_app.config import CameraConfig
-from tams_app.records import Frame, Image
+from tams_app.records import Frame
+
+_CHUNK_S = 0.5
 
 
 class Task(Enum):
@@ -19,14 +22,12 @@ class Task(Enum):
     REST = auto()  # keep out of sight, hold still
     WAVE = auto()  # a hand before one camera
     FOCUS = auto()  # turn its ring until the bar is highest
-    SHOW_SCREEN = auto()  # point it at the screen with the pattern
-    SWITCH_LIGHT = auto()  # off and on, several times
-    SHOW_BOARD = auto()  # hold the board before it, everywhere and tilted
+    SHOW_SCREEN = auto()  # point it at the screen that flashes
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """An image of the camera called `camera`, and when the process had it."""
+    """A frame of the camera called `camera`, and when the process had it."""
 
     camera: str
     frame: Frame
@@ -52,7 +53,6 @@ class Bench(Protocol):
     attended: bool
     fps: int
     width: int
-    height: int
 
     @property
     def cameras(self) -> Sequence[str]:
@@ -76,7 +76,7 @@ class Bench(Protocol):
         """Whether a simulated person has finished what was asked last."""
 
     def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
-        """The images of some cameras as they come for so long; each `every`-th only."""
+        """The frames of some cameras as they come for so long; each `every`-th only."""
 
     def chosen_settings(self, camera: str) -> Settings:
         """What its automatic has chosen, as far as the camera tells."""
@@ -84,11 +84,23 @@ class Bench(Protocol):
     def use_settings(self, camera: str, settings: Settings) -> None:
         """Open it anew with these; DeviceError if it refuses."""
 
-    def screen(self) -> AbstractContextManager[ScreenTimes]:
-        """Show the time pattern; SetupError where there is no display."""
-
-    def live(self, camera: str, seconds: float) -> Iterator[tuple[Image, int]]:
-        """Images with capture times on the process's own clock, at the camera's pace."""
+    def screen(self) -> AbstractContextManager[Flashes]:
+        """Let a screen flash; SetupError where there is no display."""
 
     def close(self) -> None:
         """Let go of all cameras; may be called twice."""
+
+
+def until_done(
+    ui: WizardUI, bench: Bench, cameras: Sequence[str], most_s: float, every: int = 1
+) -> Iterator[Shot]:
+    """Frames until Enter is pressed, a simulated person has finished, or `most_s` are over."""
+    for _ in range(round(most_s / _CHUNK_S)):
+        yield from bench.shots(cameras, _CHUNK_S, every)
+        if ui.pressed() or bench.done:
+            return
+
+
+def agreed(ui: WizardUI, bench: Bench, question: str) -> bool:
+    """The person's answer; no where there is no one to be asked."""
+    return bench.attended and ui.attended and ui.yes(question)

@@ -1,17 +1,20 @@
-"""What was found out of one view's camera, and what the calibration file keeps of it."""
+"""What was found out about one view's camera, for the calibration file and as a figure."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+import cv2
+
 from calibration.cameras.bench import Settings
-from calibration.cameras.common_event import Offset
 from calibration.cameras.exposure import Exposure
-from calibration.cameras.focus import Sharpness
-from calibration.cameras.intrinsics import Intrinsics
-from calibration.cameras.latency import Latency
-from calibration.cameras.timing import ClockCheck, Rate
+from calibration.cameras.flashes import Latency
+from calibration.cameras.focus import Sharpness, blur_words
+from calibration.cameras.timing import Rate
+from calibration.figures import new_figure, save_figure
 from tams_app.records import Image
 
 
@@ -25,14 +28,8 @@ class Findings:
     sharpness: Sharpness | None = None
     exposure: Exposure | None = None
     rate: Rate | None = None
-    clock: ClockCheck | None = None
     settings: Settings | None = None  # accepted, to be written
-    to_capture: Latency | None = None  # from the light
-    to_shown: Latency | None = None  # from the capture
-    in_all: Latency | None = None
-    offset: Offset | None = None  # of its timestamps against the first view's
-    intrinsics: Intrinsics | None = None
-    intrinsics_file: str = ""
+    latency: Latency | None = None
     advice: list[str] = field(default_factory=list)
 
     def quality(self) -> dict[str, Any]:
@@ -45,36 +42,48 @@ class Findings:
             kept["clipped_share"] = _number(self.exposure.too_bright + self.exposure.too_dark)
             kept["flicker_share"] = _number(self.exposure.flicker)
         if self.rate is not None:
-            kept |= {
-                "rate_hz": _number(self.rate.rate_hz),
-                "jitter_ms": _number(self.rate.jitter_ms),
-                "missed_frames": self.rate.missed,
-                "frames": self.rate.frames,
-            }
-        if self.clock is not None:
-            kept |= {
-                "timestamp_age_ms": _number(self.clock.age_ms),
-                "clock_drift_ppm": _number(self.clock.drift_ppm),
-                "clock_drift_error_ppm": _number(self.clock.drift_error_ppm),
-            }
-        for name, latency in (
-            ("light_to_capture", self.to_capture),
-            ("capture_to_shown", self.to_shown),
-            ("light_to_shown", self.in_all),
-        ):
-            if latency is not None:
-                kept[f"{name}_ms"] = _number(latency.median_ms)
-                if latency.error_ms:
-                    kept[f"{name}_error_ms"] = _number(latency.error_ms)
-        if self.offset is not None:
-            kept["clock_offset_ms"] = _number(self.offset.ms)
-            kept["clock_offset_error_ms"] = _number(self.offset.error_ms)
-        if self.intrinsics is not None:
-            kept["intrinsics_rms_px"] = _number(self.intrinsics.rms_px)
-            kept["intrinsics_file"] = self.intrinsics_file
+            kept["rate_hz"] = _number(self.rate.rate_hz)
+            kept["jitter_ms"] = _number(self.rate.jitter_ms)
+            kept |= {"missed_frames": self.rate.missed, "frames": self.rate.frames}
+        if self.latency is not None:
+            kept["latency_ms"] = _number(self.latency.ms)
+            kept["latency_error_ms"] = _number(self.latency.error_ms)
         if self.advice:
             kept["advice"] = list(self.advice)
         return kept
+
+    def lines(self) -> list[str]:
+        """What is known, a line each."""
+        lines = []
+        if self.sharpness is not None:
+            lines.append(blur_words(self.sharpness))
+        if (seen := self.exposure) is not None:
+            flicker = "" if seen.flicker is None else f", flicker {seen.flicker:.1%}"
+            lines.append(
+                f"mean grey {seen.mean_grey:.0f}, white {seen.too_bright:.1%}, "
+                f"black {seen.too_dark:.1%}{flicker}"
+            )
+        if (rate := self.rate) is not None:
+            lines.append(
+                f"{rate.rate_hz:.2f} Hz, jitter {rate.jitter_ms:.1f} ms, "
+                f"missed {rate.missed} of {rate.frames + rate.missed}"
+            )
+        if self.latency is not None:
+            lines.append(f"latency {self.latency.ms:.0f} ± {self.latency.error_ms:.0f} ms")
+        return lines
+
+
+def draw_findings(found: Sequence[Findings], path: Path) -> None:
+    """The views with what is known of each; TamsError if it cannot be written."""
+    figure = new_figure(9.6, 3.6)
+    for axes, each in zip(figure.subplots(1, len(found), squeeze=False)[0], found, strict=True):
+        axes.set_title(f"{each.view.upper()}: {each.camera}", fontsize=9)
+        if each.image is not None:
+            axes.imshow(cv2.cvtColor(each.image, cv2.COLOR_BGR2RGB))
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.set_xlabel("\n".join(each.lines()), fontsize=7.5, loc="left")
+    save_figure(figure, path)
 
 
 def _number(value: float | None) -> float | None:

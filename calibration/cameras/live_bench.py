@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from calibration.cameras.bench import Settings, Shot, Task
-from calibration.cameras.latency import ScreenTimes
-from calibration.cameras.screen import shown_pattern
+from calibration.cameras.flashes import Flashes
+from calibration.cameras.screen import flashing_window
 from hw.gstreamer.camera import GstCamera
 from hw.v4l2.controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
@@ -16,7 +16,6 @@ from hw.v4l2.ioctl import V4l2Device
 from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Image
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 
 _POLL_NS = 2 * NS_PER_MS
@@ -41,11 +40,10 @@ class LiveBench:
         self,
         video: VideoConfig,
         clock: Clock,
-        pattern_hz: int,
         find: Callable[[], list[CameraInfo]] = list_cameras,
     ) -> None:
-        self.fps, self.width, self.height = video.fps, video.width, video.height
-        self._video, self._clock, self._pattern_hz, self._find = video, clock, pattern_hz, find
+        self.fps, self.width = video.fps, video.width
+        self._video, self._clock, self._find = video, clock, find
         self._plugged: dict[str, _Plugged] = {}
         self._refused: list[str] = []
         try:
@@ -120,12 +118,8 @@ class LiveBench:
         )
         plugged.camera = self._started(camera, plugged.config)
 
-    def screen(self) -> AbstractContextManager[ScreenTimes]:
-        return shown_pattern(self._clock, self._pattern_hz, module_px=28)
-
-    def live(self, camera: str, seconds: float) -> Iterator[tuple[Image, int]]:
-        for shot in self.shots([camera], seconds):
-            yield shot.frame.image, shot.frame.capture_ns
+    def screen(self) -> AbstractContextManager[Flashes]:
+        return flashing_window(self._clock)
 
     def close(self) -> None:
         for plugged in self._plugged.values():

@@ -86,22 +86,12 @@ def rate_advice(rate: Rate, fps: int) -> list[str]:
     return advice
 
 
-@dataclass(frozen=True, slots=True)
-class ClockCheck:
-    """A camera's timestamps against the clock of the process that read its images."""
+def clock_problem(capture_ns: Sequence[int], delivered_ns: Sequence[int]) -> str:
+    """What is wrong with the timestamps as the process's clock, "" if nothing is.
 
-    age_ms: float  # median: from the timestamp to the image in hand
-    youngest_ms: float
-    drift_ppm: float  # by which the timestamps' clock runs slower than the process's
-    drift_error_ppm: float  # one standard error
-    problem: str  # "" if the timestamps can be the process's clock
-
-
-def check_clock(capture_ns: Sequence[int], delivered_ns: Sequence[int]) -> ClockCheck:
-    """From the timestamps and when each image was in hand; ValueError if there are too few.
-
-    Delivery takes at least some constant time, so the lower edge of the ages must stay level: its
-    slope is the drift (the youngest of each tenth of the time, a line through them).
+    `delivered_ns`: when each image was in hand. That takes at least some constant time, so the
+    lower edge of the ages must stay level: its slope is the drift (the youngest of each tenth of
+    the time, a line through them). ValueError below `FEWEST_FRAMES`.
     """
     if len(capture_ns) < FEWEST_FRAMES:
         raise ValueError(f"needs {FEWEST_FRAMES} frames, got {len(capture_ns)}")
@@ -109,15 +99,14 @@ def check_clock(capture_ns: Sequence[int], delivered_ns: Sequence[int]) -> Clock
     at_s = np.array([(t - start_ns) / NS_PER_S for t in delivered_ns])
     ages_ms = np.array([(d - c) / NS_PER_MS for c, d in zip(capture_ns, delivered_ns, strict=True)])
     drift_ppm, error_ppm = _slope_of_lower_edge(at_s, ages_ms)
-    age_ms, youngest_ms = float(np.median(ages_ms)), float(ages_ms.min())
-    problem = ""
-    if youngest_ms < 0:
-        problem = "images carry times that lie ahead: not the host's monotonic clock"
-    elif age_ms > _OLDEST_MS:
-        problem = f"images are {age_ms / 1000:.1f} s old: not the host's monotonic clock"
-    elif abs(drift_ppm) > max(_LARGEST_DRIFT_PPM, _SIGMAS * error_ppm):
-        problem = f"timestamps drift by {drift_ppm:.0f} ppm: the camera keeps a clock of its own"
-    return ClockCheck(age_ms, youngest_ms, drift_ppm, error_ppm, problem)
+    age_ms = float(np.median(ages_ms))
+    if ages_ms.min() < 0:
+        return "images carry times that lie ahead: not the host's monotonic clock"
+    if age_ms > _OLDEST_MS:
+        return f"images are {age_ms / 1000:.1f} s old: not the host's monotonic clock"
+    if abs(drift_ppm) > max(_LARGEST_DRIFT_PPM, _SIGMAS * error_ppm):
+        return f"timestamps drift by {drift_ppm:.0f} ppm: the camera keeps a clock of its own"
+    return ""
 
 
 def _slope_of_lower_edge(at_s: Vector, ages_ms: Vector) -> tuple[float, float]:

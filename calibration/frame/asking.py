@@ -1,69 +1,71 @@
-"""The parts of the conversation: press, move, touch, try. Each repeats what did not go well."""
+"""The parts of the conversation: press, move, touch. Each repeats what did not go well."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar
 
-from calibration.desk import Desk
-from calibration.frame import shown
+import numpy as np
+
+from calibration.frame import display
 from calibration.frame.buttons import ButtonFinding, PressWatch, settle
 from calibration.frame.capture import Capture, Held, touch_of
-from calibration.frame.compass import Compass
-from calibration.frame.prompts import SIX_WAYS, Move, Press, Reach
-from calibration.frame.reasons import Reason, RefusedError
-from calibration.frame.recorded import MIN_TRAVEL_M, travel_m
-from calibration.frame.sources import ButtonSource, HandSource
-from calibration.frame.stroke import Stroke, check_line, fit_line
-from calibration.frame.touches import Touch
+from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
+from calibration.frame.sources import SHOW_EVERY, ButtonSource, HandSource, Move, Press, Reach
+from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke, check_line, fit_line
+from calibration.frame.touches import Touch, TouchFit, fit_touches
+from calibration.ui import WizardUI
 from hw.openvr.components import ROLES, configured_role_map
-from tams_app.config import Config, HandConfig
+from tams_app.config import Config
 from tams_app.records import ControllerSample, ControllerStatus, Vector
 
 ATTEMPTS = 5  # of one stroke, touch or button
-TRIES = 3  # of one direction: people take left for right
-SHOW_EVERY = 12  # samples: ten times a second
+MOST_ROUNDS = 4
+_BEGINNINGS = 3  # of everything, when what was measured makes no frame together
 
 Result = TypeVar("Result")
+Fit = TypeVar("Fit", FrameFit, TouchFit)
 Show = Callable[[Held | None, ControllerSample], None]
 
 
-def ask_buttons(desk: Desk, source: ButtonSource, config: Config) -> ButtonFinding:
+def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
     """Every part pressed once; begun anew when a component comes for two of them."""
     for attempt in range(ATTEMPTS):
         try:
-            return _press_all(desk, source, config)
+            return _press_all(ui, source, config)
         except RefusedError as error:
             if attempt == ATTEMPTS - 1 or error.reason is not Reason.WRONG_BUTTON:
                 raise
-            desk.say(f"{error} All the buttons once more.")
+            ui.say(f"{error} All the buttons once more.")
     raise AssertionError("the last attempt returns or raises")
 
 
-def ask_stroke(desk: Desk, source: HandSource, config: Config, axis: int) -> Stroke:
+def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> Stroke:
     """One good stroke along the robot's axis."""
-    way = Move(axis)
-    desk.say(f"Hold the trigger, move along the robot's {way.name} ({shown.meaning(way)}), let go.")
+    move = Move(axis)
+    ui.say(
+        f"Hold the trigger, move along the robot's {move.name} ({display.meaning(move)}), let go."
+    )
 
     def show(held: Held | None, sample: ControllerSample) -> None:
-        desk.show(shown.stroke_line(axis, held, sample))
+        ui.show(display.stroke_line(axis, held, sample))
 
     def once() -> Stroke:
-        source.ask(way)
+        source.ask(move)
         stroke = Stroke(axis, _hold(source, config, show).positions)
         check_line(fit_line(stroke))
         return stroke
 
-    return _repeated(desk, once)
+    return _repeated(ui, once)
 
 
 def ask_touches(
-    desk: Desk, source: HandSource, config: Config, points: Sequence[Vector]
+    ui: WizardUI, source: HandSource, config: Config, points: Sequence[Vector]
 ) -> list[Touch]:
     """One good touch of each point [m]."""
     return [
-        _ask_touch(desk, source, config, Reach(point, number))
+        _ask_touch(ui, source, config, Reach(point, number))
         for number, point in enumerate(points, start=1)
     ]
 
@@ -74,59 +76,7 @@ def wait_for_a_steady_frame(source: HandSource) -> None:
         pass
 
 
-def try_six_ways(
-    desk: Desk, source: HandSource, config: Config, hand: HandConfig
-) -> dict[Move, bool]:
-    """Whether each direction lit up when it was asked for; those that Enter skipped are missing."""
-    right: dict[Move, bool] = {}
-    for way in SIX_WAYS:
-        desk.say(f"Hold the trigger, move along {way.name} ({shown.meaning(way)}), let go.")
-        for left in reversed(range(TRIES)):
-            wrong = _try_way(desk, source, config, hand, way, right)
-            if wrong is None:
-                right.pop(way, None)
-                break
-            right[way] = not wrong
-            if not wrong:
-                break
-            desk.say(wrong + (" Once more." if left else ""))
-    desk.say(shown.as_text(shown.compass_table(None, None, right)))
-    return right
-
-
-def _try_way(
-    desk: Desk,
-    source: HandSource,
-    config: Config,
-    hand: HandConfig,
-    way: Move,
-    right: Mapping[Move, bool],
-) -> str | None:
-    """What was wrong with one try of a direction, "" for nothing; None if Enter skipped it."""
-    capture, compass = Capture(config), Compass(config, hand)
-    source.ask(way)
-    count, done = 0, None
-    while done is None or travel_m(done) < MIN_TRAVEL_M:
-        now_ns, sample = source.next()
-        try:
-            done = capture.take(sample, now_ns)
-        except RefusedError as error:
-            if error.reason is Reason.FRAME_CHANGED:
-                raise
-            return str(error)
-        compass.update(sample, now_ns, held=capture.so_far is not None)
-        count += 1
-        if count % SHOW_EVERY == 0:
-            desk.show(shown.compass_table(way, compass.lit, right))
-            if desk.pressed():
-                return None
-    lit = compass.mostly()
-    if lit is None:
-        return f"Nothing lit up when {way.name} was asked for: move faster, and straight."
-    return "" if lit == way else f"{lit.name} lit up when {way.name} was asked for."
-
-
-def _press_all(desk: Desk, source: ButtonSource, config: Config) -> ButtonFinding:
+def _press_all(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
     found: dict[str, str] = {}
     kind = ""
 
@@ -141,29 +91,29 @@ def _press_all(desk: Desk, source: ButtonSource, config: Config) -> ButtonFindin
             path = watch.take(reading, now_ns)
             count += 1
             if count % SHOW_EVERY == 0:
-                desk.show(shown.button_table(reading, role, found))
+                ui.show(display.button_table(reading, role, found))
         return path
 
     for role in ROLES:
-        desk.say(f"Press and let go {shown.PARTS[role]}.")
-        found[role] = _repeated(desk, partial(once, role))
+        ui.say(f"Press and let go {display.PARTS[role]}.")
+        found[role] = _repeated(ui, partial(once, role))
     hand = config.controller.hand
     mapped = configured_role_map(kind, hand, config.controller)
     return settle(kind, hand, found, {role: mapped[role].path for role in ROLES})
 
 
-def _ask_touch(desk: Desk, source: HandSource, config: Config, point: Reach) -> Touch:
+def _ask_touch(ui: WizardUI, source: HandSource, config: Config, point: Reach) -> Touch:
     place = ", ".join(f"{1000 * value:.0f}" for value in point.robot)
-    desk.say(f"Touch point {point.number} ({place} mm), squeeze the trigger, wait, let go.")
+    ui.say(f"Touch point {point.number} ({place} mm), squeeze the trigger, wait, let go.")
 
     def show(held: Held | None, sample: ControllerSample) -> None:
-        desk.show(shown.touch_line(point.number, held, sample))
+        ui.show(display.touch_line(point.number, held, sample))
 
     def once() -> Touch:
         source.ask(point)
         return touch_of(_hold(source, config, show), point.robot, point.number)
 
-    return _repeated(desk, once)
+    return _repeated(ui, once)
 
 
 def _hold(source: HandSource, config: Config, show: Show) -> Held:
@@ -179,7 +129,7 @@ def _hold(source: HandSource, config: Config, show: Show) -> Held:
             show(capture.so_far, sample)
 
 
-def _repeated(desk: Desk, once: Callable[[], Result]) -> Result:
+def _repeated(ui: WizardUI, once: Callable[[], Result]) -> Result:
     """Until it goes well; what no repetition mends, and the last failure, is raised."""
     for left in reversed(range(ATTEMPTS)):
         try:
@@ -187,5 +137,44 @@ def _repeated(desk: Desk, once: Callable[[], Result]) -> Result:
         except RefusedError as error:
             if left == 0 or error.reason in (Reason.FRAME_CHANGED, Reason.WRONG_BUTTON):
                 raise
-            desk.say(str(error))
+            ui.say(str(error))
     raise AssertionError("the last attempt returns or raises")
+
+
+def fit_moves(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
+    """Rounds of three strokes, more while that helps; all anew when they make no frame."""
+    return _anew(ui, source, lambda: _fit_rounds(ui, source, config, rounds))
+
+
+def fit_touched(
+    ui: WizardUI, source: HandSource, config: Config, points: Sequence[Vector]
+) -> TouchFit:
+    """Touches of all points; all anew when they make no frame, unless the list is wrong."""
+    return _anew(ui, source, lambda: fit_touches(ask_touches(ui, source, config, points)))
+
+
+def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Fit]) -> Fit:
+    for beginning in range(_BEGINNINGS):
+        try:
+            return once()
+        except RefusedError as error:
+            if beginning == _BEGINNINGS - 1 or error.reason is Reason.IMPOSSIBLE_SCALE:
+                raise
+            ui.say(f"{error}\nFrom the beginning, then.")
+            wait_for_a_steady_frame(source)
+    raise AssertionError("the last beginning returns or raises")
+
+
+def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
+    present = np.array(config.hand.rotation)
+    strokes: list[Stroke] = []
+    for number in range(1, max(rounds, MOST_ROUNDS) + 1):
+        ui.say(f"Round {number}.")
+        strokes += [ask_stroke(ui, source, config, axis) for axis in range(len(AXES))]
+        if number < rounds:
+            continue
+        fit = fit_strokes(strokes, present)
+        if fit.error_bound_deg <= GOOD_DEG or number >= MOST_ROUNDS:
+            return fit
+        ui.say(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")
+    raise AssertionError("the last round returns or raises")

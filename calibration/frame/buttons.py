@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.stroke import Reason, RefusedError
 from hw.openvr.components import ROLES, ComponentReading, role_map
 from tams_app.errors import ConfigError
 from tams_app.runtime.clock import NS_PER_S
 
 PRESSED = 0.6  # of the way, as the clutch has it
 FREE = 0.3
-PATIENCE_NS = 10 * NS_PER_S
+TIMEOUT_NS = 10 * NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class PressWatch:
             self._pressed |= down
             if self._pressed and is_free:
                 return self._only()
-        if now_ns - self._since_ns > PATIENCE_NS:
+        if now_ns - self._since_ns > TIMEOUT_NS:
             raise self._nothing_came(values)
         return None
 

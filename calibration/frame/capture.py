@@ -1,18 +1,24 @@
-"""From the controller's samples to strokes and touches: what happens while the trigger is held."""
+"""Strokes and touches from the controller's samples, live or from the log of a session."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import Matrix
+from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
 from calibration.frame.touches import Touch
 from tams_app.config import Config
-from tams_app.records import ControllerSample, ControllerStatus, Pose, Vector
+from tams_app.errors import LogError
+from tams_app.recording import read_log, read_ticks
+from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick, Vector
+from tams_app.session.recorders import LOG_NAME
 from tams_app.teleop.clutch import Clutch
+from tams_app.teleop.safety import ArmingState
 
 MIN_TOUCH_SAMPLES = 20
 MAX_TOUCH_TREMBLE_M = 0.005  # RMS while touching
@@ -48,7 +54,7 @@ class Capture:
 
         Refused if the tracking was lost meanwhile, or its frame changed at any time.
         """
-        fingers = self._clutch.update(sample, now_ns)
+        buttons = self._clutch.update(sample, now_ns)
         if sample.status is ControllerStatus.TRACKING_FRAME_CHANGED:
             self._poses = None
             raise RefusedError(
@@ -65,11 +71,11 @@ class Capture:
                 f"The controller was lost while the trigger was held ({sample.status.value}): "
                 "do it again where it is tracked.",
             )
-        if fingers.press:
+        if buttons.press:
             self._poses = []
         if self._poses is None:
             return None
-        if not fingers.pressed:
+        if not buttons.pressed:
             done, self._poses = Held(tuple(self._poses)), None
             return done
         if sample.pose is not None and sample.pose_ns > self._pose_ns:
@@ -95,3 +101,61 @@ def touch_of(held: Held, robot: Vector, number: int) -> Touch:
         )
     turn = Rotation.concatenate([pose.rotation for pose in held.poses]).mean()
     return Touch(robot, place, turn)
+
+
+MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke
+
+
+def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
+    """The strokes in a session's log, +x, +y, +z over and over; LogError or RefusedError."""
+    try:
+        return find_strokes(read_ticks(_log_of(folder)), config)
+    except RefusedError as error:
+        raise RefusedError(error.reason, f"{folder}: {error}") from error
+
+
+def was_simulated(folder: Path) -> bool:
+    """Whether the session ran on the simulated rig, and so in its tracking frame."""
+    return bool(read_log(_log_of(folder)).header.config["rig"]["enabled"])
+
+
+def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
+    """Each stretch with the trigger held is the next stroke, if the hand went somewhere.
+
+    Refused for a session in which the arm was driven. There the arm follows the hand by the
+    rotation in force, so the pairs of their travels tell that rotation and nothing of how the
+    frames truly stand; and the hand goes where the task needs it, not along the robot's axes.
+    """
+    capture, found = Capture(config), list[Held]()
+    for tick in ticks:
+        if tick.arming.lower() == ArmingState.ENGAGED.value:
+            raise RefusedError(
+                Reason.DRIVEN,
+                "In this session the hand drove the arm, which shows the mapping in force and not "
+                "the true one: record strokes with `run --dry-run` without arming, and give that.",
+            )
+        held = capture.take(tick.controller, tick.started_ns)
+        if held is not None and travel_m(held) >= MIN_TRAVEL_M:
+            found.append(held)
+    if not found or len(found) % len(AXES):
+        raise RefusedError(
+            Reason.MISSING,
+            f"The session has {len(found)} strokes with the trigger held, and it takes a multiple "
+            "of three: +x, +y, +z, in this order, once or more often.",
+        )
+    return [Stroke(n % len(AXES), held.positions) for n, held in enumerate(found)]
+
+
+def _log_of(folder: Path) -> Path:
+    path = folder / LOG_NAME if folder.is_dir() else folder
+    if not path.is_file():
+        raise LogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
+    return path
+
+
+def travel_m(held: Held) -> float:
+    """From the first place to the farthest from it [m]."""
+    positions = held.positions
+    if not len(positions):
+        return 0.0
+    return float(np.linalg.norm(positions - positions[0], axis=1).max())

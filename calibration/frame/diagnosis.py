@@ -8,9 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import Matrix, kabsch, turn_deg
-from calibration.frame.stroke import AXES
+from calibration.frame.stroke import AXES, Reason, RefusedError
 
 PARALLEL_DEG = 45.0
 _UP = np.array([0.0, 1.0, 0.0])  # of the tracking frame: OpenVR's standing universe

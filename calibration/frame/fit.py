@@ -16,9 +16,8 @@ from itertools import product
 import numpy as np
 
 from calibration.frame.diagnosis import diagnose
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import Matrix, angles_deg, bound_rad, condition, kabsch
-from calibration.frame.stroke import AXES, Line, Stroke, check_line, fit_line
+from calibration.frame.stroke import AXES, Line, Reason, RefusedError, Stroke, check_line, fit_line
 
 OUTLIER_DEG = 10.0
 GOOD_DEG = 2.0  # an error bound up to here needs no second thought

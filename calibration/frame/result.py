@@ -1,21 +1,23 @@
-"""From fits to what is written, and whether it may be."""
+"""From fits to what is written, whether it may be, and the figure of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from calibration.figures import new_figure, save_figure
 from calibration.frame.buttons import ButtonFinding
 from calibration.frame.diagnosis import stands_upright
 from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit
-from calibration.frame.prompts import SIX_WAYS, Move
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import Matrix, turn_deg
+from calibration.frame.sources import SIX_DIRECTIONS, Move
+from calibration.frame.stroke import AXES, Reason, RefusedError
 from calibration.frame.touches import TouchFit
 from calibration.store import Calibration
 from tams_app.config import Config, HandConfig, MappingConfig
@@ -24,6 +26,8 @@ from tams_app.config.reader import read_yaml
 
 KIND = "frame"
 _DIGITS = 9  # the configuration wants orthonormal to 1e-6
+_COLOURS = ("#c0392b", "#27ae60", "#2471a3")  # x, y, z, as robots are drawn
+_PLANES = ((0, 1), (0, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,9 +35,14 @@ class Outcome:
     """All that one run of the wizard found out."""
 
     frame: FrameFit | TouchFit
-    buttons: ButtonFinding | None
-    lit: Mapping[Move, bool] | None  # None: not tried
-    true_rotation: Matrix | None
+    source: str  # in words
+    buttons: ButtonFinding | None = None
+    lit: Mapping[Move, bool] | None = None  # None: not tried
+    true_rotation: Matrix | None = None
+
+    def with_directions(self, lit: Mapping[Move, bool]) -> Outcome:
+        """The same after the six directions were tried."""
+        return replace(self, lit=lit)
 
 
 def rows(rotation: Matrix) -> tuple[tuple[float, float, float], ...]:
@@ -48,6 +57,16 @@ def hand_with(hand: HandConfig, frame: FrameFit | TouchFit, keep_scale: bool) ->
     if isinstance(frame, TouchFit) and not keep_scale:
         update["translation_scale"] = round(frame.scale, 4)
     return hand.model_copy(update=update)
+
+
+def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
+    """The configuration with the buttons as they were found."""
+    if buttons is None:
+        return config
+    mapping: dict[Any, MappingConfig] = dict(config.controller.mapping)
+    mapping[buttons.controller_type] = MappingConfig(**buttons.paths)
+    controller = config.controller.model_copy(update={"mapping": mapping})
+    return config.model_copy(update={"controller": controller})
 
 
 def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:
@@ -88,72 +107,6 @@ def doubt(frame: FrameFit | TouchFit) -> str:
     return ""
 
 
-def calibration(
-    config: Config,
-    outcome: Outcome,
-    hand: HandConfig,
-    before: Path | None,
-    source: str,
-    simulated: bool,
-) -> Calibration:
-    """What is written. A part that was not measured now stays as `before`, the file in force."""
-    changes: dict[str, Any] = {}
-    if before is not None:
-        changes = deepcopy(read_calibrated(before, KIND, read_yaml).changes)
-    new_hand: dict[str, Any] = {"rotation": [list(row) for row in hand.rotation]}
-    if hand.translation_scale != config.hand.translation_scale:
-        new_hand["translation_scale"] = hand.translation_scale
-    changes["hand"] = _section(changes, "hand") | new_hand
-    buttons = outcome.buttons
-    if buttons is not None and (buttons.wrong or config.controller.mapping):
-        mapping = changes.setdefault("controller", {}).setdefault("mapping", {})
-        mapping[buttons.controller_type] = dict(buttons.paths)
-    return Calibration(KIND, changes, source, _quality(config, outcome), simulated)
-
-
-def _section(changes: dict[str, Any], key: str) -> dict[str, Any]:
-    return dict(changes[key]) if key in changes else {}
-
-
-def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
-    """The configuration with the buttons as they were found."""
-    if buttons is None:
-        return config
-    controller = config.controller
-    mapping: dict[Any, MappingConfig] = dict(controller.mapping)
-    mapping[buttons.controller_type] = MappingConfig(**buttons.paths)
-    return config.model_copy(
-        update={"controller": controller.model_copy(update={"mapping": mapping})}
-    )
-
-
-def _quality(config: Config, outcome: Outcome) -> dict[str, Any]:
-    frame, lit, buttons = outcome.frame, outcome.lit, outcome.buttons
-    quality: dict[str, Any] = {
-        "error_bound_95_deg": round(frame.error_bound_deg, 3),
-        "residual_mm": round(frame.residual_mm, 3),
-        "condition": round(frame.condition, 3),
-        "changed_by_deg": round(turn_deg(frame.rotation, np.array(config.hand.rotation)), 3),
-    }
-    if isinstance(frame, FrameFit):
-        quality["off_axis_deg"] = [
-            f"{stroke.line.name} {stroke.angle_deg:.2f}" for stroke in frame.strokes if stroke.used
-        ]
-        quality["samples"] = sum(s.line.samples for s in frame.strokes if s.used)
-        quality["left_out"] = list(frame.left_out)
-    else:
-        quality["scale"] = round(frame.scale, 4)
-        quality["missed_by_the_others_mm"] = [round(miss, 2) for miss in frame.misses_mm]
-        quality["left_out"] = [f"touch {n + 1}" for n in frame.left_out]
-    if lit is not None:
-        quality["directions_lit"] = f"{sum(lit.values())} of {len(SIX_WAYS)}"
-    if buttons is not None:
-        quality["buttons_put_right"] = list(buttons.wrong)
-    if outcome.true_rotation is not None:
-        quality["true_error_deg"] = round(turn_deg(frame.rotation, outcome.true_rotation), 3)
-    return quality
-
-
 def _advice(frame: FrameFit | TouchFit) -> str:
     if isinstance(frame, FrameFit):
         worst = max((s for s in frame.strokes if s.used), key=lambda stroke: stroke.angle_deg)
@@ -166,3 +119,113 @@ def _advice(frame: FrameFit | TouchFit) -> str:
         f"touch {worst_touch + 1} is {frame.misses_mm[worst_touch]:.0f} mm from where the others "
         "have it; touch more points, farther apart, and each exactly"
     )
+
+
+def calibration(
+    config: Config, outcome: Outcome, keep_scale: bool, before: Path | None, simulated: bool
+) -> Calibration:
+    """What is written. A part that was not measured now stays as `before`, the file in force."""
+    changes: dict[str, Any] = {}
+    if before is not None:
+        changes = deepcopy(read_calibrated(before, KIND, read_yaml).changes)
+    hand = hand_with(config.hand, outcome.frame, keep_scale)
+    new_hand: dict[str, Any] = {"rotation": [list(row) for row in hand.rotation]}
+    if hand.translation_scale != config.hand.translation_scale:
+        new_hand["translation_scale"] = hand.translation_scale
+    changes["hand"] = changes.get("hand", {}) | new_hand
+    buttons = outcome.buttons
+    if buttons is not None and (buttons.wrong or config.controller.mapping):
+        mapping = changes.setdefault("controller", {}).setdefault("mapping", {})
+        mapping[buttons.controller_type] = dict(buttons.paths)
+    return Calibration(KIND, changes, outcome.source, _quality(config, outcome), simulated)
+
+
+def _quality(config: Config, outcome: Outcome) -> dict[str, Any]:
+    frame, lit, buttons = outcome.frame, outcome.lit, outcome.buttons
+    quality: dict[str, Any] = {
+        "error_bound_95_deg": round(frame.error_bound_deg, 3),
+        "residual_mm": round(frame.residual_mm, 3),
+        "condition": round(frame.condition, 3),
+        "changed_by_deg": round(turn_deg(frame.rotation, np.array(config.hand.rotation)), 3),
+    }
+    if isinstance(frame, FrameFit):
+        used = [stroke for stroke in frame.strokes if stroke.used]
+        quality["off_axis_deg"] = [f"{one.line.name} {one.angle_deg:.2f}" for one in used]
+        quality["samples"] = sum(one.line.samples for one in used)
+        quality["left_out"] = list(frame.left_out)
+    else:
+        quality["scale"] = round(frame.scale, 4)
+        quality["missed_by_the_others_mm"] = [round(miss, 2) for miss in frame.misses_mm]
+        quality["left_out"] = [f"touch {n + 1}" for n in frame.left_out]
+    if lit is not None:
+        quality["directions_lit"] = f"{sum(lit.values())} of {len(SIX_DIRECTIONS)}"
+    if buttons is not None:
+        quality["buttons_put_right"] = list(buttons.wrong)
+    if outcome.true_rotation is not None:
+        quality["true_error_deg"] = round(turn_deg(frame.rotation, outcome.true_rotation), 3)
+    return quality
+
+
+def save_fit(fit: FrameFit | TouchFit, path: Path) -> None:
+    """How the strokes or touches lie in the frame that they make, as a figure."""
+    figure = new_figure(9.6, 3.3)
+    if isinstance(fit, FrameFit):
+        axes = figure.subplots(1, 3, width_ratios=(1, 1, 1.15))
+        for place, plane in zip(axes[:2], _PLANES, strict=True):
+            _draw_directions(place, fit, plane)
+        _draw_angles(axes[2], fit)
+        subject = f"{len(fit.strokes)} strokes"
+    else:
+        _draw_misses(figure.subplots(), fit)
+        subject = f"{len(fit.misses_mm)} touches"
+    figure.suptitle(
+        f"Frame from {subject}: right within {fit.error_bound_deg:.1f}° (95 %), "
+        f"residual {fit.residual_mm:.1f} mm",
+        fontsize=11,
+    )
+    save_figure(figure, path)
+
+
+def _draw_directions(axes: Axes, fit: FrameFit, plane: tuple[int, int]) -> None:
+    """Every stroke from the origin, in the robot's frame, seen onto one plane."""
+    for stroke in fit.strokes:
+        line = stroke.line
+        end = 1000 * line.length_m * (fit.rotation @ line.direction)
+        axes.plot(
+            [0, end[plane[0]]],
+            [0, end[plane[1]]],
+            color=_COLOURS[line.axis],
+            linewidth=1.6,
+            linestyle="-" if stroke.used else ":",
+            marker="o",
+            markevery=[1],
+            markersize=3.5,
+        )
+    axes.axhline(0, color="0.8", linewidth=0.8, zorder=0)
+    axes.axvline(0, color="0.8", linewidth=0.8, zorder=0)
+    axes.set_xlabel(f"robot {AXES[plane[0]]} [mm]")
+    axes.set_ylabel(f"robot {AXES[plane[1]]} [mm]")
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def _draw_angles(axes: Axes, fit: FrameFit) -> None:
+    numbers = np.arange(len(fit.strokes))
+    for number, stroke in zip(numbers, fit.strokes, strict=True):
+        opacity = 1.0 if stroke.used else 0.3
+        axes.bar(number, stroke.angle_deg, color=_COLOURS[stroke.line.axis], alpha=opacity)
+    axes.axhline(
+        fit.error_bound_deg, color="0.2", linestyle="--", linewidth=1, label="error bound (95 %)"
+    )
+    axes.legend(loc="upper right", frameon=False, fontsize=8)
+    axes.set_xticks(numbers, [stroke.line.name for stroke in fit.strokes], fontsize=8)
+    axes.set_ylim(0, 1.25 * max(fit.error_bound_deg, *(s.angle_deg for s in fit.strokes)))
+    axes.set_ylabel("off the prompted axis [°]")
+
+
+def _draw_misses(axes: Axes, fit: TouchFit) -> None:
+    numbers = np.arange(1, len(fit.misses_mm) + 1)
+    shades = ["0.75" if n - 1 in fit.left_out else _COLOURS[2] for n in numbers]
+    axes.bar(numbers, fit.misses_mm, color=shades)
+    axes.set_xticks(numbers)
+    axes.set_xlabel("touch")
+    axes.set_ylabel("missed by the others' frame [mm]")

@@ -1,29 +1,63 @@
-"""Where hand and buttons come from: the devices of the configuration, or the simulated rig."""
+"""Where hand and buttons come from, and what the person is prompted to do; the real controller."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from calibration.frame.person import PromptedPerson
-from calibration.frame.prompts import Prompt
 from calibration.frame.rotation import Matrix
+from calibration.frame.stroke import AXES
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
 from hw.openvr.legacy import ComponentReader
-from hw.sim.operator.servoing import operator_hand
-from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ControllerSample
-from tams_app.runtime.clock import NS_PER_S, Clock, FixedRate, VirtualClock
+from tams_app.records import ControllerSample, Vector
+from tams_app.runtime.clock import Clock, FixedRate
 
-_GIVE_UP_NS = 30 * NS_PER_S  # for a simulated person, who does what is asked at once
 SAMPLE_RATE_HZ = 120.0
+SHOW_EVERY = 12  # samples: ten times a second
 Reading = TypeVar("Reading")
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """Hold the trigger and move the hand along one of the robot's axes, `sign` 1 or -1."""
+
+    axis: int
+    sign: int = 1
+
+    @property
+    def name(self) -> str:
+        return f"{'+' if self.sign > 0 else '−'}{AXES[self.axis]}"
+
+    @property
+    def direction(self) -> Vector:
+        """Unit, in the arm's base frame, shape (3,)."""
+        return np.asarray(self.sign * np.eye(3)[self.axis])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reach:
+    """Touch one of the robot's points [m], shape (3,), and squeeze the trigger."""
+
+    robot: Vector
+    number: int  # from 1
+
+
+@dataclass(frozen=True, slots=True)
+class Press:
+    """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
+
+    role: str
+
+
+Prompt: TypeAlias = Move | Reach | Press
+SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 
 class HandSource(Protocol):
@@ -92,71 +126,15 @@ class LiveSetup:
             device.close()
 
 
-class SimulatedSetup:
-    """The rig's controller in the hand of a simulated person, in virtual time."""
-
-    def __init__(self, config: Config, seed: int) -> None:
-        self._config, self._seed = config, seed
-        self.description = f"the simulated rig and a simulated person, seed {seed}"
-        self.true_rotation: Matrix | None = np.array(operator_hand(config).rotation)
-        self._clock = VirtualClock()
-
-    @contextmanager
-    def buttons(self) -> Iterator[ButtonSource]:
-        person, controller = self._make(self._config)
-
-        def read(now_ns: int) -> ComponentReading | None:
-            controller.sample(now_ns)
-            return controller.components()
-
-        yield _Simulated(self._clock, person, read)
-
-    @contextmanager
-    def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
-        config = self._config.model_copy(update={"controller": controller})
-        person, device = self._make(config)
-        yield _Simulated(self._clock, person, device.sample)
-
-    def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
-        operator = config.rig.operator
-        truth = np.array(operator_hand(config).rotation)
-        person = PromptedPerson(truth, operator.arm_reach_m, self._seed)
-        controller = VirtualController(person, operator, self._seed, rig_wiring(config))
-        controller.start()
-        return person, controller
-
-
 class _Live(Generic[Reading]):
     def __init__(self, clock: Clock, read: Callable[[int], Reading]) -> None:
         self._clock, self._read = clock, read
         self._rate = FixedRate(clock, SAMPLE_RATE_HZ)
 
     def ask(self, prompt: Prompt) -> None:
-        """The person reads it at the desk."""
+        """The person reads it at the terminal."""
 
     def next(self) -> tuple[int, Reading]:
         self._rate.wait()
         now_ns = self._clock.now_ns()
-        return now_ns, self._read(now_ns)
-
-
-class _Simulated(Generic[Reading]):
-    def __init__(
-        self, clock: VirtualClock, person: PromptedPerson, read: Callable[[int], Reading]
-    ) -> None:
-        self._clock, self._person, self._read = clock, person, read
-        self._asked_ns = clock.now_ns()
-
-    def ask(self, prompt: Prompt) -> None:
-        self._person.ask(prompt)
-        self._asked_ns = self._clock.now_ns()
-
-    def next(self) -> tuple[int, Reading]:
-        self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
-        now_ns = self._clock.now_ns()
-        if now_ns - self._asked_ns > _GIVE_UP_NS:
-            raise DeviceError(
-                "Nothing came of what the simulated person did: look at rig.wiring and at "
-                "rig.operator in the configuration."
-            )
         return now_ns, self._read(now_ns)

@@ -1,13 +1,14 @@
-"""One stroke of the hand: the straight line through it, and whether it is one."""
+"""One stroke of the hand: the straight line through it, and why a measurement is refused."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.frame.reasons import Reason, RefusedError
+from tams_app.errors import TamsError
 from tams_app.records import Vector
 
 AXES = ("x", "y", "z")
@@ -24,6 +25,40 @@ _SCATTER_FLOOR_M = 1e-4
 _ROUNDS = 10
 _MEDIAN_STEPS = 15
 _RAYLEIGH_MEDIAN = 1.1774  # of the distance from a line, in standard deviations of one axis
+
+
+class Reason(StrEnum):
+    """What is wrong with what was measured."""
+
+    TOO_SHORT = "too short"
+    TOO_FEW_SAMPLES = "too few samples"
+    CURVED = "curved"
+    WENT_BACK = "went back"
+    NOISY = "noisy"
+    TRACKING = "tracking lost"
+    FRAME_CHANGED = "tracking frame changed"
+    MISSING = "missing"
+    TOO_MANY = "too many"
+    NOT_INDEPENDENT = "not independent"
+    MIRRORED = "mirrored"
+    SKEWED = "skewed"
+    CONTRADICTORY = "contradictory"
+    TURNED_HAND = "turned hand"
+    IMPOSSIBLE_SCALE = "impossible scale"
+    UNCERTAIN = "uncertain"
+    DRIVEN = "driven"
+    NO_BUTTON = "no button"
+    TWO_BUTTONS = "two buttons"
+    WRONG_BUTTON = "wrong button"
+    WRONG_DIRECTION = "wrong direction"
+
+
+class RefusedError(TamsError):
+    """The data are no use; `reason` is for programs, the sentence for people."""
+
+    def __init__(self, reason: Reason, sentence: str) -> None:
+        super().__init__(sentence)
+        self.reason = reason
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +86,7 @@ class Line:
     length_m: float
     scatter_m: float  # about the line, one axis, one standard deviation
     bow: float  # of the length
-    backtrack: float  # of the length: the longest way back
+    backtrack: float  # of the length: how far it went back
     samples: int
     kept: NDArray[np.bool_]  # which samples count, shape (samples,)
 

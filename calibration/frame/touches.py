@@ -6,16 +6,19 @@ points that are not in one plane would show a mirrored set.
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import Matrix, bound_rad, kabsch
+from calibration.frame.stroke import Reason, RefusedError
+from tams_app.errors import ConfigError
 from tams_app.records import Vector
 
 MIN_TOUCHES = 4
@@ -24,6 +27,7 @@ MAX_HAND_TURN_DEG = 10.0  # the touching spot is some way from the tracked one
 OUTLIER_M = 0.010
 OUTLIER_CHANCE = 0.001  # of leaving out one of a set of good touches
 SCALES = (0.2, 5.0)
+COLUMNS = ("x_mm", "y_mm", "z_mm")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +71,33 @@ def umeyama(hand: Matrix, robot: Matrix) -> Similarity:
     rotation = kabsch(from_hand, to_robot)
     scale = float((to_robot * (from_hand @ rotation.T)).sum() / (from_hand**2).sum())
     return Similarity(scale, rotation, robot.mean(axis=0) - scale * rotation @ hand.mean(axis=0))
+
+
+def read_points(path: Path) -> list[Vector]:
+    """Points [m] of the arm's base frame from columns x_mm, y_mm, z_mm; ConfigError if unfit."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.DictReader(file, skipinitialspace=True))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: is not a table of text") from error
+    points = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            point = np.array([float(row[column]) for column in COLUMNS]) / 1000
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(
+                f"{path}: line {line}: must hold numbers under {', '.join(COLUMNS)}"
+            ) from error
+        if not np.isfinite(point).all():
+            raise ConfigError(f"{path}: line {line}: must hold finite numbers")
+        points.append(point)
+    try:
+        check_points(points)
+    except RefusedError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    return points
 
 
 def fit_touches(touches: Sequence[Touch]) -> TouchFit:

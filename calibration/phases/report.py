@@ -1,28 +1,36 @@
-"""What a search found, as sentences and tables for people and as figures for the file."""
+"""What a search found: tables and remarks, numbers for the file, and the figure."""
 
 from __future__ import annotations
 
-from io import StringIO
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-from rich.console import Console, RenderableType
+from matplotlib.axes import Axes
 from rich.table import Table
 
-from calibration.phases.fit import SEARCHED, PhaseFit
+from calibration.figures import new_figure, save_figure
+from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
 from calibration.phases.scores import Scores
 from calibration.phases.trials import PHASES
+from calibration.ui import plain_table
 from tams_app.config import PhasesConfig
 from tams_app.records import Phase
 
 POOR_RECALL = 0.5
-_WIDTH = 100
+_TITLES = {
+    "v_eps_mm_s": "still below $v_\\epsilon$ [mm/s]",
+    "vz_min_mm_s": "descending above $v_z^{min}$ [mm/s]",
+    "align_dwell_s": "dwell $T_{align}$ [s]",
+    "pre_release_dwell_s": "dwell $T_{pre}$ [s]",
+}
+# blue and vermilion of Okabe and Ito's palette
+_CHOSEN, _DEFAULT, _CURVE = "#0072B2", "#D55E00", "#222222"
 
 
 def thresholds_table(found: PhaseFit) -> Table:
     """Chosen against default, and how far they moved as each trial was left out."""
-    table = Table(box=None, padding=(0, 2))
-    for name in ("", "chosen", "default", "with one trial left out"):
-        table.add_column(name, justify="left" if not name else "right")
+    table = plain_table("", "chosen", "default", "with one trial left out")
     for name in SEARCHED:
         folds = [getattr(fold.thresholds, name) for fold in found.folds]
         table.add_row(
@@ -35,17 +43,15 @@ def thresholds_table(found: PhaseFit) -> Table:
 
 
 def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> Table:
-    """Frame-wise accuracies; `held_out`: chosen and default over trials nobody learned from."""
+    """Frame-wise accuracies; `held_out`: chosen and default over trials not learned from."""
     rows = {
         "over the trials learned from": (found.in_sample, found.defaults),
         "each trial with thresholds from the others": (found.left_out, found.defaults),
     }
     if held_out is not None:
         rows["held-out trials"] = held_out
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("frame-wise accuracy (mean recall of the phases)")
-    table.add_column("calibrated", justify="right")
-    table.add_column("defaults", justify="right")
+    what = "frame-wise accuracy (mean recall of the phases)"
+    table = plain_table(what, "calibrated", "defaults")
     for name, (calibrated, defaults) in rows.items():
         table.add_row(name, _of(calibrated), _of(defaults))
     return table
@@ -53,11 +59,8 @@ def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> T
 
 def confusion_table(scores: Scores) -> Table:
     """Counted ticks: a row for each true phase, a column for each inferred one."""
-    table = Table(box=None, padding=(0, 1))
-    table.add_column("true \\ inferred")
-    for phase in PHASES:
-        table.add_column(phase.value, justify="right")
-    table.add_column("recall", justify="right")
+    names = [phase.value for phase in PHASES]
+    table = plain_table("true \\ inferred", *names, "recall", gap=1)
     for phase, row in zip(PHASES, scores.confusion, strict=True):
         cells = [str(count) if count else "·" for count in row]
         table.add_row(phase.value, *cells, _part(scores.recall(phase)))
@@ -66,10 +69,8 @@ def confusion_table(scores: Scores) -> Table:
 
 def switches_table(scores: Scores) -> Table:
     """How late each phase is entered."""
-    table = Table(box=None, padding=(0, 2))
-    table.add_column("switch to")
-    for name in ("found", "missed", "spurious", "delay median [s]", "90 % [s]"):
-        table.add_column(name, justify="right")
+    columns = ("found", "missed", "spurious", "delay median [s]", "90 % [s]")
+    table = plain_table("switch to", *columns)
     for phase in PHASES:
         switches = scores.switches[phase]
         table.add_row(
@@ -84,7 +85,7 @@ def switches_table(scores: Scores) -> Table:
 
 
 def remarks(found: PhaseFit) -> list[str]:
-    """What somebody should know before he takes the thresholds over."""
+    """What to know before the thresholds are taken over."""
     said = []
     if found.left_out.accuracy <= found.defaults.accuracy:
         said.append(
@@ -105,16 +106,6 @@ def remarks(found: PhaseFit) -> list[str]:
             f"{name} ended at {value:g}, an end of what is searched: no optimum in between."
         )
     return said
-
-
-def as_text(*parts: RenderableType) -> str:
-    """Tables as text, the same on every terminal and in a file."""
-    # no markup: `[s]` is a unit, not a style
-    console = Console(width=_WIDTH, file=StringIO(), no_color=True, markup=False, highlight=False)
-    with console.capture() as capture:
-        for part in parts:
-            console.print(part)
-    return "\n".join(line.rstrip() for line in capture.get().splitlines())
 
 
 def quality(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> dict[str, Any]:
@@ -168,3 +159,28 @@ def _seconds(value: float | None) -> str:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
+
+
+def save_sensitivity(curves: Sequence[Sensitivity], path: Path) -> None:
+    """Draw `curves` to `path`; TamsError if it cannot be written."""
+    figure = new_figure(8.0, 5.0)
+    axes = figure.subplots(2, 2, sharey=True)
+    for axis, curve in zip(axes.flat, curves, strict=True):
+        _draw_curve(axis, curve)
+    for row in axes:
+        row[0].set_ylabel("frame-wise accuracy")
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
+    save_figure(figure, path, dpi=110)
+
+
+def _draw_curve(axis: Axes, curve: Sensitivity) -> None:
+    axis.plot(curve.values, curve.accuracy, color=_CURVE, label="the other three as chosen")
+    axis.axvline(curve.chosen, color=_CHOSEN, label="chosen")
+    axis.axvline(curve.default, color=_DEFAULT, linestyle="--", label="default")
+    axis.set_xlabel(_TITLES[curve.parameter], fontsize=9)
+    axis.set_xlim(0.0, float(curve.values[-1]))
+    axis.tick_params(labelsize=8)
+    axis.grid(linewidth=0.5, color="#d9d9d9")
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)

@@ -9,11 +9,10 @@ from itertools import combinations
 from pathlib import Path
 from typing import TypeAlias
 
-from calibration.phases.labels import LabelRules
+from calibration.phases.labels import LabelRules, true_labels
+from calibration.phases.marking import Replay, replay_of
 from calibration.phases.marks import FILE_NAME, labels_from, read_marks
-from calibration.phases.strip import Replay, replay_of
 from calibration.phases.trials import Trial, motion_of
-from calibration.phases.truth import true_labels
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import SessionLog, read_log
@@ -33,6 +32,16 @@ class LoggedTrial:
 
     trial: Trial
     marked: bool
+    simulated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """Trials to learn from, those held out to judge by, and where they are from."""
+
+    trials: list[Trial]
+    held_out: list[Trial]
+    source: str  # in words
     simulated: bool
 
 
@@ -103,7 +112,7 @@ def _logged_trial(folder: Path, smoothing_ms: float, rules: LabelRules) -> Logge
         return LoggedTrial(Trial(motion, labels), True, simulated)
     if not log.scene:
         raise ConfigError(
-            f"{folder}: nobody knows its phases: mark them with "
+            f"{folder}: its phases are not known: mark them with "
             f"`run_tams.py calibrate phases --from {folder} --mark`"
         )
     labels = true_labels(name, log.ticks, log.scene, task_geometry(), rules)

@@ -20,7 +20,7 @@ Floats: TypeAlias = NDArray[np.float64]
 
 PHASES = tuple(Phase)
 CODE = {phase: code for code, phase in enumerate(PHASES)}
-NOT_COUNTED = -1  # a tick of no phase: before the start, or nobody can say
+NOT_COUNTED = -1  # a tick of no phase: before the start, or not known
 
 # v̄ [m/s], v̄_z [m/s], gripper closed (None: unknown), Δt [s]
 StepInput: TypeAlias = tuple[float, float, bool | None, float]

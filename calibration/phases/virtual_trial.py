@@ -1,8 +1,8 @@
-"""One pick-and-place in virtual time, without pictures: what the control loop saw, and the truth.
+"""One pick-and-place in virtual time, without video: what the control loop saw, and the truth.
 
 All that moves is that of a study's trial (`tams_app.session.virtual`): scene, arm, control loop,
 arming, rules and events. Left out is what makes such a trial dear, drawing, sending and looking at
-pictures; so its participant has perfect eyes. Nothing here knows the thresholds that are sought.
+images; so its participant has perfect eyes. Nothing here knows the thresholds that are sought.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _YIELD_NS = NS_PER_S // 10
 
 
 class SharpEyedHand:
-    """A participant who sees the true scene, as often and as late as he would see pictures."""
+    """A participant who sees the true scene, as often and as late as they would see images."""
 
     def __init__(self, config: Config, participant: int, truth: Callable[[], SceneTruth]) -> None:
         profile = ParticipantProfile.draw(participant)
@@ -131,5 +131,9 @@ class VideolessTrial(Listener):
         self._ended = True
 
 
+def _forget(_record: object) -> None:
+    """It is not kept."""
+
+
 def _say_nothing(_level: str, _text: str) -> None:
-    """Nobody reads the notes of such a trial."""
+    """The notes of such a trial are not read."""

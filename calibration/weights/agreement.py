@@ -1,17 +1,24 @@
-"""How far raters agree: Krippendorff's alpha and Kendall's W.
+"""How far raters agree, and what their ratings come to: W with its evidence.
 
-Sources: K. Krippendorff, "Computing Krippendorff's Alpha-Reliability" (2011), and his "Content
+Sources: K. Krippendorff, "Computing Krippendorff's Alpha-Reliability" (2011) and "Content
 Analysis" (2004), page 241, for the two bounds; S. Siegel, "Nonparametric Statistics" (1956),
-chapter 9, for W with its correction for ties.
+chapter 9, for Kendall's W with its correction for ties.
 """
 
 from __future__ import annotations
 
-from enum import Enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
+import krippendorff
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
+
+from calibration.weights.fit import PhaseWeights, fit_weights
+from calibration.weights.ratings import Sheet, critical_table, necessity_table
+from tams_app.records import Phase
 
 Floats = NDArray[np.float64]
 
@@ -19,65 +26,23 @@ RELIABLE_ALPHA = 0.800  # from here on conclusions may be drawn
 TENTATIVE_ALPHA = 0.667  # below it not even tentative ones
 
 
-class Metric(Enum):
-    """What the difference between two values means."""
-
-    NOMINAL = "nominal"  # the same, or not
-    ORDINAL = "ordinal"  # how many values lie between, as often as they were given
-    INTERVAL = "interval"
-    RATIO = "ratio"
-
-
-def krippendorff_alpha(values: Floats, metric: Metric) -> float | None:
+def krippendorff_alpha(values: Floats, level: Literal["nominal", "ordinal"]) -> float | None:
     """Alpha of `values`, shape (raters, units), NaN where a rater gave none.
 
     1 is perfect agreement, 0 what chance would do; None where it is not defined: no unit has two
     values, or all values are the same.
     """
-    pairable = np.sum(np.isfinite(values), axis=0) >= 2
-    values = values[:, pairable]
-    levels = np.unique(values[np.isfinite(values)])
-    if len(levels) < 2:
+    values = values[:, np.sum(np.isfinite(values), axis=0) >= 2]
+    if len(np.unique(values[np.isfinite(values)])) < 2:
         return None
-    coincidences = _coincidences(values, levels)
-    totals = coincidences.sum(axis=0)
-    differences = _differences(levels, totals, metric)
-    observed = float(np.sum(coincidences * differences))
-    expected = float(np.sum(np.outer(totals, totals) * differences)) / (totals.sum() - 1)
-    return float(1 - observed / expected)
-
-
-def _coincidences(values: Floats, levels: Floats) -> Floats:
-    """How often two raters paired levels c and k in one unit; each unit weighs its values."""
-    found = np.zeros((len(levels), len(levels)))
-    for unit in values.T:
-        given = unit[np.isfinite(unit)]
-        counts = np.sum(given[:, np.newaxis] == levels, axis=0)
-        found += (np.outer(counts, counts) - np.diag(counts)) / (len(given) - 1)
-    return found
-
-
-def _differences(levels: Floats, totals: Floats, metric: Metric) -> Floats:
-    """The squared difference of each pair of levels."""
-    first, second = levels[:, np.newaxis], levels[np.newaxis, :]
-    if metric is Metric.NOMINAL:
-        return np.asarray(first != second, dtype=np.float64)
-    if metric is Metric.ORDINAL:
-        # from the middle of one level's values to the middle of the other's
-        middle = np.cumsum(totals) - totals / 2
-        return np.asarray((middle[:, np.newaxis] - middle[np.newaxis, :]) ** 2)
-    squared = (first - second) ** 2
-    if metric is Metric.INTERVAL:
-        return np.asarray(squared)
-    total = (first + second) ** 2
-    return np.asarray(np.divide(squared, total, out=np.zeros_like(squared), where=total > 0))
+    return float(krippendorff.alpha(reliability_data=values, level_of_measurement=level))
 
 
 def kendall_w(values: Floats) -> float | None:
     """Kendall's coefficient of concordance of `values`, shape (raters, things), ties corrected.
 
     0 is no concordance, 1 the same order by all. Raters with a NaN are left out; None with fewer
-    than two raters or two things, or if nobody distinguishes any.
+    than two raters or two things, or if no rater distinguishes any.
     """
     complete = values[np.all(np.isfinite(values), axis=1)]
     raters, things = complete.shape
@@ -94,3 +59,100 @@ def _ties(ranks: Floats) -> int:
     """The sum of t³ − t over one rater's groups of t equal ranks."""
     _, sizes = np.unique(ranks, return_counts=True)
     return int(np.sum(sizes**3 - sizes))
+
+
+PAPER_RATERS = 8  # the paper's calibration sample
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """W with its evidence. Alphas are over all phases; None where they are not defined.
+
+    `concordance`: Kendall's W of the views' necessity within each phase.
+    """
+
+    raters: int
+    simulated: int  # how many of them are not people
+    rows: dict[Phase, PhaseWeights]
+    necessity_alpha: float | None  # ordinal; units are views in phases
+    critical_alpha: float | None  # nominal; units are phases
+    concordance: dict[Phase, float | None]
+    remarks: tuple[str, ...]  # on the whole panel; each row has its own
+
+    @property
+    def matrix(self) -> dict[str, dict[str, float]]:
+        """W as the configuration writes it."""
+        return {phase.value: dict(row.shares) for phase, row in self.rows.items()}
+
+    @property
+    def all_remarks(self) -> list[str]:
+        """Everything to be wary of, the phase's name before what concerns only one."""
+        of_rows = (
+            f"{phase.value}: {remark}" for phase, row in self.rows.items() for remark in row.remarks
+        )
+        return [*self.remarks, *of_rows]
+
+    def with_remarks(self, remarks: Sequence[str]) -> Assessment:
+        """The same with more to be wary of."""
+        return replace(self, remarks=(*self.remarks, *remarks))
+
+
+def assess(
+    sheets: Sequence[Sheet],
+    views: Sequence[str],
+    present: Mapping[Phase, Mapping[str, float]],
+) -> Assessment:
+    """Build W from `sheets` and judge the evidence; `present` is the matrix in force."""
+    necessity = necessity_table(sheets, views)
+    raters = len(sheets)
+    necessity_alpha = krippendorff_alpha(necessity.reshape(raters, -1), "ordinal")
+    critical_alpha = krippendorff_alpha(critical_table(sheets, views), "nominal")
+    simulated = sum(sheet.simulated for sheet in sheets)
+    remarks = [
+        *_size_remarks(raters, simulated),
+        *_alpha_remarks("the necessity of views", necessity_alpha),
+        *_alpha_remarks("the most critical view", critical_alpha),
+    ]
+    return Assessment(
+        raters=raters,
+        simulated=simulated,
+        rows=fit_weights(sheets, views, present),
+        necessity_alpha=necessity_alpha,
+        critical_alpha=critical_alpha,
+        concordance={
+            phase: kendall_w(necessity[:, number, :]) for number, phase in enumerate(Phase)
+        },
+        remarks=tuple(remarks),
+    )
+
+
+def verdict(alpha: float | None) -> str:
+    """What Krippendorff's convention says of an alpha."""
+    if alpha is None:
+        return "not defined"
+    if alpha >= RELIABLE_ALPHA:
+        return "reliable"
+    return "tentative" if alpha >= TENTATIVE_ALPHA else "not reliable"
+
+
+def _size_remarks(raters: int, simulated: int) -> list[str]:
+    remarks = []
+    if simulated:
+        whose = "all" if simulated == raters else f"{simulated} of {raters}"
+        remarks.append(f"{whose} ratings are of a simulated panel, not of people")
+    if raters < PAPER_RATERS:
+        remarks.append(f"few raters: {raters}, where the paper asked {PAPER_RATERS}")
+    return remarks
+
+
+def _alpha_remarks(about: str, alpha: float | None) -> list[str]:
+    if alpha is None:
+        return [f"agreement on {about} is not defined: too few ratings, or all the same"]
+    if alpha >= RELIABLE_ALPHA:
+        return []
+    bound = (
+        f"between {TENTATIVE_ALPHA} and {RELIABLE_ALPHA}: tentative conclusions only"
+        if alpha >= TENTATIVE_ALPHA
+        else f"below {TENTATIVE_ALPHA}: too little to rely on"
+    )
+    return [f"agreement on {about}: alpha {alpha:.2f}, {bound}"]

@@ -22,13 +22,13 @@ class ClipWriter:
     """Writes one clip; the file is there, whole, after `finish` and not before."""
 
     def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
-        """`width` and `height` of every picture [pixels]."""
+        """`width` and `height` of every image [pixels]."""
         gst.require_elements(_WRITING)
         self._path, self._fps = path, fps
         self._partial = path.with_suffix(".part")
         self._count = 0
         self._pipeline = gst.parse_pipeline(
-            "appsrc name=pictures format=time block=true max-buffers=4 max-bytes=0 "
+            "appsrc name=images format=time block=true max-buffers=4 max-bytes=0 "
             f'caps="video/x-raw,format=BGR,width={width},height={height},framerate={fps}/1" '
             "! videoconvert ! video/x-raw,format=I420 "
             f"! x264enc pass=quant quantizer={_QUANTISER} speed-preset=superfast key-int-max={fps} "
@@ -36,7 +36,7 @@ class ClipWriter:
             "! filesink name=file async=false"
         )
         self._pipeline.get_by_name("file").set_property("location", str(self._partial))
-        self._pictures = self._pipeline.get_by_name("pictures")
+        self._images = self._pipeline.get_by_name("images")
         try:
             gst.set_playing(self._pipeline, f"writing {path.name}")
         except SetupError:
@@ -44,18 +44,18 @@ class ClipWriter:
             raise
 
     def add(self, image: Image) -> None:
-        """The next picture, BGR; SetupError if it cannot be written."""
+        """The next image, BGR; SetupError if it cannot be written."""
         pts_ns = self._count * NS_PER_S // self._fps
         buffer = gst.raw_buffer(image.tobytes(), pts_ns, NS_PER_S // self._fps)
         self._count += 1
-        self._pictures.emit("push-buffer", buffer)
+        self._images.emit("push-buffer", buffer)
         if reason := gst.poll_bus(self._pipeline):
             raise SetupError(f"{self._path}: cannot be written: {reason}")
 
     def finish(self) -> None:
         """Complete the file and give it its name; SetupError if it cannot be written."""
         kinds = gst.load().Gst.MessageType
-        self._pictures.emit("end-of-stream")
+        self._images.emit("end-of-stream")
         message = self._pipeline.get_bus().timed_pop_filtered(_FLUSH_NS, kinds.EOS | kinds.ERROR)
         ended = message is not None and message.type == kinds.EOS
         gst.shut_down(self._pipeline)

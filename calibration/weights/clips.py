@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from tams_app.config.problems import describe_validation_error
 from tams_app.config.reader import read_yaml
@@ -31,10 +32,10 @@ class Clip:
 class CutSession(BaseModel):
     """What was cut from one session; times in seconds from its start."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
     recorded: str  # UTC
-    picture: str  # what the clips show, in words
+    shows: Annotated[str, Field(alias="picture")]  # the quality of the frames, in words
     constrained: bool  # not at full quality, as the paper's were
     rig: bool = False  # recorded on the simulated rig
     context_s: float  # shown before and after each phase
@@ -111,7 +112,7 @@ class ClipFolder:
         known = self.sessions()
         if name in known:
             self._remove_outdated(name, known[name], session)
-        content = _Index(sessions=known | {name: session}).model_dump(mode="json")
+        content = _Index(sessions=known | {name: session}).model_dump(mode="json", by_alias=True)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             temporary = self.path / f".{_INDEX}.new"
@@ -127,5 +128,5 @@ class ClipFolder:
                 f"{self.path / _INDEX}: knows another session named {name}: rename one folder"
             )
         for phase, times in before.clips.items():
-            if now.clips.get(phase) != times or before.picture != now.picture:
+            if now.clips.get(phase) != times or before.shows != now.shows:
                 self.file(phase, name).unlink(missing_ok=True)

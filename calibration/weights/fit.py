@@ -34,7 +34,7 @@ LEAST_LEAD, WHOLE = Fraction(5, 8), Fraction(1)  # of the rest, for the dominant
 
 @dataclass(frozen=True, slots=True)
 class PhaseWeights:
-    """One row of W and how it came about; `necessity` is the mean, None where nobody rated it.
+    """One row of W and how it came about; `necessity` is the mean, None where no rater rated it.
 
     `dominant` None: the phase was not rated, and `shares` is the present row.
     """
@@ -95,11 +95,11 @@ def _what_lacks(
     answers: Sequence[Answer], votes: Mapping[str, int], means: Mapping[str, Fraction | None]
 ) -> str:
     if not answers:
-        return "nobody rated it"
+        return "no rater rated it"
     if not any(votes.values()):
-        return "nobody named its most critical view"
+        return "no rater named its most critical view"
     unrated = [view for view, mean in means.items() if mean is None]
-    return f"nobody rated the necessity of {' and '.join(unrated)}"
+    return f"no rater rated the necessity of {' and '.join(unrated)}"
 
 
 def _dominant(ballot: _Ballot, present: Mapping[str, float]) -> tuple[str, list[str]]:

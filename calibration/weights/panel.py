@@ -1,19 +1,25 @@
-"""Raters who are not people: they exercise the way from ratings to W, and say nothing about views.
+"""`calibrate weights --sim`: a session on the simulated rig, and raters who are not people.
 
-A simulated rater feels a necessity for each view (its mean in the phase, plus what he is generous
-by, plus noise), rounds it to the scale, and names the view that he feels, noise drawn anew, to be
-the most necessary. `paper` prefers the dominant view of the paper's Table I in each phase and is
-indifferent between the others; `indifferent` prefers nothing.
+The raters exercise the way from ratings to W, and say nothing about views. A simulated rater feels
+a necessity for each view (its mean in the phase, plus the rater's generosity, plus noise), rounds
+it to the scale, and names the view that feels, noise drawn anew, the most necessary. `paper`
+prefers the dominant view of the paper's Table I in each phase and is indifferent between the
+others; `indifferent` prefers nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
+from calibration.weights.ratings import LEAST, MOST, Answer, RatingFolder, Sheet
+from tams_app.config import load_config
+from tams_app.errors import ConfigError, TamsError
+from tams_app.recording import read_log
 from tams_app.records import Phase
+from tams_app.session.recorders import LOG_NAME
 
 PAPER_DOMINANT = {
     Phase.REACH: "gt",
@@ -68,3 +74,85 @@ def _answers(
         }
         answers.append(Answer(phase, necessity, views[needed_most]))
     return tuple(answers)
+
+
+RATERS = 8  # as many as the paper asked
+SESSIONS = 3  # at most: a grasp or a release may be too short for a clip
+_NAME = "weights"
+
+
+def record_session(config_path: Path | None, directory: Path, seed: int) -> Path:
+    """Run one pick-and-place of the scripted operator at full quality; its folder.
+
+    TamsError if it did not come to its end.
+    """
+    from tams_app.console.app import run_session
+
+    settings = load_config(
+        config_path,
+        {
+            "rig.enabled": True,
+            "name": _NAME,
+            "network": "none",
+            "seed": seed,
+            "headless": True,
+            "recording.directory": str(directory),
+        },
+    )
+    before = set(_sessions(directory))
+    run_session(settings, arm_at_once=True)
+    (folder,) = set(_sessions(directory)) - before
+    outcome = read_log(folder / LOG_NAME).outcome
+    if outcome is None or not outcome.completed:
+        reason = outcome.reason if outcome else "it was ended early"
+        raise TamsError(
+            f"{folder}: the simulated session was not completed ({reason}): run it again, or with "
+            "another --seed"
+        )
+    return folder
+
+
+def _sessions(directory: Path) -> list[Path]:
+    return [log.parent for log in directory.glob(f"*/{LOG_NAME}")]
+
+
+def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: int) -> None:
+    """ConfigError if there is no such panel, if it prefers views that are not there, or if `folder`
+    holds other ratings: of people, or of a panel of another kind or seed.
+    """
+    if panel not in PANELS:
+        raise ConfigError(f"--panel: {panel!r} is none of {', '.join(PANELS)}")
+    if unknown := set(PANELS[panel].values()) - set(views):
+        raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
+    would_say = {sheet.rater: sheet for sheet in _sheets(panel, views, seed)}
+    for known in folder.sheets():
+        if not known.simulated:
+            raise ConfigError(
+                f"{folder.path}: holds ratings of people: give another --folder with --sim"
+            )
+        sheet = would_say.get(known.rater)
+        if sheet is None or any(sheet.on(answer.phase) != answer for answer in known.answers):
+            raise ConfigError(
+                f"{folder.path}: holds ratings of another simulated panel: give another --folder"
+            )
+
+
+def rate_by_panel(
+    folder: RatingFolder, panel: str, views: Sequence[str], phases: Iterable[Phase], seed: int
+) -> str:
+    """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
+    seen = set(phases)
+    for sheet in _sheets(panel, views, seed):
+        known = folder.open(sheet.rater, simulated=True)
+        for answer in sheet.answers:
+            if answer.phase in seen and known.on(answer.phase) is None:
+                folder.add(sheet.rater, answer)
+    taste = (
+        "prefers the dominant views of the paper's Table I" if PANELS[panel] else "prefers no view"
+    )
+    return f"{panel}: {taste}; seed {seed}"
+
+
+def _sheets(panel: str, views: Sequence[str], seed: int) -> list[Sheet]:
+    """On every phase, so that an answer does not depend on which others have clips."""
+    return simulate_panel(PANELS[panel], views, Phase, RATERS, seed)

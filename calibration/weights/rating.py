@@ -8,11 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.desk import Desk
+from calibration.ui import WizardUI
 from calibration.weights.clips import Clip
-from calibration.weights.rating_files import RatingFolder
-from calibration.weights.ratings import LEAST, MOST, SCALE_WORDS, Answer
-from tams_app.conversation import Conversation
+from calibration.weights.ratings import LEAST, MOST, SCALE_WORDS, Answer, RatingFolder
 from tams_app.records import Phase
 
 Show = Callable[[Path], None]
@@ -40,7 +38,7 @@ def viewing_order(clips: Sequence[Clip], rater: str, seed: int) -> list[tuple[Ph
 
 
 def rate(
-    desk: Desk,
+    ui: WizardUI,
     folder: RatingFolder,
     rater: str,
     clips: Sequence[Clip],
@@ -48,17 +46,17 @@ def rate(
     show: Show,
     seed: int,
 ) -> None:
-    """Let `rater` answer on the phases that he has not answered yet; each is kept at once."""
+    """Let `rater` answer on the phases that are not answered yet; each is kept at once."""
     sheet = folder.open(rater)
     order = viewing_order(clips, rater, seed)
     left = [(phase, shown) for phase, shown in order if sheet.on(phase) is None]
     if not left:
-        desk.say(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
+        ui.say(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
         return
     if sheet.answers:
         before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"
-        desk.say(f"{rater} has rated {before} before and goes on from there.")
-    desk.say(
+        ui.say(f"{rater} has rated {before} before and goes on from there.")
+    ui.say(
         "\nYou will see the robot's work phase by phase, in no particular order, each time through "
         f"all {len(views)} cameras at once, each view's name above it. After each phase, say how "
         "necessary each view is to do that phase well, and which single one you would keep sharp "
@@ -66,36 +64,36 @@ def rate(
         "question with Ctrl-C and go on later under the same name."
     )
     for number, (phase, shown) in enumerate(left, 1):
-        desk.say(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
-        _watch(desk, shown, show)
-        folder.add(rater, _ask(desk.conversation, phase, views))
-    desk.say(f"\nThat was all. Thank you, {rater}.")
+        ui.say(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
+        _watch(ui, shown, show)
+        folder.add(rater, _ask(ui, phase, views))
+    ui.say(f"\nThat was all. Thank you, {rater}.")
 
 
-def _watch(desk: Desk, clips: Sequence[Clip], show: Show) -> None:
+def _watch(ui: WizardUI, clips: Sequence[Clip], show: Show) -> None:
     while True:
         for number, clip in enumerate(clips, 1):
-            desk.say(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
+            ui.say(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
             show(clip.path)
         options = {"r": "rate it", "w": "watch again"}
-        if desk.conversation.choice("Seen?", options) == "r":
+        if ui.choice("Seen?", options) == "r":
             return
 
 
-def _ask(talk: Conversation, phase: Phase, views: Sequence[str]) -> Answer:
-    """Ask until the rater stands by what he said."""
+def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
+    """Ask until the rater stands by the answer."""
     scale = {str(point): SCALE_WORDS[point] for point in range(LEAST, MOST + 1)}
     scale[_NO_ANSWER] = "cannot say"
     names = {view.lower(): view for view in views}
     while True:
         necessity: dict[str, int | None] = {}
         for view in views:
-            said = talk.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
+            said = ui.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
             necessity[view] = None if said == _NO_ANSWER else int(said)
         options = {key: view.upper() for key, view in names.items()} | {_NO_ANSWER: "cannot say"}
-        named = talk.choice("Only one view can stay sharp. Which one?", options)
+        named = ui.choice("Only one view can stay sharp. Which one?", options)
         critical = names.get(named)
         points = ", ".join(f"{view.upper()} {necessity[view] or '-'}" for view in views)
         whole = f"{points}; most critical {critical.upper() if critical else '-'}"
-        if talk.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
+        if ui.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
             return Answer(phase, necessity, critical)

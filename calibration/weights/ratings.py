@@ -1,13 +1,29 @@
-"""What raters say: how necessary each view is in a phase, and which one is the most critical."""
+"""What raters say of each view in each phase, and the YAML file that keeps it for each rater.
+
+rater: p01
+simulated: false
+scale: [1, 5]
+answers:
+- {phase: REACH, necessity: {eih: 2, gt: 5, gs: 3}, most_critical: gt}
+"""
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from tams_app.config.problems import describe_validation_error
+from tams_app.config.reader import read_yaml
+from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 
 # The paper names neither scale nor wording: five points, the usual choice.
@@ -23,7 +39,7 @@ SCALE_WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """One rater on one phase: whole numbers LEAST..MOST by view, None where he cannot say."""
+    """One rater on one phase: whole numbers LEAST..MOST by view, None for no answer."""
 
     phase: Phase
     necessity: Mapping[str, int | None]
@@ -39,7 +55,7 @@ class Sheet:
     answers: tuple[Answer, ...]
 
     def on(self, phase: Phase) -> Answer | None:
-        """His answer on `phase`, None if he gave none."""
+        """The answer on `phase`, None if there is none."""
         return next((answer for answer in self.answers if answer.phase is phase), None)
 
 
@@ -68,3 +84,119 @@ def critical_table(sheets: Sequence[Sheet], views: Sequence[str]) -> NDArray[np.
             if answer.most_critical is not None:
                 table[row, list(Phase).index(answer.phase)] = views.index(answer.most_critical)
     return table
+
+
+PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_SUFFIX = ".yaml"
+_HEADER = "# The ratings of one person or simulated rater; only ever added to.\n"
+
+
+class _AnswerFile(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    phase: Phase
+    necessity: dict[str, Annotated[int, Field(ge=LEAST, le=MOST, strict=True)] | None]
+    most_critical: str | None
+
+
+class _SheetFile(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
+    simulated: bool
+    scale: tuple[Literal[1], Literal[5]]
+    answers: list[_AnswerFile] | None
+
+
+class RatingFolder:
+    """The raters' files in one folder; `views` are those that must be rated."""
+
+    def __init__(self, path: Path, views: Sequence[str]) -> None:
+        self.path = path
+        self._views = tuple(views)
+
+    def sheets(self) -> list[Sheet]:
+        """What all raters have said; ConfigError if a file is not as it must be."""
+        return [self._read(file) for file in sorted(self.path.glob(f"*{_SUFFIX}"))]
+
+    def open(self, rater: str, simulated: bool = False) -> Sheet:
+        """What `rater` has said so far; a file is made if there is none yet.
+
+        ConfigError if the name cannot be one, or is another kind of rater's.
+        """
+        if not PSEUDONYM.fullmatch(rater):
+            raise ConfigError(
+                f"{rater!r} cannot be a rater's name: take a short pseudonym of letters, digits, "
+                "- and _, such as p01"
+            )
+        file = self._file(rater)
+        if not file.exists():
+            sheet = Sheet(rater, simulated, ())
+            self._write(file, sheet)
+            return sheet
+        sheet = self._read(file)
+        if sheet.simulated != simulated:
+            raise ConfigError(f"{file}: belongs to another kind of rater; take another name")
+        return sheet
+
+    def add(self, rater: str, answer: Answer) -> None:
+        """Add one answer on the disk; ConfigError if this phase is answered already."""
+        file = self._file(rater)
+        sheet = self._read(file)
+        if sheet.on(answer.phase) is not None:
+            raise ConfigError(f"{file}: {answer.phase.value} is answered already, and stays so")
+        self._write(file, replace(sheet, answers=(*sheet.answers, answer)))
+
+    def _write(self, file: Path, sheet: Sheet) -> None:
+        """The whole file; what was there stays until all of it is on the disk."""
+        answers = [
+            {
+                "phase": answer.phase.value,
+                "necessity": dict(answer.necessity),
+                "most_critical": answer.most_critical,
+            }
+            for answer in sheet.answers
+        ]
+        head = {"rater": sheet.rater, "simulated": sheet.simulated, "scale": [LEAST, MOST]}
+        content = head | {"answers": answers}
+        text = _HEADER + yaml.safe_dump(
+            content, sort_keys=False, default_flow_style=None, width=200
+        )
+        temporary = file.with_name(f".{file.name}.new")
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            with temporary.open("w", encoding="utf-8") as new:
+                new.write(text)
+                new.flush()
+                os.fsync(new.fileno())
+            os.replace(temporary, file)
+        except OSError as error:
+            raise LogError(f"{file}: cannot be written: {error.strerror}") from error
+
+    def _file(self, rater: str) -> Path:
+        return self.path / f"{rater}{_SUFFIX}"
+
+    def _read(self, file: Path) -> Sheet:
+        try:
+            content = _SheetFile.model_validate(read_yaml(file))
+        except ValidationError as error:
+            raise ConfigError(f"{file}: {describe_validation_error(error)}") from error
+        if content.rater != file.stem:
+            raise ConfigError(f"{file}: rater: is {content.rater}; the file must bear that name")
+        answers = tuple(
+            Answer(one.phase, one.necessity, one.most_critical) for one in content.answers or ()
+        )
+        self._check(file, answers)
+        return Sheet(content.rater, content.simulated, answers)
+
+    def _check(self, file: Path, answers: Sequence[Answer]) -> None:
+        """Each phase once, and all and only the configuration's views."""
+        phases = [answer.phase for answer in answers]
+        for answer in answers:
+            where = f"{file}: {answer.phase.value}"
+            if phases.count(answer.phase) > 1:
+                raise ConfigError(f"{where}: is answered twice; keep the first answer")
+            if set(answer.necessity) != set(self._views):
+                raise ConfigError(f"{where}: necessity must name {', '.join(self._views)}")
+            if answer.most_critical not in (*self._views, None):
+                raise ConfigError(f"{where}: most_critical must be one of {', '.join(self._views)}")

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from calibration.store import Calibration
-from calibration.weights.assessment import Assessment, verdict
+from calibration.weights.agreement import Assessment, verdict
 from calibration.weights.clips import CutSession
+from calibration.weights.cutting import LONGEST_S, SHORTEST_S
 from calibration.weights.ratings import Sheet
-from calibration.weights.segments import LONGEST_S, SHORTEST_S
 from tams_app.records import Phase
 
 KIND = "weights"
@@ -64,7 +64,7 @@ def evidence_remarks(
 ) -> list[str]:
     """Raters who left out phases that others rated, and clips that were not what they stand for.
 
-    `for_rig`: the weights are for the simulated rig, and so may its pictures be.
+    `for_rig`: the weights are for the simulated rig, and so may its frames be.
     """
     rated = {answer.phase for sheet in sheets for answer in sheet.answers}
     incomplete = [
@@ -73,7 +73,7 @@ def evidence_remarks(
         if len(sheet.answers) < len(rated)
     ]
     constrained = [
-        f"the clips of {name} are {cut.picture}, not at full quality"
+        f"the clips of {name} are {cut.shows}, not at full quality"
         for name, cut in sessions.items()
         if cut.constrained
     ]
@@ -140,7 +140,7 @@ def _phase_quality(assessment: Assessment, phase: Phase) -> dict[str, Any]:
 def _session_quality(cut: CutSession) -> dict[str, Any]:
     return {
         "recorded": cut.recorded,
-        "picture": cut.picture,
+        "picture": cut.shows,
         "simulated_rig": cut.rig,
         "context_s": cut.context_s,
         "seconds": {phase.value: times.seconds for phase, times in cut.clips.items()},

@@ -1,4 +1,4 @@
-"""Recorded sessions as clips are cut from them: which phase was when, and each view's pictures.
+"""Recorded sessions as clips are cut from them: which phase was when, and each view's frames.
 
 Lossless captures are taken where the session kept some; else the bitstream of the log is decoded.
 """
@@ -6,22 +6,107 @@ Lossless captures are taken where the session kept some; else the bitstream of t
 from __future__ import annotations
 
 import heapq
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
-from calibration.weights.decoding import Picture, decode
-from calibration.weights.segments import Segment, phase_segments
 from tams_app import gst
+from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
-from tams_app.config.streaming import VideoConfig
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video
+from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
+
+_ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
+_UNDERWAY = 8  # frames inside the pipeline before one is waited for
+_DECODING_NS = 500 * NS_PER_MS  # then the next goes in, for this one may yield no frame
+_AT_THE_END_NS = 10_000 * NS_PER_MS
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """One uninterrupted stretch of a phase, with its context."""
+
+    phase: Phase
+    start_ns: int
+    end_ns: int
+
+    @property
+    def seconds(self) -> float:
+        return (self.end_ns - self.start_ns) / NS_PER_S
+
+
+def phase_segments(
+    changes: Sequence[PhaseChange], first_ns: int, last_ns: int, context_s: float = 0.0
+) -> list[Segment]:
+    """The stretches between phase changes as far as they lie within [first_ns, last_ns].
+
+    Each begins `context_s` earlier and ends that much later, as far as there are frames.
+    """
+    context_ns = round(context_s * NS_PER_S)
+    ordered = sorted(changes, key=lambda change: change.t_ns)
+    ends = [after.t_ns for _, after in pairwise(ordered)] + [last_ns]
+    found = []
+    for change, end_ns in zip(ordered, ends[: len(ordered)], strict=True):
+        start_ns, end_ns = max(change.t_ns, first_ns), min(end_ns, last_ns)
+        if end_ns > start_ns:
+            around = max(start_ns - context_ns, first_ns), min(end_ns + context_ns, last_ns)
+            found.append(Segment(change.phase, *around))
+    return found
+
+
+def decode(units: Iterator[EncodedFrame], config: VideoConfig, decoder: str) -> Iterator[Frame]:
+    """The frames of one view's access units; LogError if the decoder gives up.
+
+    Each carries its capture time as PTS, by which a frame is known again.
+    """
+    gst.require_elements((*_ELEMENTS, decoder))
+    threads = " max-threads=1" if decoder == "avdec_h264" else ""
+    pipeline = gst.parse_pipeline(
+        "appsrc name=units format=time max-bytes=0 "
+        "caps=video/x-h264,stream-format=byte-stream,alignment=au "
+        f"! h264parse ! {decoder}{threads} ! videoconvert n-threads=1 ! video/x-raw,format=BGR "
+        "! appsink name=frames sync=false max-buffers=0"
+    )
+    entry, decoded = pipeline.get_by_name("units"), pipeline.get_by_name("frames")
+    gst.set_playing(pipeline, "decoding a recorded view")
+    try:
+        underway = 0
+        view = ""
+        for unit in units:
+            view = unit.view
+            entry.emit("push-buffer", gst.raw_buffer(unit.data, unit.capture_ns, 0))
+            underway += 1
+            if underway < _UNDERWAY:
+                continue
+            while sample := decoded.emit(
+                "try-pull-sample", _DECODING_NS if underway >= _UNDERWAY else 0
+            ):
+                underway -= 1
+                yield _frame(view, sample, config)
+        entry.emit("end-of-stream")
+        while sample := decoded.emit("try-pull-sample", _AT_THE_END_NS):
+            yield _frame(view, sample, config)
+        if reason := gst.poll_bus(pipeline):
+            raise LogError(f"the recorded view {view} cannot be decoded: {reason}")
+    finally:
+        gst.shut_down(pipeline)
+
+
+def _frame(view: str, sample: Any, config: VideoConfig) -> Frame:
+    buffer = sample.get_buffer()
+    pixels = np.frombuffer(buffer.extract_dup(0, buffer.get_size()), np.uint8)
+    image: Image = pixels.reshape(config.height, config.width, 3)
+    return Frame(view, 0, buffer.pts, image)  # known by its time alone
+
 
 _GAP_NS = 500 * NS_PER_MS  # what a busy recorder may leave out
 
@@ -40,7 +125,7 @@ class RecordedSession:
 
     @property
     def has_captures(self) -> bool:
-        """Whether the pictures are there as the cameras gave them."""
+        """Whether the frames are there as the cameras gave them."""
         return (self.folder / REFERENCE_NAME).is_file()
 
     @property
@@ -49,7 +134,7 @@ class RecordedSession:
         return bool(self.log.header.config.get("rig", {}).get("enabled", False))
 
     @property
-    def picture(self) -> str:
+    def shows(self) -> str:
         """What a rater sees, in words."""
         if self.has_captures:
             return "lossless captures"
@@ -58,11 +143,11 @@ class RecordedSession:
 
     @property
     def is_constrained(self) -> bool:
-        """Whether the pictures suffered from a narrow uplink, which the paper's did not."""
+        """Whether the frames suffered from a narrow uplink, which the paper's did not."""
         return not self.has_captures and self.log.header.network != "none"
 
     def segments(self, context_s: float = 0.0) -> list[Segment]:
-        """Its phases, each with `context_s` before and after, as far as every view has pictures.
+        """Its phases, each with `context_s` before and after, as far as every view has frames.
 
         LogError if a view has none.
         """
@@ -77,37 +162,37 @@ class RecordedSession:
         }
         for view, captured in times.items():
             if not captured:
-                raise LogError(f"{self.folder}: has no pictures of {view}; give another session")
+                raise LogError(f"{self.folder}: has no frames of {view}; give another session")
         first_ns = max(min(captured) for captured in times.values())
         return first_ns, min(max(captured) for captured in times.values())
 
-    def pictures(self) -> Generator[Picture]:
-        """All views' pictures in the order of their captures.
+    def frames(self) -> Generator[Frame]:
+        """All views' frames in the order of their captures.
 
         LogError at their end if that comes before the session's: a full disk ends the lossless
-        captures before the log, and a still picture must not pass for the rest.
+        captures before the log, and a frozen frame must not pass for the rest.
         """
         newest_ns = dict.fromkeys(self.video.views, 0)
         with ExitStack() as stack:
             views = [stack.enter_context(closing(self._view(view))) for view in self.video.views]
-            for picture in heapq.merge(*views, key=lambda picture: picture.capture_ns):
-                newest_ns[picture.view] = picture.capture_ns
-                yield picture
+            for frame in heapq.merge(*views, key=lambda frame: frame.capture_ns):
+                newest_ns[frame.view] = frame.capture_ns
+                yield frame
         _, last_ns = self._span_ns
         for view, end_ns in newest_ns.items():
             if end_ns < last_ns - _GAP_NS:
                 missing_s = (last_ns - end_ns) / NS_PER_S
                 raise LogError(
-                    f"{self.folder}: the last {missing_s:.1f} s have no pictures of {view}: give "
+                    f"{self.folder}: the last {missing_s:.1f} s have no frames of {view}: give "
                     f"another session too, or move {REFERENCE_NAME} away to cut what was sent"
                 )
 
-    def _view(self, view: str) -> Generator[Picture]:
+    def _view(self, view: str) -> Generator[Frame]:
         if self.has_captures:
             offset_ns = self.log.header.wall_offset_ns
             for frame in read_reference(self.folder / REFERENCE_NAME, offset_ns):
                 if frame.view == view:
-                    yield Picture(view, frame.capture_ns, frame.image)
+                    yield frame
             return
         decoder = gst.choose_decoder(self.video.decoder)
         yield from decode(read_video(self.folder / LOG_NAME, view), self.video, decoder)
@@ -129,12 +214,12 @@ def open_session(given: Path, views: Sequence[str]) -> RecordedSession:
         raise LogError(f"{folder}: tells no phases; give another session")
     kept = log.header.config.get("recording", {}).get("bitstream", True)
     if not kept and not (folder / REFERENCE_NAME).is_file():
-        raise LogError(f"{folder}: was recorded without pictures; set recording.bitstream: true")
+        raise LogError(f"{folder}: was recorded without frames; set recording.bitstream: true")
     return RecordedSession(folder, log, _video(folder, log, views))
 
 
 def _video(folder: Path, log: SessionLog, views: Sequence[str]) -> VideoConfig:
-    """How the pictures were made, the views in the order of the configuration."""
+    """How the frames were made, the views in the order of the configuration."""
     made = log.header.config.get("video", {})
     try:
         return VideoConfig.model_validate({**made, "views": tuple(views)})

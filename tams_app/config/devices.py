@@ -79,6 +79,8 @@ class CameraConfig(Section):
     """Colour temperature; null leaves the automatic white balance on."""
     controls: dict[str, int] = Field(default_factory=dict)
     """Further V4L2 controls by their names, such as gain."""
+    latency_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    """From the light to the frame's time stamp: added to the age of what the operator sees."""
 
     @model_validator(mode="after")
     def _says_which(self) -> Self:

@@ -20,6 +20,7 @@ from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
+from tams_app.units import NS_PER_MS
 from tams_app.video.networks import resolve_network
 
 # of `Workspace.excess`, in its order
@@ -94,6 +95,13 @@ def dry_run(arm: Arm, config: Config, clock: Clock) -> Arm:
     )
 
     return DryRunArm(arm, config.arm, clock, session_boundary(config.arm, config.limits))
+
+
+def camera_delays_ns(config: Config) -> dict[str, int]:
+    """From the light to the capture time stamp, by view, as calibrated; the rig has no delay."""
+    if config.rig.enabled:
+        return {}  # it brings its own cameras
+    return {view: round(one.latency_ms * NS_PER_MS) for view, one in config.cameras.items()}
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:

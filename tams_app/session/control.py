@@ -120,6 +120,7 @@ class ControlLoop:
         self._teleop = build.teleop(config, video.delay_ns)
         self._phases = PhaseInference(config.policy.phases)
         self._weights = WeightMatrix(config.policy.weights.matrix)
+        self._camera_delays_ns = build.camera_delays_ns(config)
 
     def run(self, stop: threading.Event) -> None:
         rate = FixedRate(self._clock, self._rate_hz)
@@ -171,7 +172,10 @@ class ControlLoop:
         self, now_ns: int, sample: ControllerSample, arm: ArmState | None, link: CommandLink
     ) -> TeleopInput:
         pending = self._signals.take()
-        age_ns = self._video.age_ns(self._weights.primary_view(self._phases.phase), now_ns)
+        view = self._weights.primary_view(self._phases.phase)
+        age_ns = self._video.age_ns(view, now_ns)
+        if age_ns is not None:
+            age_ns += self._camera_delays_ns.get(view, 0)
         return TeleopInput(
             now_ns=now_ns,
             sample=sample,

@@ -16,7 +16,7 @@ from calibration.cameras.live_bench import bind
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
-from tests.calibration.camera_desk_process import ALL, STILL
+from tests.calibration.camera_ui_process import ALL, STILL
 from tests.hw.v4l2 import fake_cameras
 from tests.hw.v4l2.fake_cameras import ROOT, SMALL, CameraProcess, Machine, build_library
 
@@ -58,7 +58,7 @@ def test_a_serial_or_name_that_two_cameras_share_binds_neither():
 
 def test_a_camera_without_mjpeg_is_used_raw_and_one_without_either_is_refused():
     assert bind(info(0, "S1", modes=(RAW,)), [], VIDEO).pixel_format == "raw"
-    with pytest.raises(DeviceError, match="does not offer raw images"):
+    with pytest.raises(DeviceError, match="does not offer raw frames"):
         bind(info(0, "S1", modes=()), [], VIDEO)
 
 
@@ -105,12 +105,12 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
         played[view] = str(tmp_path / f"played-{view}")  # opened there, it is no device
         os.link(machine.dev / node, played[view])
     # fix the first view's settings, not the others'; no further steps; write
-    answers = ["y", "n", "n", "n", "n", "n", "y"]
+    answers = ["y", "n", "n", "n", "y"]
     environment = os.environ | {
         "LD_PRELOAD": str(library),
         "TAMS_FAKE_V4L2": str(machine.dev),
     }
-    command = [sys.executable, "-m", "tests.calibration.camera_desk_process", str(machine.dev)]
+    command = [sys.executable, "-m", "tests.calibration.camera_ui_process", str(machine.dev)]
     command += [str(machine.sys), str(config), json.dumps(played), json.dumps(answers)]
     done = subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False

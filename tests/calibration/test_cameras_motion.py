@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.cameras.motion import MotionMeter, attribute
+from calibration.cameras.binding import MotionMeter, attribute
 
 pytestmark = pytest.mark.untimed
 
@@ -47,7 +47,7 @@ def watch(hands, seed=1, noise=2.0, flicker=0.0):
     return moved
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(
     camera=st.sampled_from(NAMES),
     noise=st.floats(0, 12),

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.phases.labels import Geometry, LabelRules, geometric_labels
+from calibration.phases.labels import Geometry, LabelRules, geometric_labels, true_labels
 from calibration.phases.trials import CODE, NOT_COUNTED, PHASES
-from calibration.phases.truth import true_labels
 from tams_app.errors import LogError
 from tams_app.records import Phase
 from tams_app.study.trial import TaskGeometry

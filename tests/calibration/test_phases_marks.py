@@ -10,8 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.desk import PlayedDesk
-from calibration.phases.marking import HELP, Marking, mark_trial
+from calibration.phases.marking import (
+    CURSOR_COLUMN,
+    HELP,
+    Marking,
+    Replay,
+    mark_trial,
+    replay_of,
+    strip,
+)
 from calibration.phases.marks import (
     Mark,
     add_mark,
@@ -21,11 +28,11 @@ from calibration.phases.marks import (
     without_mark,
     write_marks,
 )
-from calibration.phases.strip import CURSOR_COLUMN, Replay, replay_of, strip
 from calibration.phases.trials import CODE, NOT_COUNTED, motion_of
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import WHOLE, session, walk
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -163,15 +170,15 @@ def test_the_very_end_of_the_log_can_be_marked(replay) -> None:
 def test_marks_that_something_was_taken_out_of_can_be_gone_on_with(replay, tmp_path: Path) -> None:
     path = tmp_path / "phases.csv"
     mark_trial(
-        PlayedDesk(["1.0 reach", "2.0 align", "3.0 reach", "2.5", "undo", "q"]), replay, path
+        ScriptedUI(["1.0 reach", "2.0 align", "3.0 reach", "2.5", "undo", "q"]), replay, path
     )
-    assert mark_trial(PlayedDesk(["Q"]), replay, path) == [SOME[0]]
+    assert mark_trial(ScriptedUI(["Q"]), replay, path) == [SOME[0]]
 
 
 def test_what_can_be_typed_is_told_again_when_asked_for(replay, tmp_path: Path) -> None:
-    desk = PlayedDesk(["?", "q"])
-    mark_trial(desk, replay, tmp_path / "phases.csv")
-    assert sum(HELP in text for text in desk.said) == 2
+    ui = ScriptedUI(["?", "q"])
+    mark_trial(ui, replay, tmp_path / "phases.csv")
+    assert sum(HELP in text for text in ui.said) == 2
 
 
 @pytest.mark.parametrize("command", ["align now", "1.0 2.0 align", "1.0 2.0", "?", "x align"])
@@ -184,20 +191,20 @@ def test_what_is_no_command_changes_nothing(replay, command) -> None:
 
 def test_marks_are_kept_at_once_and_gone_on_with_later(replay, tmp_path: Path) -> None:
     path = tmp_path / "phases.csv"
-    interrupted = PlayedDesk(["1.0 reach", "2.5 align"])
-    with pytest.raises(ConfigError):  # nobody answers any more: as if the terminal went away
+    interrupted = ScriptedUI(["1.0 reach", "2.5 align"])
+    with pytest.raises(ConfigError):  # no more answers: as if the terminal went away
         mark_trial(interrupted, replay, path)
     assert read_marks(path, replay.last_s) == SOME[:2]
-    later = PlayedDesk(["4.0 -", "q"])
+    later = ScriptedUI(["4.0 -", "q"])
     assert mark_trial(later, replay, path) == SOME
     assert read_marks(path, replay.last_s) == SOME
     assert any("2 marks so far" in text for text in later.said)
 
 
 def test_a_wrong_command_is_answered_with_what_is_wrong(replay, tmp_path: Path) -> None:
-    desk = PlayedDesk(["1.0 hover", "q"])
-    mark_trial(desk, replay, tmp_path / "phases.csv")
-    assert any("'hover' is no phase" in text for text in desk.said)
+    ui = ScriptedUI(["1.0 hover", "q"])
+    mark_trial(ui, replay, tmp_path / "phases.csv")
+    assert any("'hover' is no phase" in text for text in ui.said)
     assert not (tmp_path / "phases.csv").exists()
 
 

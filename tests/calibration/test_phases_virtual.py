@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 import yaml
 
-from calibration.desk import PlayedDesk
-from calibration.phases import virtual_trial
+from calibration.options import PhaseOptions
+from calibration.phases import virtual_trial, wizard
 from calibration.phases.trials import CODE, infer, motion_of
 from calibration.phases.virtual_trial import VideolessTrial
-from calibration.phases.wizard import Options, run_phases
+from calibration.phases.wizard import PhaseWizard
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.policy.phases import PhaseParameters
 from tams_app.records import Tick
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = [
     pytest.mark.untimed,
@@ -38,7 +39,7 @@ class Calibrated:
     """A configuration calibrated from three simulated trials."""
 
     config_path: Path
-    desk: PlayedDesk
+    ui: ScriptedUI
     made: list[VideolessTrial]  # all of them
 
 
@@ -55,11 +56,15 @@ def calibrated(tmp_path_factory) -> Iterator[Calibrated]:
             super().__init__(*arguments)
             made.append(self)
 
-    desk, options = PlayedDesk(), Options(sim=True, trials=3, held_out=0, seed=SEEDS[0], yes=True)
+    ui = ScriptedUI()
+    options = PhaseOptions(
+        config=config_path, sim=True, trials=3, held_out=0, seed=SEEDS[0], yes=True
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(virtual_trial, "VideolessTrial", Kept)
-        assert run_phases(desk, config_path, options, lambda: NOON) == 0
-    return Calibrated(config_path, desk, made)
+        patch.setattr(wizard, "sensitivity", lambda *_: [])  # held elsewhere, for the time it takes
+        assert PhaseWizard(ui, options, lambda: NOON).run() == 0
+    return Calibrated(config_path, ui, made)
 
 
 def places(ticks: list[Tick]) -> np.ndarray:

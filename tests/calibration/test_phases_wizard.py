@@ -14,18 +14,19 @@ import numpy as np
 import pytest
 import yaml
 
-from calibration.desk import PlayedDesk
+from calibration.options import PhaseOptions
 from calibration.phases import wizard
 from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds
 from calibration.phases.labels import LabelRules
 from calibration.phases.sources import LoggedTrial, logged_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial
-from calibration.phases.wizard import Options, run_phases
+from calibration.phases.wizard import PhaseWizard
 from tams_app import cli
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Phase
 from tests.calibration.phase_trials import PICK, PLACE, WHOLE, Leg, record, session, walk
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -53,7 +54,7 @@ def logs(tmp_path_factory) -> tuple[Path, ...]:
 
 @pytest.fixture(scope="module")
 def unlabelled(tmp_path_factory) -> tuple[Path, ...]:
-    """The same trials as hardware would log them: nobody knows where the block was."""
+    """The same trials as hardware would log them: it is not known where the block was."""
     folder = tmp_path_factory.mktemp("unlabelled")
     return tuple(
         record(folder / f"trial-{number}", session(walk(legs), every=THINNED)[0], [], rig=False)
@@ -74,8 +75,8 @@ def config_path(tmp_path: Path) -> Path:
     return path
 
 
-def calibrate(config_path: Path, desk: PlayedDesk, **options) -> int:
-    return run_phases(desk, config_path, Options(**options), lambda: NOON)
+def calibrate(config_path: Path, ui: ScriptedUI, **options) -> int:
+    return PhaseWizard(ui, PhaseOptions(config=config_path, **options), lambda: NOON).run()
 
 
 def labelled(folders: tuple[Path, ...]) -> list[LoggedTrial]:
@@ -87,7 +88,7 @@ class Declined:
     """What was found in the logs and then not wanted."""
 
     folder: Path
-    desk: PlayedDesk
+    ui: ScriptedUI
     found: PhaseFit
 
 
@@ -95,7 +96,7 @@ class Declined:
 def declined(logs, tmp_path_factory) -> Declined:
     folder = tmp_path_factory.mktemp("declined")
     shutil.copy(DEFAULT_CONFIG, folder / "tams.yaml")
-    desk, found = PlayedDesk(["n"]), list[PhaseFit]()
+    ui, found = ScriptedUI(["n"]), list[PhaseFit]()
 
     def fit(*arguments) -> PhaseFit:
         found.append(fit_thresholds(*arguments))
@@ -103,15 +104,15 @@ def declined(logs, tmp_path_factory) -> Declined:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wizard, "fit_thresholds", fit)
-        assert calibrate(folder / "tams.yaml", desk, logs=logs) == 0
-    return Declined(folder, desk, found[0])
+        assert calibrate(folder / "tams.yaml", ui, logs=logs) == 0
+    return Declined(folder, ui, found[0])
 
 
 @pytest.fixture
 def fitted(declined, monkeypatch) -> None:
     """The wizard does not search: for what comes before and after that."""
     monkeypatch.setattr(wizard, "fit_thresholds", lambda *_: declined.found)
-    monkeypatch.setattr(wizard, "sensitivity", lambda *_: [])
+    monkeypatch.setattr(wizard, "sensitivity", lambda *_: ["a curve"])
     monkeypatch.setattr(wizard, "save_sensitivity", lambda _, path: path.write_bytes(b"drawn"))
 
 
@@ -169,12 +170,11 @@ def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, decline
     assert sum(map(sum, figures["confusion_true_by_inferred"].values())) == figures["ticks"]
 
 
-def test_the_picture_lies_beside_the_file_that_names_it(written) -> None:
+def test_the_figure_lies_beside_the_file(written) -> None:
     file = file_in_force(written.folder)
-    content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    picture = file.parent / content["calibration"]["quality"]["picture"]
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert picture.read_bytes() == (written.folder / "seen.png").read_bytes()
+    figure = file.with_suffix(".png").read_bytes()
+    assert figure.startswith(b"\x89PNG")
+    assert figure == (written.folder / "seen.png").read_bytes()
 
 
 def test_delays_are_told_with_their_unit_and_without_codes_of_a_terminal(written) -> None:
@@ -185,7 +185,7 @@ def test_delays_are_told_with_their_unit_and_without_codes_of_a_terminal(written
 
 
 def test_what_was_found_is_said_before_it_is_asked_whether_to_write(declined) -> None:
-    said = declined.desk.said
+    said = declined.ui.said
     before = "\n".join(said[: said.index("Write it? [y/n] ")])
     for text in ("v_eps_mm_s", "true \\ inferred", "missed", "frame-wise accuracy", "defaults"):
         assert text in before
@@ -197,7 +197,7 @@ def test_after_a_no_nothing_is_written_and_nothing_changes(declined) -> None:
 
 
 def test_progress_is_shown_while_it_searches(declined) -> None:
-    assert len(declined.desk.shown) > 20
+    assert len(declined.ui.shown) > 20
 
 
 def test_held_out_trials_are_judged_by_and_not_learned_from(
@@ -216,10 +216,10 @@ def test_held_out_trials_are_judged_by_and_not_learned_from(
 
     monkeypatch.setattr(wizard, "virtual_trials", made)
     monkeypatch.setattr(wizard, "fit_thresholds", fit)
-    monkeypatch.setattr(wizard, "sensitivity", lambda *_: [])
+    monkeypatch.setattr(wizard, "sensitivity", lambda *_: ["a curve"])
     monkeypatch.setattr(wizard, "save_sensitivity", lambda _, path: path.write_bytes(b"drawn"))
     options = {"sim": True, "trials": 3, "held_out": 1, "seed": 7}
-    assert calibrate(config_path, PlayedDesk(), yes=True, **options) == 0
+    assert calibrate(config_path, ScriptedUI(), yes=True, **options) == 0
     assert learned == [trials]
     content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
     figures = content["calibration"]["quality"]
@@ -230,9 +230,9 @@ def test_held_out_trials_are_judged_by_and_not_learned_from(
 
 @pytest.mark.usefixtures("fitted")
 def test_with_nobody_to_ask_nothing_is_written(logs, config_path) -> None:
-    desk = PlayedDesk()
-    assert calibrate(config_path, desk, logs=logs) == 1
-    assert any("v_eps_mm_s" in text for text in desk.said)
+    ui = ScriptedUI()
+    assert calibrate(config_path, ui, logs=logs) == 1
+    assert any("v_eps_mm_s" in text for text in ui.said)
     assert not (config_path.parent / "calibration").exists()
 
 
@@ -240,8 +240,8 @@ MARKS = ["0.6 reach", "1.6 align", "g", "gra", "+0.4", "tra", "5.5 pre", "g", "r
 
 
 def mark(config_path: Path, folders: tuple[Path, ...]) -> None:
-    desk = PlayedDesk([*MARKS, "rea", "q", *MARKS, "-", "q", *MARKS, "-", "q"])
-    assert calibrate(config_path, desk, logs=folders, mark=True) == 0
+    ui = ScriptedUI([*MARKS, "rea", "q", *MARKS, "-", "q", *MARKS, "-", "q"])
+    assert calibrate(config_path, ui, logs=folders, mark=True) == 0
 
 
 def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs, config_path) -> None:
@@ -260,8 +260,8 @@ def test_after_a_yes_the_file_says_which_trials_a_person_marked(
 ) -> None:
     mark(config_path, own_logs)
     folders = (logs[0], *own_logs[1:])
-    desk = PlayedDesk(["y"])
-    assert calibrate(config_path, desk, logs=folders, goal_height_mm=100.0) == 0
+    ui = ScriptedUI(["y"])
+    assert calibrate(config_path, ui, logs=folders, goal_height_mm=100.0) == 0
     assert load_config(config_path).calibrated_by == (f"phases-{STAMP}.yaml",)
     content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
     assert content["calibration"]["source"] == (
@@ -273,24 +273,24 @@ def test_after_a_yes_the_file_says_which_trials_a_person_marked(
 @pytest.mark.usefixtures("fitted")
 def test_marks_know_no_height(own_logs, config_path) -> None:
     mark(config_path, own_logs)
-    assert calibrate(config_path, PlayedDesk(["y"]), logs=own_logs, goal_height_mm=100.0) == 0
+    assert calibrate(config_path, ScriptedUI(["y"]), logs=own_logs, goal_height_mm=100.0) == 0
     assert "below" not in file_in_force(config_path.parent).read_text(encoding="utf-8")
 
 
 def test_marking_needs_somebody_at_the_terminal(own_logs, config_path) -> None:
     with pytest.raises(ConfigError, match="--mark asks a person"):
-        calibrate(config_path, PlayedDesk(), logs=own_logs, mark=True)
+        calibrate(config_path, ScriptedUI(), logs=own_logs, mark=True)
 
 
 def test_a_log_whose_phases_nobody_knows_says_how_to_mark_it(unlabelled, config_path) -> None:
-    with pytest.raises(ConfigError, match=r"trial-0: nobody knows its phases.*--mark"):
-        calibrate(config_path, PlayedDesk(), logs=unlabelled)
+    with pytest.raises(ConfigError, match=r"trial-0: its phases are not known.*--mark"):
+        calibrate(config_path, ScriptedUI(), logs=unlabelled)
 
 
 def test_bad_marks_stop_it_with_their_line(own_logs, config_path) -> None:
     (own_logs[0] / "phases.csv").write_text("t_s,phase\n1.0,REACH\n900,ALIGN\n")
     with pytest.raises(ConfigError, match=r"phases\.csv: line 3: 900 s is outside the log"):
-        calibrate(config_path, PlayedDesk(), logs=own_logs)
+        calibrate(config_path, ScriptedUI(), logs=own_logs)
 
 
 @pytest.mark.usefixtures("fitted")
@@ -298,18 +298,18 @@ def test_only_trials_of_real_devices_count_for_real_devices(logs, own_logs, tmp_
     config_path = shutil.copy(LITE6_CONFIG, tmp_path / "lite6.yaml")
     mark(config_path, own_logs)
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(config_path, PlayedDesk(), logs=(logs[0], *own_logs[1:]), yes=True)
+        calibrate(config_path, ScriptedUI(), logs=(logs[0], *own_logs[1:]), yes=True)
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(config_path, PlayedDesk(), sim=True, yes=True)
+        calibrate(config_path, ScriptedUI(), sim=True, yes=True)
     assert not load_config(config_path).calibrated_by
-    assert calibrate(config_path, PlayedDesk(), logs=own_logs, yes=True) == 0
+    assert calibrate(config_path, ScriptedUI(), logs=own_logs, yes=True) == 0
     assert load_config(config_path).calibrated_by
 
 
 def test_a_copy_of_a_log_is_no_trial_of_its_own(logs, config_path, tmp_path) -> None:
     copy = shutil.copytree(logs[0], tmp_path / "trial-3")
     with pytest.raises(ConfigError, match=r"trial-3: is a copy of .*trial-0"):
-        calibrate(config_path, PlayedDesk(), logs=(*logs, copy))
+        calibrate(config_path, ScriptedUI(), logs=(*logs, copy))
 
 
 def test_a_log_in_which_nothing_happened_is_refused_with_its_name(
@@ -317,15 +317,15 @@ def test_a_log_in_which_nothing_happened_is_refused_with_its_name(
 ) -> None:
     empty = record(tmp_path / "empty", [], [])
     with pytest.raises(LogError, match="empty: has no state of the arm"):
-        calibrate(config_path, PlayedDesk(), logs=(*logs[:2], empty))
+        calibrate(config_path, ScriptedUI(), logs=(*logs[:2], empty))
     with pytest.raises(LogError, match="empty: has no state of the arm"):
-        calibrate(config_path, PlayedDesk(["q"]), logs=(empty,), mark=True)
+        calibrate(config_path, ScriptedUI(["q"]), logs=(empty,), mark=True)
 
 
 def test_without_mujoco_simulated_trials_say_what_is_missing(config_path, monkeypatch) -> None:
     monkeypatch.setattr("calibration.phases.sources.find_spec", lambda _: None)
     with pytest.raises(SetupError, match="need MuJoCo"):
-        calibrate(config_path, PlayedDesk(), sim=True)
+        calibrate(config_path, ScriptedUI(), sim=True)
 
 
 def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_path) -> None:
@@ -334,7 +334,7 @@ def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_pa
         object.__setattr__(tick, "arm", None)
     blind = record(tmp_path / "blind", ticks, scene)
     with pytest.raises(LogError, match="blind: has no state of the arm"):
-        calibrate(config_path, PlayedDesk(), logs=(*logs[:2], blind))
+        calibrate(config_path, ScriptedUI(), logs=(*logs[:2], blind))
 
 
 @pytest.mark.parametrize(
@@ -349,15 +349,14 @@ def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_pa
         ({"logs": (Path("a"),)}, "1 trial is too few"),
         ({"logs": (Path("a"), Path("b"), Path("a"))}, "a: is given twice"),
         ({"logs": (Path("a"), Path("b"), Path("c"))}, "a: is no session folder"),
-        ({"sim": True, "seed": -1}, "cannot be below 0"),
-        ({"sim": True, "picture": Path("nowhere/a.png")}, "there is no folder nowhere"),
-        ({"sim": True, "picture": Path("/")}, "/ is a folder"),
+        ({"sim": True, "figure": Path("nowhere/a.png")}, "there is no folder nowhere"),
+        ({"sim": True, "figure": Path("a.pdf")}, "is drawn to"),
         ({"sim": True, "goal_height_mm": 0.0}, "must be more than 0"),
     ],
 )
 def test_wrong_use_is_refused_before_anything_is_made(config_path, options, reason) -> None:
     with pytest.raises(ConfigError, match=reason):
-        calibrate(config_path, PlayedDesk(), **options)
+        calibrate(config_path, ScriptedUI(), **options)
 
 
 def test_the_command_line_takes_logs_and_tells_by_its_exit_code(logs, written, capsys) -> None:

@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 import pytest
 import yaml
 
-from calibration.desk import PlayedDesk
 from calibration.store import Calibration, CalibrationSet
 from tams_app.config import dump_config, load_config
 from tams_app.errors import ConfigError, TamsError
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -148,39 +148,39 @@ def test_a_configuration_without_a_set_is_told_how_to_name_one(config_path):
 
 
 def test_it_is_written_only_after_a_yes(store):
-    desk = PlayedDesk(["n"])
-    assert store.propose(desk, frame(), yes=False) is None
+    ui = ScriptedUI(["n"])
+    assert store.propose(ui, frame(), yes=False) is None
     assert store.in_force("frame") is None
-    path = store.propose(PlayedDesk(["y"]), frame(), yes=False)
+    path = store.propose(ScriptedUI(["perhaps", "y"]), frame(), yes=False)
     assert path == store.in_force("frame")
 
 
-def test_without_anybody_to_ask_only_yes_writes(store):
-    desk = PlayedDesk()
-    assert store.propose(desk, frame(), yes=False) is None
-    assert any("--yes" in text for text in desk.said)
-    assert store.propose(desk, frame(), yes=True) is not None
+def test_without_a_terminal_only_yes_writes(store):
+    ui = ScriptedUI()
+    assert store.propose(ui, frame(), yes=False) is None
+    assert any("--yes" in text for text in ui.said)
+    assert store.propose(ui, frame(), yes=True) is not None
 
 
-class Leaving(PlayedDesk):
+class Leaving(ScriptedUI):
     """Somebody who presses Ctrl-C, or closes the terminal, instead of answering."""
 
     def __init__(self, how):
         super().__init__(["never given"])
         self._how = how
 
-    def _ask(self, question):
+    def _ask(self, *_, **__):
         raise self._how
 
 
 @pytest.mark.parametrize("how", [KeyboardInterrupt(), ConfigError("the terminal was closed")])
 def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(store, how):
-    old, desk = store.write(frame()), Leaving(how)
+    old, ui = store.write(frame()), Leaving(how)
     with pytest.raises(type(how)):
-        store.propose(desk, frame(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), yes=False)
+        store.propose(ui, frame(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), yes=False)
     assert store.in_force("frame") == old
     (kept,) = set(store.folder.glob("frame-*.yaml")) - {old}
-    assert f"Kept, but not in force: {kept}" in desk.said[-1]
+    assert f"Kept, but not in force: {kept}" in ui.said[-1]
     (store.folder / "in-force.yaml").write_text(f"frame: {kept.name}\n")  # as it was told to do
     assert store.in_force("frame") == kept
 
@@ -188,19 +188,19 @@ def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(sto
 def test_what_goes_beside_a_calibration_is_there_before_it_counts(store):
     counted = []
     store.propose(
-        PlayedDesk(),
+        ScriptedUI(),
         frame(),
         yes=True,
-        write_beside=lambda: counted.append(store.in_force("frame")),
+        draw=lambda path: counted.append((path.suffix, store.in_force("frame"))),
     )
-    assert counted == [None]
+    assert counted == [(".png", None)]
 
-    def fails():
-        raise TamsError("lens.yaml: cannot be written: No space left on device")
+    def fails(path):
+        raise TamsError(f"{path.name}: cannot be written: No space left on device")
 
     before = store.in_force("frame")
-    with pytest.raises(TamsError, match=r"lens\.yaml"):
-        store.propose(PlayedDesk(), frame(), yes=True, write_beside=fails)
+    with pytest.raises(TamsError, match=r"frame-.*\.png"):
+        store.propose(ScriptedUI(), frame(), yes=True, draw=fails)
     assert store.in_force("frame") == before
 
 
@@ -217,19 +217,19 @@ def test_a_file_tells_whether_it_was_simulated(store):
 
 
 def test_a_folder_that_cannot_be_written_is_told_before_anything_is_measured(store):
-    store.check_before(PlayedDesk(), yes=True, simulated=True)
+    store.check_before(ScriptedUI(), yes=True, simulated=True)
     store.folder.parent.write_text("in the way")
-    for desk, yes in ((PlayedDesk(), True), (PlayedDesk(["y"]), False)):
+    for ui, yes in ((ScriptedUI(), True), (ScriptedUI(["y"]), False)):
         with pytest.raises(TamsError, match="cannot be written: nothing that is measured"):
-            store.check_before(desk, yes, simulated=False)
-    store.check_before(PlayedDesk(), yes=False, simulated=False)  # nobody would write
+            store.check_before(ui, yes, simulated=False)
+    store.check_before(ScriptedUI(), yes=False, simulated=False)  # nothing would be written
 
 
 def test_what_would_be_replaced_is_named_before_the_question(store):
     first = store.write(frame())
-    desk = PlayedDesk(["n"])
-    store.propose(desk, frame(), yes=False)
-    assert any(first.name in text for text in desk.said[: desk.said.index("Write it? [y/n] ")])
+    ui = ScriptedUI(["n"])
+    store.propose(ui, frame(), yes=False)
+    assert any(first.name in text for text in ui.said[: ui.said.index("Write it? [y/n] ")])
 
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(store):
@@ -244,11 +244,11 @@ def test_what_was_simulated_is_never_put_in_force_for_real_devices(tmp_path):
     store = CalibrationSet.of(path, load_config(path, {"rig.enabled": True}), lambda: NOON)
     turned = Calibration("frame", frame().changes, "a simulated person", {}, simulated=True)
     with pytest.raises(ConfigError, match="has real devices"):
-        store.propose(PlayedDesk(["y"]), turned, yes=True)
+        store.propose(ScriptedUI(["y"]), turned, yes=True)
     with pytest.raises(ConfigError, match="has real devices"):
         store.write(turned)
     with pytest.raises(ConfigError, match="has real devices"):
-        store.check_before(PlayedDesk(), yes=False, simulated=True)
+        store.check_before(ScriptedUI(), yes=False, simulated=True)
     assert not store.folder.exists()
     store.write(frame())  # measured there
     assert load_config(path).hand.rotation == TURNED

@@ -1,4 +1,4 @@
-"""Cutting clips: which stretches, the right pictures at the right instants, and nothing twice."""
+"""Cutting clips: which stretches, the right frames at the right instants, and nothing twice."""
 
 import os
 import shutil
@@ -14,13 +14,19 @@ from hypothesis import strategies as st
 from calibration.weights import clip_file
 from calibration.weights.clip_file import ClipWriter, play
 from calibration.weights.clips import ClipFolder
-from calibration.weights.composing import STRIP_HEIGHT, instants, newest_at, side_by_side
-from calibration.weights.cutting import cut_session
-from calibration.weights.decoding import Picture, decode
-from calibration.weights.segments import LONGEST_S, SHORTEST_S, Segment, phase_segments, select
-from calibration.weights.sources import open_session
+from calibration.weights.cutting import (
+    LONGEST_S,
+    SHORTEST_S,
+    STRIP_HEIGHT,
+    cut_session,
+    instants,
+    newest_at,
+    select,
+    side_by_side,
+)
+from calibration.weights.sources import Segment, decode, open_session, phase_segments
 from tams_app.errors import ConfigError, LogError, SetupError
-from tams_app.records import Phase, PhaseChange
+from tams_app.records import Frame, Phase, PhaseChange
 from tams_app.runtime.clock import NS_PER_S
 from tests.calibration.weights_session import (
     HEIGHT,
@@ -28,7 +34,7 @@ from tests.calibration.weights_session import (
     WIDTH,
     add_captures,
     encoded,
-    picture,
+    image_of,
     record_session,
     seen,
 )
@@ -45,7 +51,7 @@ changes = st.lists(
 
 
 @given(changes, st.integers(0, 30 * S), st.integers(0, 60 * S))
-def test_segments_follow_each_other_within_the_pictures_time(phases, first_ns, last_ns):
+def test_segments_follow_each_other_within_the_frames_time(phases, first_ns, last_ns):
     segments = phase_segments(phases, first_ns, last_ns)
     for segment in segments:
         assert first_ns <= segment.start_ns < segment.end_ns <= last_ns
@@ -78,14 +84,14 @@ def test_a_long_phase_is_shortened_to_its_end_and_the_sessions_last_to_its_begin
     st.lists(st.tuples(st.sampled_from(VIEWS), st.integers(0, 1000)), max_size=60),
     st.lists(st.integers(0, 1200), max_size=30),
 )
-def test_each_instant_shows_every_views_newest_picture_of_that_time(captures, wanted):
+def test_each_instant_shows_every_views_newest_frame_of_that_time(captures, wanted):
     captures.sort(key=lambda capture: capture[1])
     wanted.sort()
-    pictures = [
-        Picture(view, t_ns, np.full((1, 1, 3), number, np.uint8))
+    frames = [
+        Frame(view, 0, t_ns, np.full((1, 1, 3), number, np.uint8))
         for number, (view, t_ns) in enumerate(captures)
     ]
-    moments = list(newest_at(iter(pictures), wanted))
+    moments = list(newest_at(iter(frames), wanted))
     assert [t_ns for t_ns, _ in moments] == wanted
     for t_ns, images in moments:
         for view in VIEWS:
@@ -94,7 +100,7 @@ def test_each_instant_shows_every_views_newest_picture_of_that_time(captures, wa
 
 
 def test_views_stand_side_by_side_under_a_strip_that_names_them():
-    images = {view: picture(view, 0) for view in VIEWS}
+    images = {view: image_of(view, 0) for view in VIEWS}
     whole = side_by_side(images, VIEWS, "ALIGN")
     assert whole.shape == (HEIGHT + STRIP_HEIGHT, 3 * WIDTH, 3)
     for number, view in enumerate(VIEWS):
@@ -103,16 +109,16 @@ def test_views_stand_side_by_side_under_a_strip_that_names_them():
     assert np.ptp(whole[:STRIP_HEIGHT]) > 100  # something is written there
 
 
-def test_every_picture_of_a_bitstream_comes_back_with_its_capture_time():
+def test_every_frame_of_a_bitstream_comes_back_with_its_capture_time():
     found = list(decode(encoded("gt", 60), VIDEO, "avdec_h264"))
     assert [one.capture_ns for one in found] == [capture_ns(index) for index in range(60)]
     assert [seen(one.image) for one in found] == [("gt", index) for index in range(60)]
 
 
 def test_a_view_that_is_left_half_way_is_given_up_without_a_complaint(glib_complaints):
-    pictures = decode(encoded("gt", 40), VIDEO, "avdec_h264")
-    assert next(pictures).capture_ns == capture_ns(0)
-    pictures.close()
+    frames = decode(encoded("gt", 40), VIDEO, "avdec_h264")
+    assert next(frames).capture_ns == capture_ns(0)
+    frames.close()
 
 
 def frames_of(path):
@@ -137,7 +143,7 @@ def test_a_session_is_cut_into_clips_that_show_all_views_as_they_were(tmp_path):
     session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
     folder = ClipFolder(tmp_path / "clips")
     cut = cut_session(session, folder, quiet)
-    assert cut.picture == "as sent, no bottleneck"
+    assert cut.shows == "as sent, no bottleneck"
     reach, align = folder.clips()
     assert (reach.phase, align.phase) == (Phase.REACH, Phase.ALIGN)
     assert reach.seconds == pytest.approx(0.7)
@@ -155,7 +161,7 @@ def test_lossless_captures_are_taken_where_there_are_some(tmp_path):
     session = open_session(folder, VIEWS)
     assert not session.is_constrained
     clips = ClipFolder(tmp_path / "clips")
-    assert cut_session(session, clips, quiet).picture == "lossless captures"
+    assert cut_session(session, clips, quiet).shows == "lossless captures"
     frames = frames_of(clips.file(Phase.REACH, "s1"))
     shown = [seen(255 - part(frame, "gs")) for frame in frames]
     assert shown == [("gs", index) for index in range(15)]
@@ -165,7 +171,7 @@ def test_captures_that_end_before_the_session_do_not_stand_still_for_the_rest(tm
     folder = record_session(tmp_path / "s1", [(0.0, Phase.REACH), (0.5, Phase.ALIGN)], 1.2)
     add_captures(folder, 15)
     clips = ClipFolder(tmp_path / "clips")
-    with pytest.raises(LogError, match=r"the last 0\.7 s have no pictures of eih.*reference\.mcap"):
+    with pytest.raises(LogError, match=r"the last 0\.7 s have no frames of eih.*reference\.mcap"):
         cut_session(open_session(folder, VIEWS), clips, quiet)
     assert clips.sessions()["s1"].clips
     assert not clips.there()["s1"].clips  # what a result may name
@@ -174,10 +180,10 @@ def test_captures_that_end_before_the_session_do_not_stand_still_for_the_rest(tm
     assert list(clips.there()["s1"].clips) == [Phase.REACH, Phase.ALIGN]
 
 
-def test_pictures_that_a_network_narrowed_are_called_so(tmp_path):
+def test_frames_that_a_network_narrowed_are_called_so(tmp_path):
     session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5, "s3"), VIEWS)
     assert session.is_constrained
-    assert session.picture == "as sent over s3"
+    assert session.shows == "as sent over s3"
 
 
 def test_what_is_cut_already_is_not_cut_again_and_what_is_missing_is(tmp_path):
@@ -255,13 +261,13 @@ def test_a_session_of_other_views_or_without_phases_or_that_is_none_is_refused(t
         open_session(folder, VIEWS)
 
 
-def test_a_session_without_pictures_is_refused_with_what_would_have_kept_them(tmp_path):
+def test_a_session_without_frames_is_refused_with_what_would_have_kept_them(tmp_path):
     changes = {"recording": {"bitstream": False}}
     folder = record_session(tmp_path / "s1", TWO_PHASES, 0.1, changes=changes)
-    with pytest.raises(LogError, match=r"without pictures; set recording\.bitstream: true"):
+    with pytest.raises(LogError, match=r"without frames; set recording\.bitstream: true"):
         open_session(folder, VIEWS)
     empty = record_session(tmp_path / "s2", TWO_PHASES, 0.0)
-    with pytest.raises(LogError, match="s2: has no pictures of eih"):
+    with pytest.raises(LogError, match="s2: has no frames of eih"):
         cut_session(open_session(empty, VIEWS), ClipFolder(tmp_path / "clips"), quiet)
 
 
@@ -284,7 +290,7 @@ def test_a_clip_that_cannot_be_written_is_told(tmp_path):
         ClipWriter(tmp_path / "nowhere" / "x.mp4", WIDTH, HEIGHT, FPS)
 
 
-def test_a_segment_needs_a_picture_for_every_frame_time_within_it():
+def test_a_segment_needs_a_frame_for_every_frame_time_within_it():
     assert instants(Segment(Phase.REACH, S, 2 * S), 30) == [S + n * S // 30 for n in range(30)]
 
 
@@ -297,7 +303,7 @@ def test_without_a_display_a_clip_is_not_played(tmp_path, monkeypatch):
 
 @pytest.fixture
 def screen(tmp_path, monkeypatch):
-    """What a display shows that nobody sits at."""
+    """What a display shows that no one sits at."""
     if shutil.which("Xvfb") is None:
         pytest.skip("needs Xvfb (apt-get install xvfb)")
     reading, writing = os.pipe()
@@ -322,7 +328,7 @@ def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch, screen):
     path = tmp_path / "clip.mp4"
     writer = ClipWriter(path, WIDTH, HEIGHT, FPS)
     for index in range(10):
-        writer.add(picture("gt", index))
+        writer.add(image_of("gt", index))
     writer.finish()
     blank = screen()
     screens, shut_down = [], clip_file.gst.shut_down
@@ -333,12 +339,12 @@ def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch, screen):
 
     monkeypatch.setattr(clip_file.gst, "shut_down", photograph_and_shut_down)
     play(path)
-    assert screens[-1] != blank  # the last picture was on the screen
+    assert screens[-1] != blank  # the last frame was on the screen
 
 
 @pytest.mark.usefixtures("screen")
 def test_a_broken_clip_is_told_and_not_taken_as_seen(tmp_path):
     path = tmp_path / "clip.mp4"
-    path.write_bytes(b"no pictures" * 100)
+    path.write_bytes(b"no frames" * 100)
     with pytest.raises(SetupError, match=r"clip\.mp4: cannot be shown: .* delete it"):
         play(path)

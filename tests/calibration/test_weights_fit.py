@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.weights.assessment import assess
+from calibration.weights.agreement import assess
 from calibration.weights.fit import fit_weights, smallest_share
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
@@ -115,7 +115,7 @@ def test_the_order_of_the_raters_does_not_matter(sheets, random):
 @given(panels(may_be_silent=False))
 def test_one_more_vote_for_the_dominant_view_never_lowers_its_share(sheets):
     row = reach(sheets)
-    voted = dict.fromkeys(VIEWS)  # his vote only, so that the necessities stay
+    voted = dict.fromkeys(VIEWS)  # the vote only, so that the necessities stay
     more = [*sheets, Sheet("more", False, (Answer(Phase.REACH, voted, row.dominant),))]
     assert reach(more).shares[row.dominant] >= row.shares[row.dominant]
 
@@ -166,13 +166,13 @@ def test_a_dominant_view_without_a_majority_is_told():
 def test_a_view_whose_necessity_nobody_rated_keeps_the_row_and_is_named():
     row = reach(ballot(((5, None, 3), "eih"), ((4, None, 2), "eih")))
     assert row.dominant is None
-    assert row.remarks == ("keeps its present row: nobody rated the necessity of gt",)
+    assert row.remarks == ("keeps its present row: no rater rated the necessity of gt",)
 
 
 def test_a_phase_nobody_rated_keeps_its_present_row_and_says_so():
     rows = fit_weights(ballot(((5, 3, 3), "eih")), VIEWS, PRESENT)
     assert rows[Phase.GRASP].shares == PRESENT[Phase.GRASP]
-    assert rows[Phase.GRASP].remarks == ("keeps its present row: nobody rated it",)
+    assert rows[Phase.GRASP].remarks == ("keeps its present row: no rater rated it",)
 
 
 @pytest.mark.parametrize("seed", range(20))

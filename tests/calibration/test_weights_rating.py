@@ -2,13 +2,12 @@
 
 import pytest
 
-from calibration.desk import PlayedDesk
 from calibration.weights.clips import Clip
 from calibration.weights.rating import rate, viewing_order
-from calibration.weights.rating_files import RatingFolder
-from calibration.weights.ratings import Answer
-from tams_app.errors import ConfigError
+from calibration.weights.ratings import Answer, RatingFolder
+from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
+from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -91,7 +90,7 @@ def test_a_simulated_rater_cannot_be_taken_for_a_person(folder):
 def test_a_spoilt_rating_file_is_refused_with_its_name_and_the_reason(folder, line, reason):
     folder.open("p01")
     file = folder.path / "p01.yaml"
-    file.write_text(file.read_text() + line + "\n")
+    file.write_text(file.read_text().replace("answers: []", "answers:") + line + "\n")
     with pytest.raises(ConfigError, match=reason) as refusal:
         folder.sheets()
     assert "p01.yaml" in str(refusal.value)
@@ -106,36 +105,38 @@ def test_a_file_whose_rater_has_no_pseudonym_is_refused(folder, name):
         folder.sheets()
 
 
-def test_an_answer_after_a_last_line_without_an_end_is_on_a_line_of_its_own(folder):
-    folder.open("p01")
-    folder.add("p01", REACH_ANSWER)
-    file = folder.path / "p01.yaml"
-    file.write_text(file.read_text().rstrip("\n"))
-    folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
-    assert [answer.phase for answer in folder.open("p01").answers] == [Phase.REACH, Phase.GRASP]
-
-
 @pytest.mark.parametrize("answers", ["answers: []", "answers:\n  - "])
-def test_a_file_that_an_answer_would_spoil_is_refused_before_its_rater_is_asked(folder, answers):
+def test_a_file_written_by_hand_is_added_to_however_it_is_laid_out(folder, answers):
     folder.open("p01")
     file = folder.path / "p01.yaml"
     if answers.endswith("- "):
         answers += "{phase: REACH, necessity: {eih: 1, gt: 1, gs: 1}, most_critical: gt}"
-    file.write_text(file.read_text().replace("answers:", answers))
-    before = file.read_bytes()
-    with pytest.raises(ConfigError, match=r"p01\.yaml: cannot be added to"):
-        folder.open("p01")
-    with pytest.raises(ConfigError, match=r"p01\.yaml: cannot be added to"):
+    file.write_text(file.read_text().replace("answers: []", answers).rstrip("\n"))
+    before = folder.open("p01").answers
+    folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
+    assert folder.open("p01").answers[:-1] == before
+
+
+def test_a_disk_that_is_full_while_an_answer_is_added_loses_no_other(folder, monkeypatch):
+    folder.open("p01")
+    folder.add("p01", REACH_ANSWER)
+    before = (folder.path / "p01.yaml").read_bytes()
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("calibration.weights.ratings.os.fsync", full)
+    with pytest.raises(LogError, match="No space left"):
         folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
-    assert file.read_bytes() == before
-    assert len(folder.sheets()) == 1  # it can be built from
+    assert (folder.path / "p01.yaml").read_bytes() == before
 
 
 def test_a_phase_answered_twice_in_a_file_is_refused(folder):
     folder.open("p01")
     folder.add("p01", REACH_ANSWER)
     file = folder.path / "p01.yaml"
-    file.write_text(file.read_text() + file.read_text().splitlines()[-1] + "\n")
+    text = file.read_text()
+    file.write_text(text + text.partition("answers:\n")[2])
     with pytest.raises(ConfigError, match="REACH: is answered twice"):
         folder.sheets()
 
@@ -147,7 +148,7 @@ def test_a_renamed_rating_file_is_refused(folder):
         folder.sheets()
 
 
-def test_every_rater_sees_every_clip_once_in_an_order_of_his_own(tmp_path):
+def test_every_rater_sees_every_clip_once_in_an_order_of_its_own(tmp_path):
     given_ = clips(tmp_path)
     orders = [viewing_order(given_, rater, 1) for rater in ("p01", "p02", "p03")]
     for order in orders:
@@ -160,37 +161,37 @@ def test_every_rater_sees_every_clip_once_in_an_order_of_his_own(tmp_path):
     assert viewing_order(given_, "p01", 2) != orders[0]
 
 
-def test_a_rater_watches_then_answers_and_what_he_said_is_kept(tmp_path, folder):
+def test_a_rater_watches_then_answers_and_what_was_said_is_kept(tmp_path, folder):
     watched = []
-    desk = PlayedDesk(["w", "r", "2", "5", "-", "gt", "y"])
+    ui = ScriptedUI(["w", "r", "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a", "b"), (Phase.REACH,))
-    rate(desk, folder, "p01", given_, VIEWS, watched.append, seed=0)
+    rate(ui, folder, "p01", given_, VIEWS, watched.append, seed=0)
     assert len(watched) == 4  # two clips, watched again
     assert set(watched) == {clip.path for clip in given_}
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
-def test_a_rater_may_take_back_what_he_said_before_it_is_kept(tmp_path, folder):
-    desk = PlayedDesk(["r", "1", "1", "1", "eih", "n", "2", "5", "-", "gt", "y"])
+def test_a_rater_may_take_back_what_was_said_before_it_is_kept(tmp_path, folder):
+    ui = ScriptedUI(["r", "1", "1", "1", "eih", "n", "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a",), (Phase.REACH,))
-    rate(desk, folder, "p01", given_, VIEWS, lambda path: None, seed=0)
+    rate(ui, folder, "p01", given_, VIEWS, lambda path: None, seed=0)
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
-def test_an_interrupted_rater_goes_on_where_he_stopped(tmp_path, folder):
+def test_an_interrupted_rater_goes_on_where_it_stopped(tmp_path, folder):
     given_ = clips(tmp_path, ("a",))
     one = ["r", "3", "3", "3", "gt", "y"]
-    with pytest.raises(ConfigError, match="nobody"):
-        rate(PlayedDesk(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
+    with pytest.raises(ConfigError, match="no terminal"):
+        rate(ScriptedUI(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
     first = folder.open("p01").answers
     assert len(first) == 2
-    desk = PlayedDesk(one * 4)
-    rate(desk, folder, "p01", given_, VIEWS, _unseen, seed=0)
-    assert any("has rated 2 phases before" in text for text in desk.said)
+    ui = ScriptedUI(one * 4)
+    rate(ui, folder, "p01", given_, VIEWS, _unseen, seed=0)
+    assert any("has rated 2 phases before" in text for text in ui.said)
     answers = folder.open("p01").answers
     assert answers[:2] == first
     assert {answer.phase for answer in answers} == set(Phase)
-    again = PlayedDesk()
+    again = ScriptedUI()
     rate(again, folder, "p01", given_, VIEWS, _unseen, seed=0)
     assert again.said == ["p01 has rated every phase. Thank you. What was said stays as it is."]
 

@@ -7,22 +7,23 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from calibration.desk import PlayedDesk, TerminalDesk
-from calibration.weights.assessment import assess
+from calibration.options import WeightOptions
+from calibration.ui import TerminalUI
+from calibration.weights.agreement import assess
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
+from calibration.weights.figure import save_weights
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
-from calibration.weights.picture import save_picture
-from calibration.weights.rating_files import RatingFolder
+from calibration.weights.ratings import RatingFolder
 from calibration.weights.report import evidence_remarks
 from calibration.weights.sources import open_session
-from calibration.weights.wizard import Options, run_weights
+from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.conversation import Conversation
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
 from tests.calibration.weights_session import record_session
+from tests.scripted_ui import CTRL_C, ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -55,10 +56,12 @@ def written(config):
 def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_so(
     config, session, tmp_path
 ):
-    options = Options(config, sim=True, logs=(session,), folder=tmp_path / "work", seed=1, yes=True)
-    desk = PlayedDesk()
+    options = WeightOptions(
+        config=config, sim=True, logs=[session], folder=tmp_path / "work", seed=1, yes=True
+    )
+    ui = ScriptedUI()
     before = load_config(config).policy.weights.matrix
-    assert run_weights(options, desk) == 0
+    assert WeightWizard(ui, options).run() == 0
     matrix = load_config(config).policy.weights.matrix
     for phase in list(Phase)[:-1]:
         assert max(matrix[phase], key=lambda view: matrix[phase][view]) == PAPER_DOMINANT[phase]
@@ -69,21 +72,26 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
     assert "not of people" in content["calibration"]["source"]
     quality = content["calibration"]["quality"]
     assert quality["simulated_raters"] == 8
-    assert "RELEASE: keeps its present row: nobody rated it" in quality["remarks"]
+    assert "RELEASE: keeps its present row: no rater rated it" in quality["remarks"]
     assert list(quality["clips"]) == ["trial-1"]
     assert written(config).with_suffix(".png").read_bytes().startswith(PNG)
-    assert any("5 clips" in text and "No clip of RELEASE" in text for text in desk.said)
+    assert any("5 clips" in text and "No clip of RELEASE" in text for text in ui.said)
 
 
 def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
     config, session, tmp_path
 ):
-    options = Options(
-        config, True, (session,), folder=tmp_path / "work", panel="indifferent", yes=True
+    options = WeightOptions(
+        config=config,
+        sim=True,
+        logs=[session],
+        folder=tmp_path / "work",
+        panel="indifferent",
+        yes=True,
     )
-    desk = PlayedDesk()
-    assert run_weights(options, desk) == 0
-    assert "too little to rely on" in "".join(desk.said)
+    ui = ScriptedUI()
+    assert WeightWizard(ui, options).run() == 0
+    assert "too little to rely on" in "".join(ui.said)
     content = yaml.safe_load(written(config).read_text())
     remarks = content["calibration"]["quality"]["remarks"]
     assert sum("too little to rely on" in remark for remark in remarks) == 2
@@ -96,8 +104,8 @@ def test_ratings_in_files_make_the_weights_without_asking_anybody(config, tmp_pa
         folder.open(sheet.rater.replace("simulated", "p"))
         for answer in sheet.answers:
             folder.add(sheet.rater.replace("simulated", "p"), answer)
-    desk = PlayedDesk()
-    assert run_weights(Options(config, ratings=folder.path, yes=True), desk) == 0
+    ui = ScriptedUI()
+    assert WeightWizard(ui, WeightOptions(config=config, ratings=folder.path, yes=True)).run() == 0
     calibration = yaml.safe_load(written(config).read_text())["calibration"]
     assert calibration["source"] == "ratings of 3 people, on unknown clips"
     assert "few raters: 3, where the paper asked 8" in calibration["quality"]["remarks"]
@@ -107,7 +115,7 @@ def test_without_anybody_to_ask_and_without_yes_nothing_is_written(config, tmp_p
     folder = RatingFolder(tmp_path / "ratings", VIEWS)
     folder.open("p01")
     folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
-    assert run_weights(Options(config, ratings=folder.path), PlayedDesk()) == 1
+    assert WeightWizard(ScriptedUI(), WeightOptions(config=config, ratings=folder.path)).run() == 1
     assert not (config.parent / "calibration").exists()
 
 
@@ -115,10 +123,10 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_p
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     rated = ["r", "5", "3", "2", "eih", "y"] * 5
-    options = Options(config, logs=(session,), folder=tmp_path / "work")
-    desk = PlayedDesk(["r", "Jane Doe", "r", "p01", *rated, "b", "n", "unused"])
-    assert run_weights(options, desk) == 0
-    said = "\n".join(desk.said)
+    options = WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
+    ui = ScriptedUI(["r", "Jane Doe", "r", "p01", *rated, "b", "n", "unused"])
+    assert WeightWizard(ui, options).run() == 0
+    said = "\n".join(ui.said)
     assert "'Jane Doe' cannot be a rater's name" in said
     assert "There is no display here" in said
     assert str(tmp_path / "work/clips/REACH-trial-1.mp4") in said
@@ -126,41 +134,35 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_p
     assert "RELEASE: keeps its present row" in said
     assert not (config.parent / "calibration").exists()
     # what was rated is kept: the next time it is built at once
-    assert run_weights(options, PlayedDesk(["b", "y", "unused"])) == 0
+    assert WeightWizard(ScriptedUI(["b", "y", "unused"]), options).run() == 0
     assert load_config(config).policy.weights.matrix[Phase.REACH]["eih"] == 0.60
 
 
 def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    desk = PlayedDesk(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4"])
-    asked = desk.conversation.ask
-
-    def until_ctrl_c(question):
-        if not desk.attended:
-            raise KeyboardInterrupt
-        return asked(question)
-
-    desk.conversation = Conversation(until_ctrl_c, desk.say)
+    ui = ScriptedUI(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4", CTRL_C, "unused"])
     with pytest.raises(KeyboardInterrupt):
-        run_weights(Options(config, logs=(session,), folder=tmp_path / "work"), desk)
-    assert f"kept in {tmp_path / 'work'}" in desk.said[-1]
+        WeightWizard(
+            ui, WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
+        ).run()
+    assert f"kept in {tmp_path / 'work'}" in ui.said[-1]
     (sheet,) = RatingFolder(tmp_path / "work/ratings", VIEWS).sheets()
     assert len(sheet.answers) == 1
 
 
 def test_building_is_not_offered_before_anybody_has_answered(config, session, tmp_path):
-    options = Options(config, logs=(session,), folder=tmp_path / "work")
-    desk = PlayedDesk(["b", "s", "unused"])
+    options = WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
+    ui = ScriptedUI(["b", "s", "unused"])
     RatingFolder(tmp_path / "work/ratings", VIEWS).open("p01")  # and left again
-    assert run_weights(options, desk) == 0
-    assert "Please answer one of r, s." in desk.said
-    assert "There is no clip of RELEASE: W keeps its present row there." in desk.said
+    assert WeightWizard(ui, options).run() == 0
+    assert any("select one of the available options" in text for text in ui.said)
+    assert "There is no clip of RELEASE: W keeps its present row there." in ui.said
 
 
 def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path):
-    options = Options(config, logs=(session,), folder=tmp_path / "work")
-    assert run_weights(options, PlayedDesk(["s"])) == 0
+    options = WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
+    assert WeightWizard(ScriptedUI(["s"]), options).run() == 0
     assert len(list((tmp_path / "work/clips").glob("*.mp4"))) == 5
     assert not (config.parent / "calibration").exists()
 
@@ -180,29 +182,35 @@ def test_what_cannot_be_done_is_refused_with_what_to_do(config, tmp_path, change
     if "ratings" in changes:
         changes = changes | {"ratings": tmp_path / changes["ratings"]}
     with pytest.raises(ConfigError, match=reason):
-        run_weights(Options(config, folder=tmp_path / "work", **changes), PlayedDesk())
+        WeightWizard(
+            ScriptedUI(), WeightOptions(config=config, folder=tmp_path / "work", **changes)
+        ).run()
 
 
 def test_simulated_ratings_are_not_put_beside_those_of_people(config, session, tmp_path):
     folder = RatingFolder(tmp_path / "work/ratings", VIEWS)
     folder.open("p01")
-    options = Options(config, True, (session,), folder=tmp_path / "work", yes=True)
+    options = WeightOptions(
+        config=config, sim=True, logs=[session], folder=tmp_path / "work", yes=True
+    )
     with pytest.raises(ConfigError, match="holds ratings of people: give another --folder"):
-        run_weights(options, PlayedDesk())
+        WeightWizard(ScriptedUI(), options).run()
 
 
 @pytest.mark.parametrize("changes", [{"panel": "indifferent"}, {"seed": 2}])
 def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(
     config, session, tmp_path, changes
 ):
-    options = Options(config, True, (session,), folder=tmp_path / "work", seed=1, yes=True)
-    assert run_weights(options, PlayedDesk()) == 0
-    assert run_weights(options, PlayedDesk()) == 0  # the same one goes on
+    options = WeightOptions(
+        config=config, sim=True, logs=[session], folder=tmp_path / "work", seed=1, yes=True
+    )
+    assert WeightWizard(ScriptedUI(), options).run() == 0
+    assert WeightWizard(ScriptedUI(), options).run() == 0  # the same one goes on
     with pytest.raises(ConfigError, match="ratings of another simulated panel"):
-        run_weights(replace(options, **changes), PlayedDesk())
+        WeightWizard(ScriptedUI(), replace(options, **changes)).run()
 
 
-def test_peoples_ratings_of_the_rigs_pictures_are_told_where_a_real_arm_is_meant(
+def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
     config, session, tmp_path
 ):
     cut_session(open_session(session, VIEWS), ClipFolder(tmp_path / "clips"), lambda *_: None)
@@ -217,9 +225,9 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(config, tmp_path):
     folder.open("p01")
     folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
     (tmp_path / "work").write_text("in the way")
-    options = Options(config, ratings=folder.path, folder=tmp_path / "work", yes=True)
-    with pytest.raises(LogError, match=r"weights\.png: cannot be written"):
-        run_weights(options, PlayedDesk())
+    options = WeightOptions(config=config, ratings=folder.path, folder=tmp_path / "work", yes=True)
+    with pytest.raises(TamsError, match=r"weights\.png: cannot be written"):
+        WeightWizard(ScriptedUI(), options).run()
 
 
 def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
@@ -228,21 +236,21 @@ def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
         folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers[: 6 if sheet.rater.endswith("1") else 2]:
             folder.add(sheet.rater, answer)
-    desk = PlayedDesk()
-    run_weights(Options(config, ratings=folder.path), desk)
-    assert "simulated-02 has rated 2 of 6 phases" in "".join(desk.said)
+    ui = ScriptedUI()
+    WeightWizard(ui, WeightOptions(config=config, ratings=folder.path)).run()
+    assert "simulated-02 has rated 2 of 6 phases" in "".join(ui.said)
 
 
 def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
-    TerminalDesk().say("Please watch /tmp/[red]a/:smile:.mp4")
+    TerminalUI().say("Please watch /tmp/[red]a/:smile:.mp4")
     assert capsys.readouterr().out == "Please watch /tmp/[red]a/:smile:.mp4\n"
 
 
-def test_the_same_ratings_give_the_same_picture(tmp_path):
+def test_the_same_ratings_give_the_same_figure(tmp_path):
     present = load_config().policy.weights.matrix
     sheets = simulate_panel(PANELS["paper"], VIEWS, list(Phase)[:4], 5, 0)
     for name in ("one.png", "two.png"):
-        save_picture(assess(sheets, VIEWS, present), sheets, VIEWS, tmp_path / name)
+        save_weights(assess(sheets, VIEWS, present), sheets, VIEWS, tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     assert (tmp_path / "one.png").stat().st_size < 150_000
 

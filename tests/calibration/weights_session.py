@@ -1,4 +1,4 @@
-"""A recorded session whose every picture can be known again: its stripes tell view and index."""
+"""A recorded session whose every image can be known again: its stripes tell view and index."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STRIPES = 8  # bits: six of the index, two of the view; black is 0
 _STRIPE = WIDTH // _STRIPES  # [pixels]
 
 
-def picture(view: str, index: int) -> Image:
+def image_of(view: str, index: int) -> Image:
     """What `view` captured as number `index` < 64."""
     code = index + 64 * VIEWS.index(view)
     stripes = [255 * (code >> bit & 1) for bit in range(_STRIPES)]
@@ -30,14 +30,14 @@ def picture(view: str, index: int) -> Image:
 
 
 def seen(image: Image) -> tuple[str, int]:
-    """View and index of a picture, also after encoding."""
+    """View and index of a image, also after encoding."""
     means = image.reshape(HEIGHT, _STRIPES, _STRIPE, 3).mean(axis=(0, 2, 3))
     code = sum(int(mean > 127) << bit for bit, mean in enumerate(means))
     return VIEWS[code // 64], code % 64
 
 
 def encoded(view: str, count: int) -> Iterator[EncodedFrame]:
-    """`count` pictures through x264, as a sender does it: one keyframe, no B-frames."""
+    """`count` images through x264, as a sender does it: one keyframe, no B-frames."""
     pipeline = gst.parse_pipeline(
         "appsrc name=in format=time max-bytes=0 "
         f'caps="video/x-raw,format=BGR,width={WIDTH},height={HEIGHT},framerate={FPS}/1" '
@@ -48,7 +48,7 @@ def encoded(view: str, count: int) -> Iterator[EncodedFrame]:
     entrance, end = pipeline.get_by_name("in"), pipeline.get_by_name("out")
     gst.set_playing(pipeline, "encoding")
     for index in range(count):
-        entrance.emit("push-buffer", gst.raw_buffer(picture(view, index).tobytes(), index, 0))
+        entrance.emit("push-buffer", gst.raw_buffer(image_of(view, index).tobytes(), index, 0))
         buffer = end.emit("pull-sample").get_buffer()
         data = buffer.extract_dup(0, buffer.get_size())
         t_ns = capture_ns(index)
@@ -84,12 +84,12 @@ def record_session(
 
 
 def add_captures(folder: Path, count: int) -> None:
-    """`count` ≤ 15 lossless captures of each view beside the log: the pictures sent, inverted."""
+    """`count` ≤ 15 lossless captures of each view beside the log: the images sent, inverted."""
     offset_ns = header().wall_offset_ns
     recorder = ReferenceRecorder(folder / "reference.mcap", offset_ns, 0, _never_fails)
     for index in range(count):
         for view in VIEWS:
-            recorder.record(Frame(view, index, capture_ns(index), 255 - picture(view, index)))
+            recorder.record(Frame(view, index, capture_ns(index), 255 - image_of(view, index)))
     recorder.start()
     recorder.close()
     assert recorder.dropped == 0

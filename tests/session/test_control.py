@@ -11,6 +11,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.plant import IdealPlant
 from tams_app.config import load_config
+from tams_app.config.devices import CameraConfig
 from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import ControlLoop, Signals
@@ -59,7 +60,7 @@ class HeldController(Controller):
 class Bench(Listener):
     """The control loop on a bench: gate, video and listener at the test's disposal."""
 
-    def __init__(self):
+    def __init__(self, config=CONFIG):
         self.clock = VirtualClock()
         ready = np.radians(np.array(CONFIG.arm.ready_joints_deg))
         self.arm = InProcessArm(
@@ -75,7 +76,7 @@ class Bench(Listener):
         network = CONFIG.networks["s2"]
         self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
         self.loop = ControlLoop(
-            CONFIG, self.clock, self.hand, self.arm, self, self, self.signals, (self,)
+            config, self.clock, self.hand, self.arm, self, self, self.signals, (self,)
         )
 
     def age_ns(self, view, now_ns):
@@ -173,6 +174,17 @@ def test_a_sustained_descent_is_an_alignment(bench):
     bench.hand.velocity = np.array([0.0, -0.05, 0.0])
     bench.run(1.5)
     assert bench.ticks[-1].phase is Phase.ALIGN
+
+
+def test_a_cameras_own_latency_counts_towards_the_age_of_the_video():
+    cameras = {view: CameraConfig(latency_ms=400.0) for view in CONFIG.video.views}
+    rig = CONFIG.rig.model_copy(update={"enabled": False})
+    for latency, arming in ((False, ArmingState.ENGAGED), (True, ArmingState.HOLDING)):
+        bench = Bench(CONFIG.model_copy(update={"rig": rig, "cameras": cameras if latency else {}}))
+        bench.engage()
+        bench.video_age_ns = 700_000_000
+        assert bench.run(0.1).arming is arming
+        bench.arm.close()
 
 
 def test_stale_video_holds_the_arm_until_the_trigger_was_released(bench):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from calibration.frame.buttons import PATIENCE_NS, PressWatch, settle
-from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.buttons import TIMEOUT_NS, PressWatch, settle
+from calibration.frame.stroke import Reason, RefusedError
 from hw.openvr.components import ComponentReading
 
 pytestmark = pytest.mark.untimed
@@ -73,9 +73,9 @@ def test_one_that_plays_another_part_already_is_refused():
 def test_a_missing_press_is_told_with_why(steady, words):
     watch = PressWatch("menu", {})
     watch.take(steady, 0)
-    assert watch.take(steady, PATIENCE_NS) is None
+    assert watch.take(steady, TIMEOUT_NS) is None
     with pytest.raises(RefusedError, match=words) as caught:
-        watch.take(steady, PATIENCE_NS + 1)
+        watch.take(steady, TIMEOUT_NS + 1)
     assert caught.value.reason is Reason.NO_BUTTON
     assert "menu" in str(caught.value)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.capture import Capture, Held, touch_of
-from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame.stroke import Reason, RefusedError
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.runtime.clock import NS_PER_S

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.compass import Compass, direction_of
-from calibration.frame.prompts import SIX_WAYS
+from calibration.frame.directions import Compass, direction_of
 from calibration.frame.result import rows
+from calibration.frame.sources import SIX_DIRECTIONS
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.runtime.clock import NS_PER_S
@@ -24,7 +24,7 @@ def lit_by(velocity, hand, seconds=0.5):
     return compass
 
 
-@pytest.mark.parametrize("way", SIX_WAYS, ids=lambda way: way.name)
+@pytest.mark.parametrize("way", SIX_DIRECTIONS, ids=lambda way: way.name)
 def test_each_direction_lights_up_for_a_hand_that_moves_along_it(way):
     truth = Rotation.random(random_state=3).as_matrix()
     hand = load_config().hand.model_copy(update={"rotation": rows(truth)})
@@ -38,7 +38,7 @@ def test_a_small_scale_needs_no_faster_hand():
     hand = load_config().hand.model_copy(
         update={"translation_scale": 0.2, "rotation": rows(np.eye(3))}
     )
-    assert lit_by(0.1 * SIX_WAYS[0].direction, hand).mostly() == SIX_WAYS[0]
+    assert lit_by(0.1 * SIX_DIRECTIONS[0].direction, hand).mostly() == SIX_DIRECTIONS[0]
 
 
 @pytest.mark.parametrize(

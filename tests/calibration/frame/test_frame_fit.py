@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.fit import fit_strokes
-from calibration.frame.reasons import Reason, RefusedError
 from calibration.frame.rotation import turn_deg
+from calibration.frame.stroke import Reason, RefusedError
 from tests.calibration.frame.synthetic import stroke, strokes
 
 pytestmark = pytest.mark.untimed
 
 BEHIND = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # upright
-SEEDS = range(200)
+SEEDS = range(120)
 
 
 @st.composite
@@ -78,7 +78,7 @@ def test_turning_the_tracking_frame_turns_the_result_and_nothing_else(turn, seed
     assert after.error_bound_deg == pytest.approx(before.error_bound_deg)
 
 
-@pytest.mark.parametrize("rounds", [1, 2, 4])
+@pytest.mark.parametrize("rounds", [1, 2])
 def test_the_error_is_within_its_bound_as_often_as_it_says(rounds):
     errors, bounds = errors_and_bounds(rounds=rounds, wrong_deg=1.0, noise_m=0.001, length_m=0.3)
     assert (errors <= bounds).mean() > 0.9

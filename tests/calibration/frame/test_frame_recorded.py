@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calibration.frame.capture import find_strokes, strokes_of_log
 from calibration.frame.fit import fit_strokes
-from calibration.frame.reasons import Reason, RefusedError
-from calibration.frame.recorded import find_strokes, strokes_of_log
 from calibration.frame.rotation import turn_deg
+from calibration.frame.stroke import Reason, RefusedError
 from tams_app.config import load_config
 from tams_app.errors import LogError
 from tams_app.records import Pose
@@ -79,7 +79,7 @@ def test_a_number_of_strokes_that_is_no_round_is_refused(count):
 
 def test_which_of_several_sessions_is_no_use_is_told(tmp_path, monkeypatch):
     made = session(*rounds(1, np.random.default_rng(3))[:2])
-    monkeypatch.setattr("calibration.frame.recorded.read_ticks", lambda _: made)
+    monkeypatch.setattr("calibration.frame.capture.read_ticks", lambda _: made)
     (tmp_path / "session.mcap").touch()
     with pytest.raises(RefusedError, match=f"{tmp_path}: The session has 2 strokes"):
         strokes_of_log(tmp_path, load_config())

@@ -1,7 +1,8 @@
 """The whole conversation, with the simulated person and with recorded strokes."""
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +10,22 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from calibration.desk import PlayedDesk
-from calibration.frame import person
-from calibration.frame.asking import ATTEMPTS, ask_buttons, try_six_ways
-from calibration.frame.prompts import Press
-from calibration.frame.reasons import Reason, RefusedError
+from calibration.frame import simulated, wizard
+from calibration.frame.asking import (
+    ATTEMPTS,
+    ask_buttons,
+    fit_moves,
+    fit_touched,
+)
+from calibration.frame.directions import try_six_directions
+from calibration.frame.fit import FrameFit
 from calibration.frame.result import rows
 from calibration.frame.rotation import turn_deg
-from calibration.frame.rounds import fit_moves, fit_touched
-from calibration.frame.sources import SimulatedSetup
-from calibration.frame.wizard import Options, run_frame
+from calibration.frame.simulated import SimulatedSetup
+from calibration.frame.sources import SIX_DIRECTIONS, Press
+from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.wizard import FrameWizard
+from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
@@ -27,6 +34,7 @@ from tams_app.records import ControllerStatus
 from tams_app.runtime.clock import NS_PER_S
 from tests.calibration.frame.synthetic import POINTS
 from tests.calibration.frame.test_frame_recorded import TRUTH, rounds, session
+from tests.scripted_ui import ScriptedUI
 from tests.synthetic_session import header
 
 pytestmark = pytest.mark.untimed
@@ -35,53 +43,93 @@ TURNED = Rotation.random(random_state=4).as_matrix()
 SWAPPED = {"a": "b/click", "b": "a/click"}
 
 
+def write_rig(folder, rotation=TURNED, wiring=None, **more):
+    """A configuration of a rig whose frame and buttons are as given; its path."""
+    path = folder / "lab.yaml"
+    content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
+    turned = [list(row) for row in rows(rotation)]
+    content["rig"] = {"hand_rotation": turned, "wiring": wiring or {}}
+    path.write_text(yaml.safe_dump({**content, **more}))
+    return path
+
+
 @pytest.fixture
 def rig(tmp_path):
-    """Writes a configuration of a rig whose frame and buttons are as given; its path."""
-
-    def write(rotation=TURNED, wiring=None, **more):
-        path = tmp_path / "lab.yaml"
-        content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
-        turned = [list(row) for row in rows(rotation)]
-        content["rig"] = {"hand_rotation": turned, "wiring": wiring or {}}
-        path.write_text(yaml.safe_dump({**content, **more}))
-        return path
-
-    return write
+    return partial(write_rig, tmp_path)
 
 
-def calibrate(path, desk=None, **options):
-    desk = desk or PlayedDesk()
+def calibrate(path, ui=None, **options):
+    ui = ui or ScriptedUI()
     options = {"sim": True, "yes": True, "buttons": False} | options
-    return run_frame(desk, path, Options(**options)), desk
+    return FrameWizard(ui, FrameOptions(config=path, **options)).run(), ui
 
 
 def files(path):
     return sorted((path.parent / "calibration" / "lab").glob("frame-*.yaml"))
 
 
-def test_a_turned_rig_is_found_right_and_its_directions_all_light_up(rig):
-    path = rig()
-    code, desk = calibrate(path)
+@dataclass(frozen=True)
+class Calibrated:
+    """A rig calibrated once, with the command's own figure."""
+
+    path: Path
+    ui: ScriptedUI
+    fit: FrameFit
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    path, fits = write_rig(tmp_path_factory.mktemp("calibrated")), []
+
+    def fit(*arguments):
+        fits.append(fit_moves(*arguments))
+        return fits[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wizard, "fit_moves", fit)
+        code, ui = calibrate(path, figure=path.with_name("fit.png"))
     assert code == 0
-    assert turn_deg(np.array(load_config(path).hand.rotation), TURNED) < 2.0
-    assert any("6 of 6 directions lit up as asked for" in text for text in desk.said)
-    quality = yaml.safe_load(files(path)[0].read_text())["calibration"]["quality"]
+    return Calibrated(path, ui, fits[0])
+
+
+@pytest.fixture
+def fitted(calibrated, monkeypatch):
+    """The person does not move again: for what comes after the fit."""
+    monkeypatch.setattr(wizard, "fit_moves", lambda *_: calibrated.fit)
+    monkeypatch.setattr(
+        wizard, "try_six_directions", lambda *_: dict.fromkeys(SIX_DIRECTIONS, True)
+    )
+
+
+def test_a_turned_rig_is_found_right_and_its_directions_all_light_up(calibrated):
+    assert turn_deg(np.array(load_config(calibrated.path).hand.rotation), TURNED) < 2.0
+    assert any("6 of 6 directions lit up as asked for" in text for text in calibrated.ui.said)
+    (file,) = files(calibrated.path)
+    quality = yaml.safe_load(file.read_text())["calibration"]["quality"]
     assert quality["true_error_deg"] <= quality["error_bound_95_deg"] <= 2.0
     assert quality["directions_lit"] == "6 of 6"
 
 
+def test_the_figure_is_drawn_where_it_is_asked_for_and_beside_the_file(calibrated):
+    (file,) = files(calibrated.path)
+    figure = file.with_suffix(".png").read_bytes()
+    assert figure.startswith(b"\x89PNG")
+    assert figure == calibrated.path.with_name("fit.png").read_bytes()
+
+
+@pytest.mark.usefixtures("fitted")
 def test_swapped_buttons_are_put_right(rig):
     path = rig(wiring=SWAPPED)
-    code, desk = calibrate(path, buttons=True, rounds=1)
+    code, ui = calibrate(path, buttons=True, rounds=1)
     assert code == 0
     mapping = load_config(path).controller.mapping["vive_focus3_controller"]
     assert (mapping.a, mapping.b) == ("b/click", "a/click")
-    table = next(text for text in desk.said if text.startswith("Buttons of vive_focus3"))
+    table = next(text for text in ui.said if text.startswith("Buttons of vive_focus3"))
     assert re.search(r"a +b/click +a/click +put right", table)
     assert re.search(r"menu +joystick/click +joystick/click +as it was", table)
 
 
+@pytest.mark.usefixtures("fitted")
 def test_buttons_that_were_put_right_stay_so_when_only_the_frame_is_made_anew(rig):
     path = rig(wiring=SWAPPED)
     calibrate(path, buttons=True)
@@ -110,22 +158,22 @@ def test_touches_give_rotation_and_scale(rig, tmp_path):
 
 
 def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monkeypatch):
-    monkeypatch.setattr(person, "DIRECTION_ERROR_DEG", 5.0)
+    monkeypatch.setattr(simulated, "DIRECTION_ERROR_DEG", 5.0)
     path = rig()
     with pytest.raises(RefusedError, match=r"may be off by \d.*°, and more than 3° is no use"):
         calibrate(path)
     assert files(path) == []
 
 
+@pytest.mark.usefixtures("fitted")
 def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch):
-    monkeypatch.setattr("calibration.frame.rounds.GOOD_DEG", 0.1)
     monkeypatch.setattr("calibration.frame.result.GOOD_DEG", 0.1)
     path = rig()
     with pytest.raises(RefusedError, match="A person at the terminal must confirm"):
         calibrate(path)
-    assert calibrate(path, PlayedDesk(["n"]))[0] == 0
+    assert calibrate(path, ScriptedUI(["n"]))[0] == 0
     assert files(path) == []
-    assert calibrate(path, PlayedDesk(["y"]))[0] == 0
+    assert calibrate(path, ScriptedUI(["y"]))[0] == 0
     assert len(files(path)) == 1
 
 
@@ -149,11 +197,11 @@ class Recentred:
 
 def test_a_recentred_headset_makes_the_wizard_begin_anew_once(rig):
     config = load_config(rig())
-    desk = PlayedDesk()
+    ui = ScriptedUI()
     with SimulatedSetup(config, 0).hand(config.controller) as hand:
         source = Recentred(hand, after_s=7)
-        fit = fit_moves(desk, source, config, rounds=2)
-    assert sum("From the beginning" in text for text in desk.said) == 1
+        fit = fit_moves(ui, source, config, rounds=2)
+    assert sum("From the beginning" in text for text in ui.said) == 1
     begun = source.asked.index("+x", 1)
     assert 0 < begun < 6
     assert len(source.asked) == begun + len(fit.strokes)  # what came before does not count
@@ -161,13 +209,13 @@ def test_a_recentred_headset_makes_the_wizard_begin_anew_once(rig):
 
 
 def test_a_recentred_headset_makes_touching_begin_anew_too(rig):
-    config, desk = load_config(rig()), PlayedDesk()
+    config, ui = load_config(rig()), ScriptedUI()
     with SimulatedSetup(config, 0).hand(config.controller) as hand:
         source = Recentred(hand, after_s=4)
         source.asked = []
         source.ask = lambda prompt: (source.asked.append(prompt.number), hand.ask(prompt))
-        fit = fit_touched(desk, source, config, list(POINTS))
-    assert sum("From the beginning" in text for text in desk.said) == 1
+        fit = fit_touched(ui, source, config, list(POINTS))
+    assert sum("From the beginning" in text for text in ui.said) == 1
     assert source.asked[-len(POINTS) :] == [1, 2, 3, 4, 5]
     assert turn_deg(fit.rotation, TURNED) < 3.0
 
@@ -180,11 +228,11 @@ class Trial:
         truth = TURNED
         aside = Rotation.from_euler("z", turned_deg, degrees=True).as_matrix()
         hand = config.hand.model_copy(update={"rotation": rows(aside @ truth)})
-        self.desk, self.asked = PlayedDesk(presses=presses), []
+        self.ui, self.asked = ScriptedUI(presses=presses), []
         with SimulatedSetup(config, 0).hand(config.controller) as self._hand:
             self._change = change or (lambda _number, sample: sample)
             self._count = 0
-            self.lit = try_six_ways(self.desk, self, config, hand)
+            self.lit = try_six_directions(self.ui, self, config, hand)
 
     def ask(self, prompt):
         self.asked.append(prompt.name)
@@ -205,7 +253,7 @@ def test_a_frame_that_is_wrong_lights_others_however_often_it_is_tried(rig):
     trial = Trial(rig(), turned_deg=90)
     assert [way.name for way, right in trial.lit.items() if right] == ["+z", "−z"]
     assert trial.asked.count("+x") == 3
-    assert "+y lit up when +x was asked for. Once more." in trial.desk.said
+    assert "+y lit up when +x was asked for. Once more." in trial.ui.said
 
 
 def test_a_controller_lost_in_the_trial_costs_one_try_and_not_the_calibration(rig):
@@ -217,7 +265,7 @@ def test_a_controller_lost_in_the_trial_costs_one_try_and_not_the_calibration(ri
     trial = Trial(rig(), change=lost)
     assert list(trial.lit.values()) == [True] * 6
     assert trial.asked.count("−x") == 2
-    assert any("lost while the trigger was held" in text for text in trial.desk.said)
+    assert any("lost while the trigger was held" in text for text in trial.ui.said)
 
 
 def test_enter_skips_a_direction(rig):
@@ -226,18 +274,29 @@ def test_enter_skips_a_direction(rig):
     assert list(trial.lit.values()) == [True] * 5
 
 
+@pytest.mark.usefixtures("fitted")
 def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeypatch):
-    def turned(*arguments):
-        fit = fit_moves(*arguments)
-        aside = Rotation.from_euler("z", 90, degrees=True).as_matrix()
-        return replace(fit, rotation=aside @ fit.rotation)
-
-    monkeypatch.setattr("calibration.frame.wizard.fit_moves", turned)
+    lit = dict.fromkeys(SIX_DIRECTIONS, True) | {SIX_DIRECTIONS[0]: False}
+    monkeypatch.setattr(wizard, "try_six_directions", lambda *_: lit)
     path = rig()
-    with pytest.raises(RefusedError, match="Another direction lit up for") as caught:
+    with pytest.raises(RefusedError, match=r"Another direction lit up for \+x") as caught:
         calibrate(path)
-    assert caught.value.reason is Reason.WRONG_WAY
+    assert caught.value.reason is Reason.WRONG_DIRECTION
     assert files(path) == []
+
+
+@pytest.mark.usefixtures("fitted")
+def test_ctrl_c_while_the_directions_are_tried_keeps_the_frame_out_of_force(rig, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(wizard, "try_six_directions", interrupted)
+    path, ui = rig(), ScriptedUI()
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(path, ui)
+    assert "Kept, but not in force" in ui.said[-1]
+    assert len(files(path)) == 1
+    assert load_config(path).calibrated_by == ()
 
 
 class Clumsy:
@@ -266,13 +325,13 @@ class Clumsy:
     ],
 )
 def test_a_press_that_goes_wrong_is_asked_for_again(rig, instead, asked, words):
-    config, desk = load_config(rig()), PlayedDesk()
+    config, ui = load_config(rig()), ScriptedUI()
     with SimulatedSetup(config, 0).buttons() as buttons:
         source = Clumsy(buttons, "a", instead)
-        finding = ask_buttons(desk, source, config)
+        finding = ask_buttons(ui, source, config)
     assert finding.wrong == ()
     assert source.asked == asked
-    assert any(re.search(words, text) for text in desk.said)
+    assert any(re.search(words, text) for text in ui.said)
 
 
 class Dead(Clumsy):
@@ -286,15 +345,16 @@ class Dead(Clumsy):
 
 
 def test_a_button_that_never_arrives_ends_it_with_what_to_do(rig):
-    config, desk = load_config(rig()), PlayedDesk()
+    config, ui = load_config(rig()), ScriptedUI()
     with SimulatedSetup(config, 0).buttons() as buttons:
         source = Dead(buttons, "a", "")
         with pytest.raises(RefusedError, match=r"nothing arrived.*--no-buttons leaves") as caught:
-            ask_buttons(desk, source, config)
+            ask_buttons(ui, source, config)
     assert caught.value.reason is Reason.NO_BUTTON
     assert source.asked == ["trigger", "grip", *["a"] * ATTEMPTS]
 
 
+@pytest.mark.usefixtures("fitted")
 def test_nothing_is_written_unless_asked_for(rig):
     path = rig()
     assert calibrate(path, yes=False)[0] == 1
@@ -329,55 +389,48 @@ def test_strokes_recorded_on_the_rig_never_turn_a_real_arms_frame(tmp_path, on_t
 def test_a_simulated_person_never_turns_a_real_arms_frame(tmp_path):
     path = tmp_path / "lab.yaml"
     path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
-    desk = PlayedDesk()
+    ui = ScriptedUI()
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(path, desk)
-    assert desk.said == []  # told at once, not once everything is done
+        calibrate(path, ui)
+    assert ui.said == []  # told at once, not once everything is done
     assert files(path) == []
 
 
 def test_a_folder_that_cannot_be_written_is_told_before_the_first_prompt(rig):
-    path, desk = rig(), PlayedDesk()
+    path, ui = rig(), ScriptedUI()
     (path.parent / "calibration").write_text("in the way")
     with pytest.raises(TamsError, match="cannot be written"):
-        calibrate(path, desk)
-    assert desk.said == []
+        calibrate(path, ui)
+    assert ui.said == []
 
 
+@pytest.mark.usefixtures("fitted")
 def test_a_person_who_does_not_want_it_has_not_failed(rig):
     path = rig()
-    assert calibrate(path, PlayedDesk(["n"]), yes=False)[0] == 0
+    assert calibrate(path, ScriptedUI(["n"]), yes=False)[0] == 0
     assert files(path) == []
 
 
 def test_without_a_terminal_no_person_is_waited_for(tmp_path):
     path = tmp_path / "lab.yaml"
     path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
-    with pytest.raises(ConfigError, match="nobody is at the terminal: start it from one, or give"):
+    with pytest.raises(ConfigError, match="there is no terminal: start it from one, or give"):
         calibrate(path, sim=False)
 
 
 def test_a_recorded_session_gives_the_frame(rig, tmp_path):
     path = rig()
-    code, desk = calibrate(path, sim=False, logs=(recorded(tmp_path, on_the_rig=True),))
+    code, ui = calibrate(path, sim=False, logs=(recorded(tmp_path, on_the_rig=True),))
     assert code == 0
     assert turn_deg(np.array(load_config(path).hand.rotation), TRUTH) < 1.0
-    assert any("cannot be tried out" in text for text in desk.said)
+    assert any("cannot be tried out" in text for text in ui.said)
 
 
-def test_the_picture_is_drawn(rig, tmp_path):
-    picture = tmp_path / "fit.png"
-    calibrate(rig(), picture=picture)
-    assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-def test_the_same_seed_makes_the_same_frame(rig):
-    path = rig()
-    calibrate(path)
-    first = load_config(path).hand.rotation
-    (path.parent / "calibration" / "lab" / "in-force.yaml").unlink()
-    calibrate(path)
-    assert load_config(path).hand.rotation == first
+def test_the_same_seed_makes_the_same_frame(rig, calibrated):
+    config = load_config(rig())
+    with SimulatedSetup(config, 0).hand(config.controller) as hand:
+        fit = fit_moves(ScriptedUI(), hand, config, rounds=2)
+    assert np.array_equal(fit.rotation, calibrated.fit.rotation)
 
 
 @pytest.mark.parametrize(
@@ -386,8 +439,8 @@ def test_the_same_seed_makes_the_same_frame(rig):
         ({"logs": ("x",)}, "--from goes neither with --sim nor with --touch"),
         ({"sim": False}, "has the simulated rig: add --sim"),
         ({"keep_scale": True}, "--keep-scale goes with --touch"),
-        ({"picture": Path("/nowhere/fit.png")}, "there is no folder /nowhere"),
-        ({"picture": Path("fit.jpg")}, r"is drawn to \.png"),
+        ({"figure": Path("/nowhere/fit.png")}, "there is no folder /nowhere"),
+        ({"figure": Path("fit.gif")}, r"is drawn to \.png or \.jpg"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(rig, options, words):
@@ -409,7 +462,7 @@ def test_options_that_do_not_go_together_are_refused(rig, options, words):
 def test_a_wrong_list_of_points_is_named_with_its_line(rig, tmp_path, text, words):
     points = tmp_path / "points.csv"
     points.write_text(text)
-    desk = PlayedDesk()
+    ui = ScriptedUI()
     with pytest.raises(ConfigError, match=words):
-        calibrate(rig(), desk, touch=points)
-    assert desk.said == []
+        calibrate(rig(), ui, touch=points)
+    assert ui.said == []

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from calibration.desk import TerminalDesk
+from calibration.ui import TerminalUI
 from tams_app.errors import ConfigError
 
 pytestmark = pytest.mark.untimed
@@ -18,13 +18,13 @@ LIKE_MARKUP = "HD Cam [C920] at 0:on:3 [s], [mm], [/]"
 
 @pytest.fixture
 def paper():
-    """A desk that writes to a file: its console and what was written."""
+    """A ui that writes to a file: its console and what was written."""
     return Console(file=io.StringIO(), width=200)
 
 
 def test_what_is_said_stays_to_the_letter(paper):
-    with TerminalDesk(paper) as desk:
-        desk.say(LIKE_MARKUP)
+    with TerminalUI(paper) as ui:
+        ui.say(LIKE_MARKUP)
     assert paper.file.getvalue() == LIKE_MARKUP + "\n"
 
 
@@ -33,28 +33,28 @@ def test_a_question_stays_to_the_letter(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO("y\n"))
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
     monkeypatch.setattr("builtins.input", lambda *_: sys.stdin.readline().rstrip())
-    with TerminalDesk(console) as desk:
-        assert desk.conversation.yes(LIKE_MARKUP)
+    with TerminalUI(console) as ui:
+        assert ui.yes(LIKE_MARKUP)
     assert LIKE_MARKUP in console.file.getvalue()
 
 
 @pytest.mark.parametrize("stdin", [io.StringIO("y\n"), None])
 def test_without_a_terminal_nobody_is_asked_or_waited_for(paper, monkeypatch, stdin):
     monkeypatch.setattr(sys, "stdin", stdin)
-    with TerminalDesk(paper) as desk:
-        assert not desk.attended
-        assert not desk.pressed()
-        with pytest.raises(ConfigError, match="nobody is at the terminal"):
-            desk.conversation.yes("Write it?")
+    with TerminalUI(paper) as ui:
+        assert not ui.attended
+        assert not ui.pressed()
+        with pytest.raises(ConfigError, match="there is no terminal to ask at"):
+            ui.yes("Write it?")
 
 
 def test_what_is_shown_keeps_its_style_when_something_is_said_above_it():
     console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
     table = Table(box=None, show_header=False)
     table.add_row("[dim]towards the base[/]")
-    with TerminalDesk(console) as desk:
-        desk.show(table)
-        desk.say(LIKE_MARKUP)
+    with TerminalUI(console) as ui:
+        ui.show(table)
+        ui.say(LIKE_MARKUP)
     assert LIKE_MARKUP in console.file.getvalue()
     assert "[dim]" not in console.file.getvalue()
 
@@ -65,13 +65,13 @@ def test_ctrl_c_while_the_live_area_opens_is_ctrl_c_and_gives_the_cursor_back(mo
 
     console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
     monkeypatch.setattr(console, "push_render_hook", interrupted)
-    with pytest.raises(KeyboardInterrupt), TerminalDesk(console) as desk:
-        desk.show(Text("12 %"))
+    with pytest.raises(KeyboardInterrupt), TerminalUI(console) as ui:
+        ui.show(Text("12 %"))
     assert console.file.getvalue().endswith("\x1b[?25h")
 
 
 def test_a_file_does_not_get_every_state_of_what_is_measured(paper):
-    with TerminalDesk(paper) as desk:
-        desk.show(Text("12 %"))
-        desk.show(Text("13 %"))
+    with TerminalUI(paper) as ui:
+        ui.show(Text("12 %"))
+        ui.show(Text("13 %"))
     assert paper.file.getvalue() == ""

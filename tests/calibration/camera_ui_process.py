@@ -8,18 +8,20 @@ import mmap
 import sys
 from pathlib import Path
 
-from calibration.cameras import image_step
+from calibration.cameras import binding, image_steps
 from calibration.cameras.bench import Bench
 from calibration.cameras.live_bench import LiveBench
-from calibration.cameras.wizard import Options, run_cameras
-from calibration.desk import PlayedDesk
+from calibration.cameras.wizard import CameraWizard
+from calibration.options import CameraOptions
 from hw.v4l2.devices import list_cameras
+from tams_app.runtime.clock import MonotonicClock
 from tests.hw.v4l2.fake_cameras import FakeCamera
+from tests.scripted_ui import ScriptedUI
 
 STILL, ALL = 32, 64  # images of a played camera: at rest; then those with a hand
 
 
-class WavingDesk(PlayedDesk):
+class WavingUI(ScriptedUI):
     """Waves before the camera that it is asked to; its images then have a hand."""
 
     def __init__(self, answers: list[str], played: dict[str, FakeCamera]) -> None:
@@ -44,15 +46,16 @@ def main() -> None:
     """Arguments: folders of /dev and /sys, configuration, JSON of files by view, of answers."""
     dev, sys_folder, config = (Path(argument) for argument in sys.argv[1:4])
     played, answers = json.loads(sys.argv[4]), json.loads(sys.argv[5])
-    image_step._LOOK_S = 3.0
-    desk = WavingDesk(answers, {view: played_camera(Path(at)) for view, at in played.items()})
+    image_steps._LOOK_S = 1.5
+    binding._REST_S = 1.0
+    ui = WavingUI(answers, {view: played_camera(Path(at)) for view, at in played.items()})
 
-    def make_bench(settings, options, clock, board) -> Bench:  # type: ignore[no-untyped-def]
+    def make_bench(settings, options) -> Bench:  # type: ignore[no-untyped-def]
         find = lambda: list_cameras(dev, sys_folder)  # noqa: E731
-        return LiveBench(settings.video, clock, options.pattern_hz, find)
+        return LiveBench(settings.video, MonotonicClock(), find)
 
-    code = run_cameras(desk, config, Options(), make_bench)
-    print("\n".join(desk.said))  # noqa: T201
+    code = CameraWizard(ui, CameraOptions(config=config), make_bench).run()
+    print("\n".join(ui.said))  # noqa: T201
     sys.exit(code)
 
 

@@ -8,24 +8,22 @@ from pathlib import Path
 from calibration.cameras.exposure import exposure_advice, measure_exposure
 from calibration.cameras.findings import Findings
 from calibration.cameras.focus import focus_advice, sharpness
-from calibration.cameras.latency import FEWEST_READINGS, latency
 from calibration.cameras.timing import FEWEST_FRAMES, measure_rate, rate_advice
-from calibration.desk import Desk
+from calibration.ui import WizardUI
 from tams_app.errors import LogError
 from tams_app.recording import SessionLog, read_log, read_reference
 from tams_app.records import Frame, Image
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 
-_PICTURES = 90  # of each view, for flicker
+_FRAMES = 90  # of each view, for flicker
 CANNOT = (
-    "A log does not tell which camera is which, how the light came to the capture, the cameras' "
-    "clocks or their lenses: that takes the cameras, or --sim."
+    "A log does not tell which camera is which, nor how long the light takes to its time stamp: "
+    "that takes the cameras, or --sim."
 )
 
 
-def findings_of_log(desk: Desk, folder: Path) -> list[Findings]:
-    """Frame rate, delay to shown and, with `--record-reference`, focus and exposure; all is said.
+def findings_of_log(ui: WizardUI, folder: Path) -> list[Findings]:
+    """Frame rate and, with `--record-reference`, focus and exposure; all is said.
 
     LogError if the folder holds no session.
     """
@@ -38,18 +36,13 @@ def findings_of_log(desk: Desk, folder: Path) -> list[Findings]:
     for each in found:
         words = "; ".join(each.advice) if each.advice else "nothing wrong with it"
         rate = f"{each.rate.rate_hz:.2f} Hz, {each.rate.missed} missed, " if each.rate else ""
-        desk.say(f"{each.view.upper()}: {rate}{words}.")
-        if each.to_shown is not None:
-            desk.say(
-                f"{each.view.upper()}: capture to shown {each.to_shown.median_ms:.1f} ms over the "
-                "session's network."
-            )
+        ui.say(f"{each.view.upper()}: {rate}{words}.")
     if not references:
-        desk.say(
+        ui.say(
             f"{folder}: has no {REFERENCE_NAME}, so focus and exposure cannot be told: record a "
             "session with --record-reference."
         )
-    desk.say(CANNOT)
+    ui.say(CANNOT)
     return found
 
 
@@ -59,13 +52,6 @@ def _one(view: str, log: SessionLog, frames: list[Frame]) -> Findings:
     if len(captured) >= FEWEST_FRAMES:
         found.rate = measure_rate([captured[index] for index in sorted(captured)])
         found.advice += rate_advice(found.rate, log.header.fps)
-    delays = [
-        (record.shown_ns - captured[record.index]) / NS_PER_MS
-        for record in log.shown
-        if record.view == view and record.index in captured
-    ]
-    if len(delays) >= FEWEST_READINGS:
-        found.to_shown = latency(delays, 0.0, outlier_ms=None)
     if frames:
         images: list[Image] = [frame.image for frame in frames]
         found.image = images[-1]
@@ -81,6 +67,6 @@ def _reference(path: Path, log: SessionLog) -> dict[str, list[Frame]]:
     frames: dict[str, list[Frame]] = {}
     if path.is_file():
         views = len({record.view for record in log.captured})
-        for frame in islice(read_reference(path, log.header.wall_offset_ns), views * _PICTURES):
+        for frame in islice(read_reference(path, log.header.wall_offset_ns), views * _FRAMES):
             frames.setdefault(frame.view, []).append(frame)
     return frames

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from io import StringIO
 
 import numpy as np
-from rich.console import Console
+from rich.console import JustifyMethod
 from rich.table import Table
+from rich.text import Text
 
 from calibration.frame.buttons import ButtonFinding
 from calibration.frame.capture import Held
 from calibration.frame.fit import FrameFit
-from calibration.frame.prompts import SIX_WAYS, Move
-from calibration.frame.reasons import RefusedError
-from calibration.frame.stroke import ASKED_LENGTH_M, MIN_SAMPLES, Stroke, fit_line
+from calibration.frame.sources import SIX_DIRECTIONS, Move
+from calibration.frame.stroke import ASKED_LENGTH_M, MIN_SAMPLES, RefusedError, Stroke, fit_line
 from calibration.frame.touches import TouchFit
 from hw.openvr.components import ROLES, ComponentReading
 from tams_app.records import ControllerSample
@@ -29,7 +28,6 @@ _MEANING = {
     "−z": "down",
 }
 _BAR = 20
-_WIDTH = 100
 PARTS = {
     "trigger": "the trigger (deadman and clutch)",
     "grip": "the grip (translation or orientation)",
@@ -39,17 +37,9 @@ PARTS = {
 }
 
 
-def as_text(table: Table) -> str:
-    """A table to be said rather than shown: it stays, also in a file."""
-    console = Console(width=_WIDTH, file=StringIO(), no_color=True, highlight=False)
-    with console.capture() as captured:
-        console.print(table)
-    return "\n".join(line.rstrip() for line in captured.get().splitlines())
-
-
-def meaning(way: Move) -> str:
+def meaning(move: Move) -> str:
     """A robot's direction in words, as seen from the robot."""
-    return _MEANING[way.name]
+    return _MEANING[move.name]
 
 
 def stroke_line(axis: int, held: Held | None, sample: ControllerSample) -> Table:
@@ -81,9 +71,7 @@ def touch_line(number: int, held: Held | None, sample: ControllerSample) -> Tabl
 
 def button_table(reading: ComponentReading | None, role: str, found: Mapping[str, str]) -> Table:
     """Every component with how far it is pressed, and the part it was found to play."""
-    table = Table(title=f"Press and let go {PARTS[role]}", title_justify="left", box=None)
-    for name in ("component", "pressed", "plays"):
-        table.add_column(name)
+    table = _titled(f"Press and let go {PARTS[role]}", "component", "pressed", "plays")
     roles = {path: role for role, path in found.items()}
     for path, value in (reading.values if reading else {}).items():
         table.add_row(path, _bar(value), roles.get(path, ""))
@@ -92,11 +80,9 @@ def button_table(reading: ComponentReading | None, role: str, found: Mapping[str
 
 def finding_table(finding: ButtonFinding) -> Table:
     """What each part moves, and what was believed."""
-    table = Table(title=f"Buttons of {finding.controller_type}", title_justify="left", box=None)
-    for name in ("part", "found", "in force", ""):
-        table.add_column(name)
+    table = _titled(f"Buttons of {finding.controller_type}", "part", "found", "in force", "")
     for role in ROLES:
-        verdict = "[bold]put right[/]" if role in finding.wrong else "as it was"
+        verdict = "put right" if role in finding.wrong else "as it was"
         table.add_row(role, finding.paths[role], finding.believed[role], verdict)
     return table
 
@@ -104,16 +90,13 @@ def finding_table(finding: ButtonFinding) -> Table:
 def compass_table(asked: Move | None, lit: Move | None, right: Mapping[Move, bool]) -> Table:
     """The six directions: which one is asked for, which one the arm would take now."""
     table = Table(box=None, show_header=False)
-    for way in SIX_WAYS:
-        style = "bold black on green" if way == lit else "" if way == asked else "dim"
-        tried = {True: "✓", False: "✗", None: ""}[right.get(way)]
+    for move in SIX_DIRECTIONS:
+        style = "bold black on green" if move == lit else "" if move == asked else "dim"
         table.add_row(
-            "▶" if way == asked else " ",
-            f"[{style}] {_ARROWS[way.name]} {way.name} [/]"
-            if style
-            else f" {_ARROWS[way.name]} {way.name} ",
-            meaning(way),
-            tried,
+            "▶" if move == asked else " ",
+            Text(f" {_ARROWS[move.name]} {move.name} ", style),
+            meaning(move),
+            {True: "✓", False: "✗", None: ""}[right.get(move)],
         )
     return table
 
@@ -125,10 +108,8 @@ def result_table(fit: FrameFit | TouchFit) -> Table:
 
 def _stroke_table(fit: FrameFit) -> Table:
     """Each stroke: how it went, and how far it is from the axis it was made for."""
-    table = Table(title="The strokes", title_justify="left", box=None)
-    for name in ("stroke", "length, mm", "samples", "straight", "scatter, mm", "off axis, °"):
-        table.add_column(name, justify="right")
-    table.add_column("")
+    columns = ("length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
+    table = _titled("The strokes", "stroke", *columns, justify="right")
     for stroke in fit.strokes:
         line = stroke.line
         table.add_row(
@@ -145,12 +126,16 @@ def _stroke_table(fit: FrameFit) -> Table:
 
 def _touch_table(fit: TouchFit) -> Table:
     """Each touch: how far the frame of the others misses it."""
-    table = Table(title="The touches", title_justify="left", box=None)
-    table.add_column("point", justify="right")
-    table.add_column("missed by the others, mm", justify="right")
-    table.add_column("")
+    table = _titled("The touches", "point", "missed by the others, mm", "", justify="right")
     for number, miss in enumerate(fit.misses_mm):
         table.add_row(str(number + 1), f"{miss:.1f}", "left out" if number in fit.left_out else "")
+    return table
+
+
+def _titled(title: str, *columns: str, justify: JustifyMethod = "left") -> Table:
+    table = Table(title=title, title_justify="left", box=None)
+    for name in columns:
+        table.add_column(name, justify=justify)
     return table
 
 

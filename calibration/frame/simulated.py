@@ -1,24 +1,40 @@
-"""The simulated person of `calibrate frame --sim`: does what is prompted, as well as people do.
+"""`calibrate frame --sim`: the rig, and a person who does what is prompted about as well as people.
 
-He knows where the robot's axes point, but not quite: each stroke sets out in a slightly wrong
-direction and is slightly bent. His hand trembles and his muscles add noise (`sim.operator.hand`).
+They know where the robot's axes point, but not quite: each stroke sets out in a slightly wrong
+direction and is slightly bent. The hand trembles and the muscles add noise (`sim.operator.hand`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Generic
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.prompts import Move, Press, Prompt, Reach
 from calibration.frame.rotation import Matrix
+from calibration.frame.sources import (
+    SAMPLE_RATE_HZ,
+    ButtonSource,
+    HandSource,
+    Move,
+    Press,
+    Prompt,
+    Reach,
+    Reading,
+)
+from hw.openvr.components import ComponentReading
 from hw.sim.operator.hand import Button, Hand, HandCommand
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
+from tams_app.config import Config, ControllerConfig
+from tams_app.errors import DeviceError
 from tams_app.records import Haptic, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 
-# With something straight to move along, such as a table's edge: assumed, nobody measured it.
+# With something straight to move along, such as a table's edge: assumed, not measured.
 DIRECTION_ERROR_DEG = 1.0  # per axis, each stroke anew
 BOW = 0.02  # of the length, each stroke anew
 TOUCH_ERROR_M = 0.002  # per axis, each touch anew
@@ -34,6 +50,7 @@ _GAIN_PER_S = 3.5
 _ARRIVED_M = 0.004
 _PAUSE_NS = 300 * NS_PER_MS
 _HOLD_NS = 500 * NS_PER_MS
+_GIVE_UP_NS = 30 * NS_PER_S  # the person does what is asked at once
 _LONGEST_NS = 5 * NS_PER_S  # for one movement, should it never arrive
 
 Routine = Iterator[HandCommand]
@@ -70,9 +87,9 @@ class PromptedPerson:
         self.hand.step(next(self._routine, HandCommand.still()), elapsed_s)
 
     def feel(self, haptic: Haptic) -> None:
-        """Nothing here gives pulses."""
+        """There are no pulses here."""
 
-    # --- what he does ---------------------------------------------------------------------------
+    # --- what the person does --------------------------------------------------------------------
 
     def _stroke(self, direction: Vector) -> Routine:
         """From one side to the other with the trigger held, a little wrong and a little bent."""
@@ -84,11 +101,11 @@ class PromptedPerson:
         yield from self._wait(_PAUSE_NS)
         yield from self._wait(_PAUSE_NS, HandCommand.still(trigger=True))
         start = self.hand.arm.offset.copy()
-        way, deadline_ns = 0.0, self._now_ns + _LONGEST_NS
-        while way < self._travel - _ARRIVED_M and self._now_ns < deadline_ns:
-            way = float((self.hand.arm.offset - start) @ along)
-            share = min(1.0, max(0.0, way / self._travel))
-            speed = min(_SPEED_M_S, _GAIN_PER_S * (self._travel - way))
+        travelled, deadline_ns = 0.0, self._now_ns + _LONGEST_NS
+        while travelled < self._travel - _ARRIVED_M and self._now_ns < deadline_ns:
+            travelled = float((self.hand.arm.offset - start) @ along)
+            share = min(1.0, max(0.0, travelled / self._travel))
+            speed = min(_SPEED_M_S, _GAIN_PER_S * (self._travel - travelled))
             slope = 4 * (1 - 2 * share) / self._travel  # of a parabola of height 1
             yield HandCommand(speed * (along + slope * aside), np.zeros(3), trigger=True)
         yield from self._wait(_PAUSE_NS, HandCommand.still(trigger=True))
@@ -128,3 +145,59 @@ class PromptedPerson:
         until_ns = self._now_ns + duration_ns
         while self._now_ns < until_ns:
             yield wish or HandCommand.still()
+
+
+class SimulatedSetup:
+    """The rig's controller in the hand of a simulated person, in virtual time."""
+
+    def __init__(self, config: Config, seed: int) -> None:
+        self._config, self._seed = config, seed
+        self.description = f"the simulated rig and a simulated person, seed {seed}"
+        self.true_rotation: Matrix | None = np.array(operator_hand(config).rotation)
+        self._clock = VirtualClock()
+
+    @contextmanager
+    def buttons(self) -> Iterator[ButtonSource]:
+        person, controller = self._make(self._config)
+
+        def read(now_ns: int) -> ComponentReading | None:
+            controller.sample(now_ns)
+            return controller.components()
+
+        yield _Simulated(self._clock, person, read)
+
+    @contextmanager
+    def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
+        config = self._config.model_copy(update={"controller": controller})
+        person, device = self._make(config)
+        yield _Simulated(self._clock, person, device.sample)
+
+    def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
+        operator = config.rig.operator
+        truth = np.array(operator_hand(config).rotation)
+        person = PromptedPerson(truth, operator.arm_reach_m, self._seed)
+        controller = VirtualController(person, operator, self._seed, rig_wiring(config))
+        controller.start()
+        return person, controller
+
+
+class _Simulated(Generic[Reading]):
+    def __init__(
+        self, clock: VirtualClock, person: PromptedPerson, read: Callable[[int], Reading]
+    ) -> None:
+        self._clock, self._person, self._read = clock, person, read
+        self._asked_ns = clock.now_ns()
+
+    def ask(self, prompt: Prompt) -> None:
+        self._person.ask(prompt)
+        self._asked_ns = self._clock.now_ns()
+
+    def next(self) -> tuple[int, Reading]:
+        self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
+        now_ns = self._clock.now_ns()
+        if now_ns - self._asked_ns > _GIVE_UP_NS:
+            raise DeviceError(
+                "Nothing came of what the simulated person did: look at rig.wiring and at "
+                "rig.operator in the configuration."
+            )
+        return now_ns, self._read(now_ns)

@@ -1,0 +1,41 @@
+"""Figures as files: where one can be drawn, and with which colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tams_app.errors import ConfigError, TamsError
+
+# Okabe and Ito's palette: told apart also with deficient colour vision
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#999999")
+SUFFIXES = (".png", ".jpg")
+
+
+def check_figure(path: Path) -> None:
+    """ConfigError if no figure can be drawn there."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigError(f"--figure {path}: is drawn to {' or '.join(SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise ConfigError(f"--figure {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ConfigError(f"--figure {path}: is a folder, not a file")
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """A figure that needs no display."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
+    """Write it in the format of the suffix, the same bytes each time; TamsError if it fails."""
+    metadata = {"Software": None} if path.suffix.lower() == ".png" else None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=dpi, metadata=metadata)
+    except OSError as error:
+        raise TamsError(f"{path}: cannot be written: {error.strerror}") from error

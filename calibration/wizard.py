@@ -1,0 +1,109 @@
+"""The base of all wizards: refusal first, then measuring, then the question and the file."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar
+
+from calibration.figures import check_figure
+from calibration.options import WizardOptions
+from calibration.store import Calibration, CalibrationSet, utc_now
+from calibration.ui import WizardUI
+from tams_app.config import Config, load_config
+from tams_app.errors import TamsError
+
+Options = TypeVar("Options", bound=WizardOptions)
+
+
+class Wizard(ABC, Generic[Options]):
+    """One run of a wizard, from its options to the exit code.
+
+    A subclass says what makes no sense (`check`), what it measures (`measure`), how that looks
+    (`draw`), and what of it is worth keeping if it ends early (`partial`).
+    """
+
+    figure_beside: ClassVar[bool] = True  # whether the figure is drawn beside the file written
+    config: Config
+    store: CalibrationSet
+
+    def __init__(
+        self, ui: WizardUI, options: Options, now: Callable[[], datetime] = utc_now
+    ) -> None:
+        self.ui, self.options, self.now = ui, options, now
+
+    def run(self) -> int:
+        """Calibrate.
+
+        Returns:
+            0 if the result was written or not wanted, 1 if there was no one to ask.
+
+        Raises:
+            ConfigError: Options or configuration make no sense; nothing was measured.
+            TamsError: What was measured is no use, or cannot be written.
+        """
+        options = self.options
+        if options.figure is not None:
+            check_figure(options.figure)
+        self.check()
+        self.config = load_config(options.config, self.overrides)
+        if self.writes:
+            self.store = CalibrationSet.of(options.config, self.config, self.now)
+            self.prepare()
+            self.store.check_before(self.ui, options.yes, self.simulated)
+        with self.ui:
+            found = self._measured()
+            if options.figure is not None:
+                self.draw(options.figure)
+                self.ui.say(f"Drawn: {options.figure}")
+            if found is None:
+                return 0
+            attended = self.ui.attended
+            draw = self.draw if self.figure_beside else None
+            written = self.store.propose(self.ui, found, options.yes, draw)
+            return 0 if written is not None or attended else 1
+
+    @abstractmethod
+    def check(self) -> None:
+        """ConfigError for options that make no sense or could only fail after measuring."""
+
+    @abstractmethod
+    def measure(self) -> Calibration | None:
+        """The whole conversation; None if there is nothing to write."""
+
+    @abstractmethod
+    def draw(self, path: Path) -> None:
+        """Draw what was found; TamsError if it cannot be written."""
+
+    def prepare(self) -> None:
+        """ConfigError for what does not go with the configuration; nothing was said yet."""
+
+    def partial(self) -> Calibration | None:
+        """What is worth keeping when `measure` is interrupted."""
+        return None
+
+    @property
+    def overrides(self) -> dict[str, Any] | None:
+        """Dotted keys laid over the configuration."""
+        return None
+
+    @property
+    def writes(self) -> bool:
+        """Whether these options lead to a calibration file at all."""
+        return True
+
+    @property
+    def simulated(self) -> bool:
+        """Whether anything simulated has a part in the result."""
+        return self.options.sim
+
+    def _measured(self) -> Calibration | None:
+        try:
+            return self.measure()
+        except (KeyboardInterrupt, TamsError) as error:
+            if (self.ui.attended or self.options.yes) and (part := self.partial()) is not None:
+                self.ui.say(f"\nEnded early: {str(error) or 'Ctrl-C'}")
+                self.store.keep(self.ui, part)
+            raise
