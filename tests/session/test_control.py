@@ -177,7 +177,8 @@ def test_a_sustained_descent_is_an_alignment(bench):
 
 
 def test_a_cameras_own_latency_counts_towards_the_age_of_the_video():
-    cameras = {view: CameraConfig(source="pattern", latency_ms=400.0) for view in CONFIG.video.views}
+    slow = CameraConfig(source="pattern", latency_ms=400.0)
+    cameras = dict.fromkeys(CONFIG.video.views, slow)
     rig = CONFIG.rig.model_copy(update={"enabled": False})
     for latency, arming in ((False, ArmingState.ENGAGED), (True, ArmingState.HOLDING)):
         bench = Bench(CONFIG.model_copy(update={"rig": rig, "cameras": cameras if latency else {}}))
