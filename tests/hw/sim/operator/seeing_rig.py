@@ -12,10 +12,8 @@ from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
-from tams_app.session import build
-from tams_app.session.control import ControlHooks
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
+from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.virtual.rig import VirtualRobot
 
 FRAME_NS = NS_PER_S // 30
 
@@ -50,18 +48,10 @@ class SeeingRig:
         self.glances: list[Glance] = []
         self._participant = SeeingParticipant(config, participant, self.images, self._note)
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
-        hooks = ControlHooks(
-            beat=_ignore,
-            video_age_ns=lambda *_: self._delay_ns,
-            request=robot.supervisor.request,
-            arm_ready=lambda: robot.supervisor.ready,
-            phase_began=_ignore,
-            record=_ignore,
-            output=_ignore,
-        )
         controller = self._participant.controller
-        self._loop = build.control_loop(
-            config, self._clock, controller, robot.arm, self._delay_ns, Signals(), hooks
+        video = SteadyVideo(self._delay_ns)
+        self._loop = ControlLoop(
+            config, self._clock, controller, robot.arm, robot.gate, video, Signals()
         )
         robot.arm.connect()
         controller.start()
@@ -80,7 +70,7 @@ class SeeingRig:
             self._taken.popleft()
         self._eyes.watch(self.now_ns)
         self._loop.tick(self.now_ns)
-        self._robot.supervisor.serve()
+        self._robot.gate.serve()
 
     def images(self) -> Mapping[str, Image | None]:
         """What is on screen, by view: None until the first frame has arrived."""
