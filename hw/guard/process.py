@@ -8,7 +8,7 @@ stopped or stalled still stops the arm.
 
 from __future__ import annotations
 
-import importlib
+import pkgutil
 import socket
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -167,8 +167,7 @@ def main() -> None:
 
 def _stop_channel(specification: dict[str, Any]) -> StopChannel:
     """The stop channel of the configured arm's kind, not connected yet."""
-    module, _, name = specification["stop_channel"].partition(":")
-    channel: StopChannel = getattr(importlib.import_module(module), name)(
+    channel: StopChannel = pkgutil.resolve_name(specification["stop_channel"])(
         specification["host"],
         specification["control_port"],
         specification["reply_timeout_s"],

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from hw.arm import GripperDrive, PlantState
 from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import GripperDrive, PlantState
 from hw.sim.controller.server import ControllerServer
 from hw.sim.layout import draw_layout
 from hw.sim.world.rig_memory import WorldWriter, remove_memory

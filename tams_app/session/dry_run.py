@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 from hw.arm import Arm, ServoMode, SimulatedArm, TcpBoundary
-from hw.arms import arm_kind
+from hw.arms import simulated_arm
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
@@ -43,7 +43,7 @@ class DryRunArm(Arm):
         state = self._real.state()
         if state is None:
             raise DeviceError(_SILENT)
-        model = arm_kind(self._config.model).simulate(
+        model = simulated_arm(
             self._config,
             self._clock,
             state.joints,

@@ -12,8 +12,7 @@ from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import Register, State
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError

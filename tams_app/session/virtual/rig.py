@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from hw.arm import ServoMode
-from hw.arms import arm_kind
+from hw.arms import simulated_arm
 from hw.boundary import session_boundary
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
@@ -35,8 +35,7 @@ class VirtualRobot:
         boundary = session_boundary(config.arm, config.limits)
         self.layout = draw_layout(config.seed)
         self._world = World(self.layout, joints)
-        kind = arm_kind(config.arm.model)
-        self.arm = kind.simulate(config.arm, clock, joints, boundary, self._world)
+        self.arm = simulated_arm(config.arm, clock, joints, boundary, self._world)
         self.gate = ArmGate(self.arm, ServoMode(config.arm.servo), boundary, note)
 
     def catch_up(self) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hw.sim.controller.plant import GripperDrive
+from hw.arm import GripperDrive
 from hw.sim.layout import draw_layout
 from hw.sim.rig import PublishedWorld
 from hw.sim.world.rig_memory import WorldReader, WorldState, WorldWriter, remove_memory

@@ -7,8 +7,7 @@ import pytest
 
 from hw.arm import ServoMode
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import CYCLE_NS, ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmState, Twist

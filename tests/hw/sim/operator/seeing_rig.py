@@ -6,6 +6,9 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from tams_app.session.signals import Signals
+from tams_app.session.virtual.robot import VirtualRobot
+
 from hw.sim.operator.seeing import Reliance, SeeingParticipant
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages
@@ -14,8 +17,6 @@ from tams_app.records import Image, Vector
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
 
 FRAME_NS = NS_PER_S // 30
 
