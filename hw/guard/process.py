@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from hw.guard.link import LOOPBACK, GuardMessage, Heartbeat, decode_heartbeat
 from tams_app.errors import TamsError
-from tams_app.runtime.clock import NS_PER_MS, Clock, MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import GUARD_PRIORITY, use_fifo
+from tams_app.units import NS_PER_MS
 
 if TYPE_CHECKING:  # the guard starts in milliseconds
     from hw.arm import StopChannel

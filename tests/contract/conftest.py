@@ -21,7 +21,8 @@ from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.records import ArmState, Twist
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.units import NS_PER_S
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())

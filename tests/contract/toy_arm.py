@@ -37,7 +37,8 @@ from tams_app.records import (
     Twist,
     Vector,
 )
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 
 CYCLE_NS = 4_000_000
 CYCLE_S = CYCLE_NS / NS_PER_S

@@ -17,8 +17,9 @@ from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Twist
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.dry_run import DryRunArm
+from tams_app.units import NS_PER_S
 from tests.faults.wire import TappedModel
 from tests.hw.lite6.controller_rig import until
 

@@ -19,9 +19,10 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

@@ -38,7 +38,8 @@ from hw.sim.controller.settings import outputs_for
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist, Vector
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 
 MOVE_ACCELERATION_RAD_S2 = 1.0
 GRIPPER_ATTEMPTS = 3

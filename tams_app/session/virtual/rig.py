@@ -17,9 +17,10 @@ from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, SceneTruth, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.devices import Note
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing

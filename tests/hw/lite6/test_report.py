@@ -21,7 +21,8 @@ from hw.lite6.report import (
 )
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_S
 from tests.hw.lite6.controller_rig import until
 
 pytestmark = pytest.mark.waiting

@@ -11,7 +11,8 @@ from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmState, Twist
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

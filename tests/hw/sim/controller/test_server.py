@@ -22,7 +22,7 @@ from hw.lite6.codes import ErrorCode, Register
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

@@ -14,9 +14,10 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlHooks
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 FRAME_NS = NS_PER_S // 30
 
