@@ -20,7 +20,7 @@ from hw.controller import Controller
 from hw.lite6.arm import Lite6
 from tams_app.config import Config, load_config
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, Haptic, Pose, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
@@ -31,6 +31,7 @@ from tams_app.session.listener import Listener
 from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import repair_rule
 
 STALL_S = 0.2

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from hw.lite6.codes import ErrorCode, Register, State
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.records import Vector
 from tams_app.runtime.clock import MonotonicClock

@@ -6,7 +6,8 @@ from hw.arm import ServoMode
 from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.config import load_config
 from tams_app.records import Twist
-from tams_app.runtime.clock import NS_PER_MS, VirtualClock
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_MS
 
 config = load_config()  # config/tams.yaml
 clock = VirtualClock()  # time passes only when we say so

@@ -7,7 +7,7 @@ import statistics
 
 from tams_app.config import load_config
 from tams_app.records import PacketFate, PacketKind
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity, resolve_network
 

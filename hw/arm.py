@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 from tams_app.records import ArmState, CommandLink, Pose, ServoMode, Twist, Vector
 
 if TYPE_CHECKING:
-    from hw.sim.controller.plant import Plant
     from tams_app.config import ArmConfig
     from tams_app.runtime.clock import Clock
 
@@ -26,6 +26,9 @@ __all__ = [
     "ArmKinematics",
     "ArmLimits",
     "FoundArm",
+    "GripperDrive",
+    "Plant",
+    "PlantState",
     "ServoMode",
     "SimulatedArm",
     "StopChannel",
@@ -148,6 +151,29 @@ class SimulatedArm(Arm):
         """Leave out what is more than `longest_ns` behind the clock: the process stood still."""
 
 
+class GripperDrive(Enum):
+    """What a simulated arm drives its gripper to."""
+
+    OFF = 0
+    OPEN = 1
+    CLOSE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class PlantState:
+    """Measured joints [rad], shape (6,), and whether a joint met more force than it may."""
+
+    joints: Vector
+    collision: bool
+
+
+class Plant(Protocol):
+    """Joints and gripper of a simulated arm; its controller calls `step` once per cycle."""
+
+    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+        """Advance by `duration_ns` towards `joints_target` [rad], shape (6,)."""
+
+
 class ArmKinematics(Protocol):
     """The kinematics of an arm with its configured tool; base frame with z up."""
 
@@ -236,6 +262,7 @@ class ArmKind(ABC):
     title: str  # as its maker calls it
     limits: ArmLimits
     stop_channel: str  # "module:name" of the `StopChannel`, which the guard process loads
+    simulation: str  # "module:name" of the maker that `hw.arms.simulated_arm` calls
     rig: str = ""  # module of the helper process that simulates arm and scene; "": there is none
 
     @abstractmethod
@@ -257,25 +284,6 @@ class ArmKind(ABC):
     @abstractmethod
     def kinematics(self, config: ArmConfig) -> ArmKinematics:
         """The kinematics with the configured tool."""
-
-    @abstractmethod
-    def simulate(
-        self,
-        config: ArmConfig,
-        clock: Clock,
-        joints: Vector,
-        boundary: TcpBoundary | None,
-        plant: Plant | None = None,
-        gripper_closed: bool | None = None,
-    ) -> SimulatedArm:
-        """An arm in this process, not connected yet, for virtual time and the dry run.
-
-        Args:
-            joints: where it stands [rad], shape (6,).
-            boundary: as for `make_arm`.
-            plant: what follows the joint targets; None: joints that are there at once.
-            gripper_closed: what the gripper was commanded before; None: nothing.
-        """
 
     @abstractmethod
     def find(self, config: ArmConfig) -> FoundArm:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import importlib
+import pkgutil
 from typing import TYPE_CHECKING
 
 from tams_app.errors import ConfigError
 
 if TYPE_CHECKING:  # the guard process starts without the configuration's libraries
-    from hw.arm import ArmKind
+    from hw.arm import ArmKind, Plant, SimulatedArm, TcpBoundary
     from tams_app.config import ArmConfig, LimitsConfig
+    from tams_app.records import Vector
+    from tams_app.runtime.clock import Clock
 
 # word in the configuration -> module with `KIND`, an `ArmKind`; loaded when it is asked for
 ARM_KINDS = {"lite6": "hw.lite6.kind"}
@@ -26,6 +29,27 @@ def arm_kind(model: str) -> ArmKind:
         raise ConfigError(f"arm.model is {model!r}, which TAMS does not know; known: {known}")
     kind: ArmKind = importlib.import_module(ARM_KINDS[model]).KIND
     return kind
+
+
+def simulated_arm(
+    config: ArmConfig,
+    clock: Clock,
+    joints: Vector,
+    boundary: TcpBoundary | None,
+    plant: Plant | None = None,
+    gripper_closed: bool | None = None,
+) -> SimulatedArm:
+    """An arm of `config.model` in this process, not connected yet: for virtual time, a dry run.
+
+    Args:
+        joints: where it stands [rad], shape (6,).
+        boundary: set in the controller on connecting; None leaves the controller's as it is.
+        plant: what follows the joint targets; None: joints that are there at once.
+        gripper_closed: what the gripper was commanded before; None: nothing.
+    """
+    make = pkgutil.resolve_name(arm_kind(config.model).simulation)
+    arm: SimulatedArm = make(config, clock, joints, boundary, plant, gripper_closed)
+    return arm
 
 
 def check_limits(arm: ArmConfig, limits: LimitsConfig) -> None:

@@ -33,7 +33,7 @@ from tams_app.records import (
     Tick,
     Twist,
 )
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 START_NS = 5 * NS_PER_S
 VIEWS = ("eih", "gt", "gs")

@@ -11,7 +11,8 @@ from tams_app.errors import LogError
 from tams_app.recording import Recorder, read_log, read_video
 from tams_app.recording import direct as direct_module
 from tams_app.recording.direct import DirectRecorder
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS, header, live_records
 
 pytestmark = pytest.mark.waiting

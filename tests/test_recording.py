@@ -62,8 +62,9 @@ from tams_app.records import (
     SystemSample,
     Tick,
 )
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
+from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, header, live_records, tick
 
 pytestmark = pytest.mark.waiting

@@ -22,10 +22,11 @@ from tams_app.records import (
     StopRecord,
     SystemSample,
 )
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
 from tams_app.summary.tracking import settling_time_s, steps, windows
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import (
     START_NS,
     VIEWS,

@@ -8,8 +8,8 @@ import pytest
 
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase, PhaseChange
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.summary.operator import operator
+from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, header
 
 pytestmark = pytest.mark.untimed

@@ -11,8 +11,9 @@ import pytest
 from tams_app.recording import Recorder, SessionLog, read_log
 from tams_app.recording.topics import FrameCaptured
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord, Phase, PhaseChange
-from tams_app.runtime.clock import NS_PER_MS, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
+from tams_app.units import NS_PER_MS
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, capture_ns, header
 
 pytestmark = pytest.mark.waiting

@@ -22,9 +22,9 @@ from benchmarks.experiments.virtual_runs import VirtualRuns, read_encoding_ms, r
 from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.study.trial_process import LocalPool
 from tams_app.study.unattended import RichProgress
+from tams_app.units import NS_PER_S
 
 _LATER_S = 5.0  # a replay may end so long after its recording
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.experiments.replay import Replay
 from tams_app.records import Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _GRID_NS = 10 * NS_PER_MS
 

@@ -24,9 +24,9 @@ from benchmarks.experiments.virtual_runs import VirtualRuns, read_summary
 from benchmarks.runs import Run, run_session
 from tams_app.config import Config, dump_config, load_config
 from tams_app.errors import TamsError
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.session.recorders import LOG_NAME
 from tams_app.study.trial_process import TrialProcess
+from tams_app.units import NS_PER_S
 
 MISSED = "frames_missed_by_renderer_share"
 AT_MOST_MISSED, AT_MOST_LATE = 0.01, 0.005  # `make bench` promises the ticks; a frame or two

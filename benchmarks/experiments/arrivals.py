@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.link import Link
 
 _NS_PER_US = NS_PER_MS // 1000

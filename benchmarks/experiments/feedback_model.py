@@ -26,7 +26,7 @@ from benchmarks.experiments.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
 from tams_app.records import Frame, PacketRecord
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.virtual_time.event_queue import EventQueue

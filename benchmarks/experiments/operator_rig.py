@@ -17,11 +17,12 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
 from tams_app.config import Config
 from tams_app.records import Image, Outcome, SceneTruth, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 Distort = Callable[[str, Image], Image]
 

@@ -18,7 +18,7 @@ from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.direct import DirectRecorder
 from tams_app.records import ArmState, Outcome, SceneTruth
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.session.listener import Listener
@@ -27,6 +27,7 @@ from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_S
 
 _START_NS = NS_PER_S
 _AFTERWARDS_NS = 2 * NS_PER_S  # the hand rests so long after the block was placed

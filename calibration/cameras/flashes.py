@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from tams_app.records import Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 FEWEST_FLASHES = 12
 _INTERVAL_S = (0.5, 0.9)  # between two of them: those to white are at least 1 s apart

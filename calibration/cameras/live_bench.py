@@ -16,7 +16,8 @@ from hw.v4l2.ioctl import V4l2Device
 from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _POLL_NS = 2 * NS_PER_MS
 _BY_PATH = "/v4l/by-path/"

@@ -13,7 +13,8 @@ import numpy as np
 from calibration.cameras.flashes import Flashes
 from tams_app import gst
 from tams_app.errors import SetupError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _ELEMENTS = ("appsrc", "videoconvert", "ximagesink")
 _STARTING_NS = 5 * NS_PER_S

@@ -20,7 +20,8 @@ from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
 from tams_app.records import Frame, Image
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _SEED = 0xCA3
 _RATE_PPM = 100.0  # by which crystals differ

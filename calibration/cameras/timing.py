@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tams_app.records import Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 FEWEST_FRAMES = 30
 _RATE_TOLERANCE = 0.01

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from calibration.frame.stroke import Reason, RefusedError
 from hw.openvr.components import ROLES, ComponentReading, role_map
 from tams_app.errors import ConfigError
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 PRESSED = 0.6  # of the way, as the clutch has it
 FREE = 0.3

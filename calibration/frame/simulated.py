@@ -32,7 +32,8 @@ from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Haptic, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 # With something straight to move along, such as a table's edge: assumed, not measured.
 DIRECTION_ERROR_DEG = 1.0  # per axis, each stroke anew

@@ -13,7 +13,7 @@ from tams_app.config import PhasesConfig
 from tams_app.errors import LogError
 from tams_app.policy.phases import PhaseParameters, PhaseTracker, SmoothedSpeed
 from tams_app.records import Phase, Tick
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 Codes: TypeAlias = NDArray[np.int8]
 Floats: TypeAlias = NDArray[np.float64]

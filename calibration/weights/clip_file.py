@@ -9,7 +9,7 @@ from tams_app import gst
 from tams_app.console.windows import require_display
 from tams_app.errors import SetupError
 from tams_app.records import Image
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _QUANTISER = 18  # of x264: hardly to be told from the original
 _WRITING = ("appsrc", "videoconvert", "x264enc", "h264parse", "mp4mux", "filesink")

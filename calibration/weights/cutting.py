@@ -15,7 +15,7 @@ from calibration.weights.clips import ClipFolder, ClipTimes, CutSession
 from calibration.weights.sources import RecordedSession, Segment
 from tams_app.errors import LogError
 from tams_app.records import Frame, Image, Phase
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 SHORTEST_S = 0.5  # less cannot be judged
 LONGEST_S = 8.0  # more wears the rater out

@@ -22,8 +22,8 @@ from tams_app.config.problems import describe_validation_error
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
 _UNDERWAY = 8  # frames inside the pipeline before one is waited for

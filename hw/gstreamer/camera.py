@@ -13,7 +13,8 @@ from hw.gstreamer.monitor import CaptureGrid, CaptureMeter, CaptureStats, FrameS
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import Frame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 REOPEN_NS = NS_PER_S
 _FIRST_FRAME_TIMEOUT_NS = 5 * NS_PER_S

@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 SILENCE_NS = 500 * NS_PER_MS  # without a frame: frozen
 REPETITION_NS = NS_PER_S  # without a frame that was not shown before: opened again

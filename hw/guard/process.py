@@ -8,16 +8,17 @@ stopped or stalled still stops the arm.
 
 from __future__ import annotations
 
-import importlib
+import pkgutil
 import socket
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from hw.guard.link import LOOPBACK, GuardMessage, Heartbeat, decode_heartbeat
 from tams_app.errors import TamsError
-from tams_app.runtime.clock import NS_PER_MS, Clock, MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import GUARD_PRIORITY, use_fifo
+from tams_app.units import NS_PER_MS
 
 if TYPE_CHECKING:  # the guard starts in milliseconds
     from hw.arm import StopChannel
@@ -167,8 +168,7 @@ def main() -> None:
 
 def _stop_channel(specification: dict[str, Any]) -> StopChannel:
     """The stop channel of the configured arm's kind, not connected yet."""
-    module, _, name = specification["stop_channel"].partition(":")
-    channel: StopChannel = getattr(importlib.import_module(module), name)(
+    channel: StopChannel = pkgutil.resolve_name(specification["stop_channel"])(
         specification["host"],
         specification["control_port"],
         specification["reply_timeout_s"],

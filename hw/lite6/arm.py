@@ -20,7 +20,8 @@ from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 
 _NOT_CONNECTED = "The arm is not connected; connect it first."
 _STOPPED_MEANWHILE = "The arm was stopped meanwhile; arm it again when that is wanted."

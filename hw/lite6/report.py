@@ -21,8 +21,9 @@ import numpy as np
 from hw.lite6.kinematics import pose_from_mm_rpy
 from tams_app.errors import DeviceError
 from tams_app.records import Pose, Vector
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_S
 
 RICH_PORT_OFFSET = 1
 REAL_PORT_OFFSET = 2

@@ -18,8 +18,9 @@ from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, reply_thread_id
 from tams_app.records import CommandLink, LinkFault, Pose, Twist
-from tams_app.runtime.clock import NS_PER_MS, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_MS
 
 KEEPALIVE_PERIOD_S = 0.25
 MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then

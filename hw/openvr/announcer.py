@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tams_app.records import ControllerStatus
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 QUIET_NS = 200 * NS_PER_MS  # what flickers faster than this is told as it ends up
 UNREAD_AFTER_NS = 2 * NS_PER_S

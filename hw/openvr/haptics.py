@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 from tams_app.records import Haptic
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 MIN_GAP_NS = 5 * NS_PER_MS  # the runtime ignores a legacy pulse that comes sooner
 

@@ -42,7 +42,7 @@ from hw.openvr.tracking import (
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 RETRY_NS = NS_PER_S
 SILENT_NS = 2 * NS_PER_S  # a runtime without a single device has died without a word

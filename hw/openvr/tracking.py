@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tams_app.records import Pose
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 RELEASED_FOR_NS = NS_PER_S  # how long the trigger must have been up
 TRIGGER_UP = 0.2

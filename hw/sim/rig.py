@@ -10,17 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from hw.arm import GripperDrive, PlantState
 from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import GripperDrive, PlantState
 from hw.sim.controller.server import ControllerServer
 from hw.sim.layout import draw_layout
 from hw.sim.world.rig_memory import WorldWriter, remove_memory
 from hw.sim.world.world import World
 from tams_app.errors import TamsError
 from tams_app.records import Vector
-from tams_app.runtime.clock import NS_PER_MS, Clock, MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RIG_PRIORITY, use_fifo
+from tams_app.units import NS_PER_MS
 
 # Further behind the wall clock than this is a standstill whose time is left out. The controller's
 # server catches up less than this by running cycles one after the other.

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 POLL_S = 0.2
 REPEAT_NS = 700 * NS_PER_MS  # a held key repeats after up to 0.66 s (X11's default), then faster

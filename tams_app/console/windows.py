@@ -11,7 +11,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import SetupError
 from tams_app.records import Image, ShownFrame
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tams_app.video import pipelines
 
 WINDOW_ELEMENTS = ("appsrc", "videoconvert", "autovideosink")

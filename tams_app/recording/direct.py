@@ -10,7 +10,8 @@ from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.topics import Header, PacketBatch, Recordable
 from tams_app.recording.writer import SPACE_CHECK_NS, without_pixels
 from tams_app.records import Frame, PacketRecord, ShownFrame
-from tams_app.runtime.clock import NS_PER_MS, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS
 
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message; live it is what the writer's thread finds
 

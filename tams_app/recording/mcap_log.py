@@ -33,7 +33,7 @@ from tams_app.recording.topics import (
     OutcomeGiven,
 )
 from tams_app.records import EncodedFrame, Outcome, Pose, SceneTruth, Tick
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 CHUNK_BYTES = 256 * 1024
 

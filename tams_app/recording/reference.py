@@ -21,9 +21,9 @@ from tams_app.recording.disk import RESERVE_FRACTION, LogFile, free_mb, require_
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.topics import REFERENCE_PREFIX, REFERENCE_PROFILE
 from tams_app.records import Frame, Image
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_S
 
 CAPACITY_FRAMES = 45  # half a second of three views, 40 MB
 _WIDTH, _HEIGHT, _DATA = 2, 3, 6  # field numbers of foxglove.RawImage

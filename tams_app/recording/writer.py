@@ -21,9 +21,10 @@ from tams_app.recording.topics import (
     Recordable,
 )
 from tams_app.records import Frame, Note, PacketRecord, ShownFrame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from tams_app.units import NS_PER_MS as NS_PER_MS
-from tams_app.units import NS_PER_S as NS_PER_S
+from tams_app.units import NS_PER_S
 
 
 class Clock(Protocol):

@@ -7,11 +7,12 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 from hw.arm import Arm, ServoMode, SimulatedArm, TcpBoundary
-from hw.arms import arm_kind
+from hw.arms import simulated_arm
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 SILENT_NS = 500 * NS_PER_MS  # of the real arm's reports, which come every 10 ms
 LONGEST_STANDSTILL_NS = NS_PER_S
@@ -43,7 +44,7 @@ class DryRunArm(Arm):
         state = self._real.state()
         if state is None:
             raise DeviceError(_SILENT)
-        model = arm_kind(self._config.model).simulate(
+        model = simulated_arm(
             self._config,
             self._clock,
             state.joints,

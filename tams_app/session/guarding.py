@@ -7,13 +7,13 @@ from pathlib import Path
 from hw.guard.link import GuardLink, guard_specification
 from tams_app.config import ArmConfig
 from tams_app.records import ArmState
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Reason
+from tams_app.units import NS_PER_MS
 
 SILENCE_NS = 200 * NS_PER_MS  # without an answer the guard is gone
 

@@ -12,7 +12,7 @@ import numpy as np
 from hw.arm import Arm
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.session.homing import (
     Action,
     Homing,
@@ -21,6 +21,7 @@ from tams_app.session.homing import (
     HomingState,
     path_to_ready,
 )
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 POLL_S = 0.01  # also the period of the guard's heartbeat
 PROGRESS_NS = NS_PER_S

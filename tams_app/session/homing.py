@@ -16,7 +16,7 @@ from hw.arms import arm_kind
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmState, CommandLink, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 # A key that is held repeats: after up to 0.66 s (X11's default), then every 25 to 100 ms.
 FIRST_REPEAT_NS = 700 * NS_PER_MS

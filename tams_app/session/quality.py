@@ -8,8 +8,8 @@ from pathlib import Path
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import Frame, FrameQuality, ShownFrame
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.session.devices import Note
+from tams_app.units import NS_PER_S
 from tams_app.video.quality_client import QualityClient
 
 RECENT_SCORES = 15

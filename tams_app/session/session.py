@@ -15,7 +15,7 @@ from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Activity, PacketRecord, ShownFrame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.worker import Worker
@@ -30,6 +30,7 @@ from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.networks import resolve_network
 
 STOP_TIMEOUT_NS = 300 * NS_PER_MS

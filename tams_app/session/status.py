@@ -19,11 +19,11 @@ from tams_app.records import (
     Tick,
     Vector,
 )
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.control import ShownVideo, describe
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 1 * NS_PER_S
 GRIP_SHOWN_ABOVE = 0.5

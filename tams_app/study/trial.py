@@ -8,7 +8,7 @@ import numpy as np
 
 from tams_app.config import TrialConfig
 from tams_app.records import Outcome, Pose, SceneTruth
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 LIFTED_M = 0.010
 ON_TABLE_M = 0.003  # above its resting height

@@ -10,10 +10,10 @@ from rich.prompt import Confirm, FloatPrompt, IntPrompt, InvalidResponse
 from tams_app.config import TrialConfig
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Phase
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.study.plan import Verdict
 from tams_app.study.runner import LOG_NAME
 from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_S
 
 MAX_DROPS = 99
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tams_app.recording import SessionLog
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import percentiles, ratio
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 LATE_NS = NS_PER_MS
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from tams_app.recording import Gap, SessionLog
 from tams_app.records import Outcome
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.summary.control import arm, control, phases, seconds
 from tams_app.summary.numbers import mean
 from tams_app.summary.operator import operator
@@ -18,6 +17,7 @@ from tams_app.summary.quality import QualityTable, primary_quality
 from tams_app.summary.tables import PacketTable, Span, Targets
 from tams_app.summary.uplink import uplink
 from tams_app.summary.views import view_summary
+from tams_app.units import NS_PER_S
 
 SCHEMA = 1
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from tams_app.recording import SessionLog
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import Flags, Floats, Integers, Number, last_before, mean
 from tams_app.summary.tables import RTP_CLOCK_HZ, FrameTable, PacketTable, Targets
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_FRAMES = 8
 STEP_FRACTION = 0.10  # a change of the target by more than this is a step

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from tams_app.recording import SessionLog
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import percentiles, step_mean
 from tams_app.summary.quality import QualityTable, view_quality
 from tams_app.summary.tables import FrameTable, PacketTable, Span, Targets
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.summary.uplink import rate_kbps
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 FREEZE_NS = 200 * NS_PER_MS
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tams_app.config import ClutchConfig
 from tams_app.records import ControllerSample, ControllerStatus
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 MENU_HOLD_NS = NS_PER_S
 _FUTURE_NS = 50 * NS_PER_MS  # a time stamp further ahead than this is not believed

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, Pose, Twist
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.quaternion import turn_between
@@ -15,6 +14,7 @@ from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import MAX_POSE_STEP_M, Target, Tcp, TcpPredictor
 from tams_app.teleop.trajectory import norm
+from tams_app.units import NS_PER_MS
 
 _LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
 

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config
 from tams_app.records import Activity, Haptic, Twist
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.clutch import Buttons, Clutch
 from tams_app.teleop.drive import Drive
 from tams_app.teleop.records import ArmModel, TeleopInput, TeleopOutput
@@ -19,6 +18,7 @@ from tams_app.teleop.safety import (
 )
 from tams_app.teleop.trajectory import TrajectoryError
 from tams_app.teleop.watch import Watch
+from tams_app.units import NS_PER_S
 
 _TOLD_BY_THE_LINK = (Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED)
 _PRECEDENCE = {reason: rank for rank, reason in enumerate(Reason)}

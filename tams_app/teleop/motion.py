@@ -8,8 +8,8 @@ import numpy as np
 
 from tams_app.config import HandConfig
 from tams_app.records import ControllerSample, Pose, Twist, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.quaternion import of_rotation, turn_between
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _MIN_INTERVAL_S = 0.002  # two poses closer than this are one with jitter
 _MAX_INTERVAL_S = 0.1

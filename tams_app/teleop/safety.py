@@ -22,8 +22,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.reasons import Reason, Severity
+from tams_app.units import NS_PER_S
 
 __all__ = [
     "Arming",

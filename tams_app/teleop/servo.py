@@ -14,7 +14,6 @@ import numpy as np
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Pose, Twist, Vector
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.quaternion import (
     IDENTITY,
     Quaternion,
@@ -24,6 +23,7 @@ from tams_app.teleop.quaternion import (
     turned,
 )
 from tams_app.teleop.trajectory import norm
+from tams_app.units import NS_PER_S
 
 MAX_POSE_STEP_M = 0.0099  # arms take 10 mm (FINDINGS 8), and rounding must not pass that
 _MEMORY_NS = NS_PER_S // 2

@@ -6,11 +6,11 @@ import numpy as np
 
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault, ServoMode
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.clutch import is_fresh
 from tams_app.teleop.motion import is_frozen
 from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 ARM_SILENT_NS = NS_PER_S
 _VIDEO_FLOOR_FACTOR = 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 RTP_CLOCK_HZ = 90_000
 _RTP_TIMESTAMPS = 1 << 32

@@ -13,7 +13,7 @@ from random import Random
 from tams_app.capacity import Capacity
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 
 class Bottleneck:

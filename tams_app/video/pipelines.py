@@ -9,7 +9,7 @@ time pushes from. Settings and their reasons: FINDINGS 2 and 3.
 from __future__ import annotations
 
 from tams_app.config import VideoConfig
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc, repair_ssrc
 from tams_app.video.repair import RepairRule
 

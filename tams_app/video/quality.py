@@ -10,7 +10,7 @@ from collections import OrderedDict, deque
 from dataclasses import dataclass, replace
 
 from tams_app.records import FrameQuality
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.ssim import FrameMoments, Luma, ssim
 
 FREEZE_NS = 200 * NS_PER_MS

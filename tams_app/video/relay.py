@@ -20,9 +20,9 @@ from typing import Any
 from tams_app.config import Network
 from tams_app.errors import ConfigError
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketFate, PacketKind, PacketRecord
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import identify, read_rtcp

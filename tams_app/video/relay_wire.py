@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 # A session that stalls for a minute at 1000 packets/s leaves no gap in its records.
 REPORT_BUFFER_BYTES = 4_000_000

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tams_app.config import Network, RepairConfig
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 _RTX_WORTH_MS = 200.0  # beyond this a resent packet comes too late for the operator
 _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling

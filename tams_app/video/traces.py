@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 from tams_app.capacity import LARGEST_KBPS, SMALLEST_KBPS, RateTrace
 from tams_app.errors import ConfigError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 CSV_HEADER = "t_ms,kbps"
 _OPPORTUNITY_BITS = 1500 * 8

@@ -13,7 +13,8 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 from tams_app.video.frame_identity import index_of_pts, pts_of_index
 from tams_app.video.rate_control import EncoderServo, SourceDrop
 

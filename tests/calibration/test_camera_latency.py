@@ -4,8 +4,8 @@ import pytest
 import yaml
 
 from tams_app.config import load_config
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.session.build import camera_delays_ns
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.cameras.flashes import Flashes, camera_latency, switchings
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

@@ -12,7 +12,8 @@ import pytest
 
 from calibration.cameras.screen import flashing_window
 from tams_app.errors import SetupError
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

@@ -27,7 +27,7 @@ from calibration.weights.cutting import (
 from calibration.weights.sources import Segment, decode, open_session, phase_segments
 from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Frame, Phase, PhaseChange
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.calibration.weights_session import (
     HEIGHT,
     VIDEO,

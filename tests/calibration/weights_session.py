@@ -12,7 +12,8 @@ from tams_app import gst
 from tams_app.config import VideoConfig, load_config
 from tams_app.recording import Recorder, ReferenceRecorder
 from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 from tests.synthetic_session import FPS, START_NS, VIEWS, capture_ns, header
 
 WIDTH, HEIGHT = 160, 120

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tams_app.console.terminal import Confirmations
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 

@@ -10,8 +10,7 @@ from rich.console import Console
 
 from hw.gstreamer.file_source import PatternSource
 from hw.openvr.devices import ControllerInfo
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config

@@ -22,7 +22,7 @@ from rich.console import Console
 
 from hw.lite6.codes import ErrorCode, Register, State
 from hw.lite6.kinematics import HOME_JOINTS
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console.home import run_home

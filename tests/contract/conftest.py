@@ -11,18 +11,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hw.arm import Arm, ServoMode, TcpBoundary
+from hw.arm import Arm, GripperDrive, ServoMode, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel, ReportKind
-from hw.sim.controller.plant import GripperDrive, IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.records import ArmState, Twist
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.units import NS_PER_S
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())

@@ -19,7 +19,8 @@ from hw.openvr.controller import OpenVrController
 from hw.sim.operator.hand import Button, Hand, HandCommand
 from tams_app.config import ControllerConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 

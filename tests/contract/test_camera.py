@@ -11,7 +11,7 @@ import pytest
 from hw.camera import Camera
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.contract.camera_rigs import SMALL, VIEW, CameraRig, FileRig, PatternRig, SimRig, V4l2Rig
 from tests.hw.v4l2.fake_cameras import CameraProcess, camera_process
 

@@ -9,7 +9,7 @@ import pytest
 
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tests.contract.controller_rigs import ControllerRig, OpenVrRig, VirtualControllerRig
 from tests.hw.sim.operator.faulty_controller import SensorFault
 

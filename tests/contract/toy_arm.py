@@ -17,12 +17,14 @@ from hw.arm import (
     ArmKinematics,
     ArmLimits,
     FoundArm,
+    GripperDrive,
+    Plant,
     ServoMode,
     SimulatedArm,
     TcpBoundary,
 )
 from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
-from hw.sim.controller.plant import GripperDrive, IdealPlant, Plant
+from hw.sim.controller.model import IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import (
@@ -35,7 +37,8 @@ from tams_app.records import (
     Twist,
     Vector,
 )
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 
 CYCLE_NS = 4_000_000
 CYCLE_S = CYCLE_NS / NS_PER_S
@@ -305,6 +308,19 @@ class ToyStop:
         self._socket.close()
 
 
+def simulated_toy(
+    config: ArmConfig,
+    clock: Clock,
+    joints: Vector,
+    boundary: TcpBoundary | None,
+    plant: Plant | None = None,
+    gripper_closed: bool | None = None,
+) -> SimulatedArm:
+    box = ToyBox(joints, plant)
+    box.gripper_closed = gripper_closed
+    return ToyArm(config, clock, box, boundary)
+
+
 class _Found:
     problem = ""
     description = "a toy"
@@ -314,6 +330,7 @@ class ToyKind(ArmKind):
     title = "toy"
     limits = LIMITS
     stop_channel = "tests.contract.toy_arm:ToyStop"
+    simulation = "tests.contract.toy_arm:simulated_toy"
 
     def make_arm(
         self,
@@ -322,23 +339,10 @@ class ToyKind(ArmKind):
         control_rate_hz: float,
         boundary: TcpBoundary | None,
     ) -> Arm:
-        return self.simulate(config, clock, np.radians(config.ready_joints_deg), boundary)
+        return simulated_toy(config, clock, np.radians(config.ready_joints_deg), boundary)
 
     def kinematics(self, config: ArmConfig) -> ArmKinematics:
         return Lite6Model(offset_from_mm_deg(config.tcp_offset_mm_deg))
-
-    def simulate(
-        self,
-        config: ArmConfig,
-        clock: Clock,
-        joints: Vector,
-        boundary: TcpBoundary | None,
-        plant: Plant | None = None,
-        gripper_closed: bool | None = None,
-    ) -> SimulatedArm:
-        box = ToyBox(joints, plant)
-        box.gripper_closed = gripper_closed
-        return ToyArm(config, clock, box, boundary)
 
     def find(self, config: ArmConfig) -> FoundArm:
         return _Found()

@@ -21,7 +21,7 @@ from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.listener import Listener
@@ -31,6 +31,7 @@ from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.safety import Request as ArmRequest
+from tams_app.units import NS_PER_S
 from tams_app.video.repair import repair_rule
 from tests.faults.frames import Frames, Sight
 from tests.faults.hand import Hand

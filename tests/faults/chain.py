@@ -12,11 +12,12 @@ import numpy as np
 from hw.camera import Camera
 from tams_app.config import Network, load_config
 from tams_app.records import Frame, Image, PacketRecord, ShownFrame
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_S
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.virtual_bench import VirtualBench
 

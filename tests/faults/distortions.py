@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tams_app.records import ControllerSample, ControllerStatus, Pose
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tests.faults.hand import Distortion
 
 _NO_BUTTONS = (

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from tams_app.runtime.clock import NS_PER_MS, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS
 
 PICTURE_DELAY_NS = 60 * NS_PER_MS
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from hw.controller import Controller
 from tams_app.config import Config
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Vector
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 _TREMOR_M = 2e-5
 _HAND_AT = (0.0, 1.0, -0.3)

@@ -20,7 +20,7 @@ import pytest
 from hw.arm import ServoMode
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import State
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig
 from tams_app.records import LinkFault, Twist

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS
 from tests.faults import distortions
 from tests.faults.bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
 from tests.faults.braking import TICKS_TO_REST, holds, keeps_stop_profile

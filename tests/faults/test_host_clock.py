@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_S
 from tests.faults.bench import ACROSS
 from tests.faults.virtual_bench import VirtualBench
 

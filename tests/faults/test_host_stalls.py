@@ -10,8 +10,9 @@ from hw.guard.link import GuardMessage, Heartbeat
 from hw.guard.process import HeartbeatWatch, Watch
 from hw.lite6.codes import Register, State
 from hw.sim.controller.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, FixedRate, VirtualClock
+from tams_app.runtime.clock import FixedRate, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.faults.bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
 from tests.faults.promises import is_logged, recovers_from_fault, recovers_from_hold, stands
 from tests.faults.virtual_bench import VirtualBench

@@ -14,8 +14,8 @@ import pytest
 from tams_app.config import Network, load_config
 from tams_app.errors import HelperError
 from tams_app.records import ShownFrame
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_S
 from tams_app.video.traces import format_trace
 from tests.faults.bench import NETWORK
 from tests.faults.braking import TICKS_TO_REST, comes_to_rest

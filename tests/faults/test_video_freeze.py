@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tams_app.records import Phase
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS
 from tests.faults.bench import ACROSS, DOWN, FULL_SPEED_M_S, PERIOD_NS
 from tests.faults.braking import TICKS_TO_REST, holds
 from tests.faults.frames import PICTURE_DELAY_NS

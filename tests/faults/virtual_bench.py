@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 from hw.lite6.codes import Register
 from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.records import ArmState, Vector
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
+from tams_app.units import NS_PER_S
 from tests.faults.bench import ACROSS, PERIOD_NS, RATE_HZ, Bench, Pace, configuration
 from tests.faults.frames import Sight
 from tests.faults.wire import Request, tapped_model

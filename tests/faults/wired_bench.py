@@ -19,11 +19,11 @@ from hw.lite6.uxbus import Frame
 from hw.sim.controller.server import ControllerServer
 from tams_app.config.motion import GuardConfig
 from tams_app.records import ArmState
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.runtime.worker import Worker
 from tams_app.session.guarding import Guarding
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
+from tams_app.units import NS_PER_S
 from tests.faults.bench import ACROSS, PERIOD_NS, PERIOD_S, RATE_HZ, Bench, Pace, configuration
 from tests.faults.wire import TappedModel, tapped_model
 

@@ -8,8 +8,7 @@ from hw.arm import ServoMode
 from hw.controller import Controller
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
 from tams_app.config.devices import CameraConfig
 from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
@@ -179,6 +178,9 @@ def test_a_sustained_descent_is_an_alignment(bench):
 def test_a_cameras_own_latency_counts_towards_the_age_of_the_video():
     slow = CameraConfig(source="pattern", latency_ms=400.0)
     cameras = dict.fromkeys(CONFIG.video.views, slow)
+    cameras = {
+        view: CameraConfig(source="pattern", latency_ms=400.0) for view in CONFIG.video.views
+    }
     rig = CONFIG.rig.model_copy(update={"enabled": False})
     for latency, arming in ((False, ArmingState.ENGAGED), (True, ArmingState.HOLDING)):
         bench = Bench(CONFIG.model_copy(update={"rig": rig, "cameras": cameras if latency else {}}))

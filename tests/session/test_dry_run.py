@@ -12,14 +12,14 @@ from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import Register, State
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Twist
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.dry_run import DryRunArm
+from tams_app.units import NS_PER_S
 from tests.faults.wire import TappedModel
 from tests.hw.lite6.controller_rig import until
 

@@ -8,8 +8,7 @@ import pytest
 from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
 from tams_app.records import Allocation, Frame, Phase, PhaseChange, ShownFrame, Tick
 from tams_app.runtime.clock import VirtualClock

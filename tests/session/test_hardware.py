@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.recording import read_log

@@ -15,14 +15,14 @@ from hw.boundary import reach_boundary, session_boundary
 from hw.lite6.codes import ErrorCode, State
 from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.inprocess_arm import InProcessArm
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

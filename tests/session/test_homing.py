@@ -13,7 +13,6 @@ from hw.lite6.kinematics import HOME_JOINTS
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmFault, ArmState, CommandLink, LinkFault, Pose
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.homing import (
     Action,
     HeldKey,
@@ -22,6 +21,7 @@ from tams_app.session.homing import (
     HomingState,
     path_to_ready,
 )
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

@@ -9,9 +9,10 @@ import pytest
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
 from tams_app.records import Allocation, Phase, PhaseChange
-from tams_app.runtime.clock import NS_PER_MS, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session.listener import Listener
 from tams_app.session.policy_loop import PolicyLoop
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.waiting
 

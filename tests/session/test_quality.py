@@ -14,8 +14,8 @@ import pytest
 
 from tams_app.config import VideoConfig
 from tams_app.records import Frame, FrameQuality, Image, ShownFrame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.session.quality import RECENT_SCORES, LiveQuality
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

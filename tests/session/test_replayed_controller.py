@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
-from tams_app.runtime.clock import NS_PER_MS
 from tams_app.session.recorded_hand import ReplayedController
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import ClutchConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.clutch import MENU_HOLD_NS, Buttons, Clutch, is_fresh
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

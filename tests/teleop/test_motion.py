@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from tams_app.config import HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.motion import HandMotion, is_frozen
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

@@ -6,7 +6,6 @@ import itertools
 
 import pytest
 
-from tams_app.runtime.clock import NS_PER_S
 from tams_app.teleop.safety import (
     CLEAR_CONSENT_NS,
     CLEARABLE,
@@ -17,6 +16,7 @@ from tams_app.teleop.safety import (
     Reason,
     Request,
 )
+from tams_app.units import NS_PER_S
 from tests.teleop.arming_table import ARROWS, CAN_BE_CLEARED, Consent, Tick, Trigger, oracle
 
 pytestmark = pytest.mark.waiting

@@ -17,10 +17,10 @@ from tams_app.records import (
     Pose,
     ServoMode,
 )
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.teleop.watch import Watch
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.teleop.rig import make_config
 
 pytestmark = pytest.mark.waiting

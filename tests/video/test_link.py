@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tams_app.capacity import ConstantCapacity, RateTrace, TraceCapacity, UnlimitedCapacity
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.link import Link
 
 pytestmark = pytest.mark.untimed

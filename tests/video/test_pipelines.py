@@ -9,7 +9,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tams_app.video import pipelines
 from tams_app.video.frame_identity import FrameIdentity, pts_of_index
 from tams_app.video.repair import RepairRule

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.quality import Fate, Scorer, ViewQuality
 from tams_app.video.ssim import FrameMoments, Luma, ssim
 

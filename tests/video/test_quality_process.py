@@ -15,7 +15,7 @@ import pytest
 
 from tams_app.errors import HelperError
 from tams_app.records import Frame, FrameQuality, Image, ShownFrame
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, FrameWriter, RingLayout
 from tams_app.video.quality_client import QualityClient
 from tams_app.video.quality_process import WAITING_FATES, SparePace, ViewScores, run

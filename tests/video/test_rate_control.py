@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tams_app.video.rate_control import WINDOW_FRAMES, EncoderServo
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import EncoderChain

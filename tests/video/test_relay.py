@@ -13,7 +13,7 @@ import pytest
 from tams_app.config import Network
 from tams_app.errors import HelperError
 from tams_app.records import PacketFate, PacketKind
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.link import Link
 from tams_app.video.relay_client import RelayClient
 from tams_app.video.udp import ViewPorts

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import Network, RepairConfig
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.repair import KeyframeRequests, RepairRule, repair_rule
 
 pytestmark = pytest.mark.untimed

@@ -4,7 +4,7 @@ import pytest
 
 from tams_app.capacity import TraceCapacity
 from tams_app.errors import ConfigError
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.networks import read_trace
 from tams_app.video.traces import format_trace, parse_trace
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 
-from hw.arm import ServoMode, SimulatedArm, TcpBoundary
+from hw.arm import GripperDrive, Plant, ServoMode, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
     LITE6_TYPE,
@@ -32,13 +32,14 @@ from hw.lite6.commands import (
 from hw.lite6.discovery import unfitness
 from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
-from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
-from hw.sim.controller.plant import GripperDrive, IdealPlant
+from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
+from hw.sim.controller.settings import outputs_for
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
-from tams_app.runtime.clock import NS_PER_S, Clock
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist, Vector
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 
 MOVE_ACCELERATION_RAD_S2 = 1.0
 GRIPPER_ATTEMPTS = 3
@@ -307,3 +308,17 @@ class InProcessArm(SimulatedArm):
         return return_code_sentence(
             Code.INVALID if status & ReplyBit.INVALID else Code.NOT_READY, call
         )
+
+
+def simulated_lite6(
+    config: ArmConfig,
+    clock: Clock,
+    joints: Vector,
+    boundary: TcpBoundary | None,
+    plant: Plant | None,
+    gripper_closed: bool | None,
+) -> InProcessArm:
+    """The `simulation` of the Lite 6; see `hw.arms.simulated_arm`."""
+    model = ControllerModel(plant or IdealPlant(), joints)
+    model.settings.tool_outputs = outputs_for(gripper_closed)
+    return InProcessArm(config, clock, model, boundary)

@@ -6,17 +6,24 @@ in virtual time.
 
 from __future__ import annotations
 
+from hw.arm import GripperDrive, Plant, PlantState
 from hw.lite6.codes import Register, ReplyBit
 from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.errors import CommandError, MotionError
 from hw.sim.controller.joint_servo import CYCLE_NS
-from hw.sim.controller.plant import Plant
 from hw.sim.controller.registers import serve_register
 from hw.sim.controller.reports import ReportKind, pack_report
 from tams_app.records import Vector
 
-__all__ = ["CYCLE_NS", "ControllerModel", "ReportKind"]
+__all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
+
+
+class IdealPlant:
+    """Joints that are where they should be, at once."""
+
+    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+        return PlantState(joints_target.copy(), collision=False)
 
 
 class ControllerModel(ControllerCore):

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from hw.lite6.uxbus import Frame, FrameReader
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_S, Clock, MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_S
 
 # Every socket has a time-out of its own: the SDK, when it lives in the same process, sets the
 # global default. It bounds how long a thread overlooks the end of the server.

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hw.arm import TcpBoundary
-from hw.sim.controller.plant import GripperDrive
+from hw.arm import GripperDrive, TcpBoundary
 
 _WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))
 _DRIVES = {0b01: GripperDrive.OPEN, 0b10: GripperDrive.CLOSE}  # of the first two tool outputs

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tams_app.records import Pose, Vector
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 FOLLOW_LAG_NS = 100 * NS_PER_MS  # how far operators believe the arm to be behind the hand
 

@@ -20,7 +20,7 @@ from hw.sim.operator.servoing import HandMap, Sight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import Haptic, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 CONFIRM_HOLD_NS = 1_300 * NS_PER_MS  # the menu button must be held for 1 s
 BLIND_AFTER_NS = 800 * NS_PER_MS  # a view older than this is no view: the operator lets go

@@ -28,7 +28,7 @@ from hw.sim.operator.vision.detector import Detector
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from tams_app.config import Config
 from tams_app.records import Image, Pose, Vector
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 Images = Callable[[], Mapping[str, Image | None]]
 _FINGERS_MOVED_M = 0.0015  # between glances

@@ -16,7 +16,7 @@ from hw.sim.layout import BLOCK_EDGE_M, CONTAINER_INNER_M
 from hw.sim.operator.hand import Button
 from hw.sim.operator.servoing import GAIN_PER_S, Sight, approach, grasp_turn, nearby, speed_factor
 from tams_app.records import Vector
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 TRAVEL_HEIGHT_M = (0.12, 0.20)  # the tool's, over whatever stands on the table
 GRASP_ABOVE_CENTRE_M = 0.001

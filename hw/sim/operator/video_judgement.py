@@ -15,7 +15,7 @@ import numpy as np
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.records import Image, Vector
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 _CANDIDATES_NS = [lag * 25 * NS_PER_MS for lag in range(33)]  # to 800 ms
 _USUAL_NS = 200 * NS_PER_MS  # arm and video when nothing is wrong

@@ -28,7 +28,7 @@ from hw.sim.operator.hand import Button, Hand
 from tams_app.config import Config, OperatorConfig
 from tams_app.errors import ConfigError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 # Runtimes fuse cameras with inertial sensors: the error wanders rather than jumps at each sample.
 NOISE_CORRELATION_NS = 200 * NS_PER_MS

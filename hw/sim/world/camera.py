@@ -6,7 +6,8 @@ from hw.camera import Camera
 from hw.sim.world.rig_memory import FrameReader, FrameShape
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _POLL_NS = NS_PER_MS
 _IDLE_POLL_NS = 10 * NS_PER_MS

@@ -16,9 +16,10 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
 from hw.sim.world.rig_memory import FrameGrid, FrameShape, FrameWriter, WorldReader
 from tams_app.errors import TamsError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock, MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RENDERER_NICE, use_nice
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _START_DELAY_NS = 50 * NS_PER_MS
 _STALE_NS = 200 * NS_PER_MS  # a world that has stopped has cameras that have stopped

@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from hw.sim.controller.plant import GripperDrive, PlantState
+from hw.arm import GripperDrive, PlantState
 from hw.sim.gripper import FINGER_TRAVEL_M
 from hw.sim.layout import Layout
 from hw.sim.world.lite6_model import GRIP_FORCE_N, JOINTS

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from hw.arm import ServoMode
-from hw.arms import arm_kind
+from hw.arms import simulated_arm
 from hw.boundary import session_boundary
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
@@ -17,9 +17,10 @@ from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, SceneTruth, Vector
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
+from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.devices import Note
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
@@ -35,8 +36,7 @@ class VirtualRobot:
         boundary = session_boundary(config.arm, config.limits)
         self.layout = draw_layout(config.seed)
         self._world = World(self.layout, joints)
-        kind = arm_kind(config.arm.model)
-        self.arm = kind.simulate(config.arm, clock, joints, boundary, self._world)
+        self.arm = simulated_arm(config.arm, clock, joints, boundary, self._world)
         self.gate = ArmGate(self.arm, ServoMode(config.arm.servo), boundary, note)
 
     def catch_up(self) -> int:

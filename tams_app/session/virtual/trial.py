@@ -17,7 +17,7 @@ from tams_app.errors import ConfigError
 from tams_app.recording import read_log
 from tams_app.recording.direct import DirectRecorder
 from tams_app.records import Outcome, PhaseChange, ShownFrame
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
@@ -31,6 +31,7 @@ from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.study.runner import TrialSpec
 from tams_app.summary.file import save_summary
+from tams_app.units import NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 START_NS = NS_PER_S

@@ -9,7 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 from random import Random
 
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.pipelines import (
     RECEIVER_REPORTS_NS,
     SENDER_REPORTS_NS,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from enum import Enum
 from random import Random
 
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 _RTCP_SHARE = 0.05  # of the session's bandwidth
 _COMPENSATION = 2.71828 - 1.5  # RFC 3550, 6.3.1: reconsideration converges to less than intended

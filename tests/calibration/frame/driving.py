@@ -13,11 +13,12 @@ from hw.sim.operator.demo import demo_controller
 from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.records import Outcome
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.study.trial import TrialJudge
+from tams_app.units import NS_PER_S
 
 
 def _ignore(*_: object) -> None:

@@ -8,7 +8,7 @@ from calibration.frame.capture import Capture, Held, touch_of
 from calibration.frame.stroke import Reason, RefusedError
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

@@ -9,7 +9,7 @@ from calibration.frame.result import rows
 from calibration.frame.sources import SIX_DIRECTIONS
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

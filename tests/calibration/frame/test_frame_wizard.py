@@ -31,7 +31,7 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import ControllerStatus
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.calibration.frame.synthetic import POINTS
 from tests.calibration.frame.test_frame_recorded import TRUTH, rounds, session
 from tests.scripted_ui import ScriptedUI

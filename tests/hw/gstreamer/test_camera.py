@@ -11,7 +11,8 @@ from hw.gstreamer.capture import GstCapture
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 
 SMALL = VideoConfig(width=160, height=120)
 CAPS = "video/x-raw,format=I420,width=160,height=120,framerate=30/1"

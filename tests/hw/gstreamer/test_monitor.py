@@ -13,7 +13,7 @@ from hw.gstreamer.monitor import (
     FrameStatus,
     FreezeWatch,
 )
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

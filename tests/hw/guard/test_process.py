@@ -28,9 +28,10 @@ from hw.guard.process import HeartbeatWatch, Watch
 from hw.lite6.codes import Mode, State
 from tams_app.config import ArmConfig
 from tams_app.errors import HelperError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import NOT_PERMITTED
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 
 pytestmark = pytest.mark.waiting

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig
 

@@ -19,10 +19,10 @@ from hw.lite6.report import (
     parse_status,
     read_simulation_flag,
 )
-from hw.sim.controller.model import ControllerModel, ReportKind
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_S
 from tests.hw.lite6.controller_rig import until
 
 pytestmark = pytest.mark.waiting

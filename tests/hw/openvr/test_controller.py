@@ -13,7 +13,8 @@ from hw.openvr.controller import OpenVrController
 from tams_app.config import ControllerConfig
 from tams_app.errors import ConfigError, DeviceError, TamsError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
 
 pytestmark = pytest.mark.waiting

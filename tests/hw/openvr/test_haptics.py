@@ -2,7 +2,7 @@ import pytest
 
 from hw.openvr.haptics import MIN_GAP_NS, PATTERNS, HapticPlayer, Vibration
 from tams_app.records import Haptic
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 

@@ -19,7 +19,8 @@ from hw.openvr.runtime import OpenVrRuntime
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
 
 COMPILER = shutil.which("g++")

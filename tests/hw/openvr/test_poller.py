@@ -9,7 +9,7 @@ from hw.openvr.poller import OpenVrPoller
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.openvr.fake_openvr import HEADSET, LEFT, RIGHT, SPARE, FakeDevice, FakeRuntime
 
 pytestmark = pytest.mark.untimed

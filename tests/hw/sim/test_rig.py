@@ -6,13 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from hw.sim.controller.plant import GripperDrive
+from hw.arm import GripperDrive
 from hw.sim.layout import draw_layout
 from hw.sim.rig import PublishedWorld
 from hw.sim.world.rig_memory import WorldReader, WorldState, WorldWriter, remove_memory
 from hw.sim.world.world import World
-from tams_app.runtime.clock import NS_PER_S, VirtualClock
+from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.shared_block import new_block_name
+from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.scripted_pick import CYCLE_NS, READY
 
 pytestmark = pytest.mark.untimed

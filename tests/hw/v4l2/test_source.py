@@ -12,7 +12,7 @@ from hw.v4l2.devices import CameraMode
 from tams_app.config import CameraConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.hw.v4l2.fake_cameras import (
     GREYS,
     IMAGES,

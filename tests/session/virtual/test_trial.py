@@ -13,13 +13,13 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording import SessionLog, read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual import trial as trial_module
 from tams_app.session.virtual.rig import DELIVERY_NS
 from tams_app.session.virtual.trial import START_NS, VirtualTrial, run_virtual_trial
 from tams_app.summary import summarise
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.quality import FREEZE_NS
 from tests.session.virtual.runs import (
     LONG_ENOUGH,

@@ -13,7 +13,7 @@ from hashlib import sha256
 
 from tams_app.config import Network, VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.view_decoder import ReceiverStats
 from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, VideoRecords

@@ -10,7 +10,7 @@ import pytest
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import EncodedFrame, ShownFrame
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.frame_identity import index_of_rtp_timestamp
 from tams_app.video.packets import read_rtp
 from tams_app.video.repair import RepairRule

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tams_app.video.virtual_time.rtcp_sessions import (
     Feedback,
     ReceiverSession,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual_time.rtcp_timing import Report, RtcpTiming
 
 pytestmark = pytest.mark.untimed

@@ -14,8 +14,8 @@ import pytest
 from tams_app.config import Network
 from tams_app.errors import TamsError
 from tams_app.records import PacketFate, PacketKind
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.runtime.process import PROJECT_DIRECTORY
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
 from tams_app.video.traces import format_trace
 from tams_app.video.virtual_time.shared import ProcessingTimes

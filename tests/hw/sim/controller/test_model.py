@@ -8,10 +8,10 @@ import struct
 import numpy as np
 import pytest
 
+from hw.arm import GripperDrive, PlantState
 from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
 from hw.sim.controller.model import CYCLE_NS, ControllerModel
-from hw.sim.controller.plant import GripperDrive, PlantState
 from tams_app.records import Vector
 
 pytestmark = pytest.mark.untimed

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from hw.lite6.codes import Mode, Register, ReplyBit
 from hw.lite6.kinematics import HOME_JOINTS
-from hw.sim.controller.model import ControllerModel
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant
 
 pytestmark = pytest.mark.untimed
 

@@ -12,8 +12,7 @@ from xarm.x3.report import ReportDataStructure
 from hw.arm import TcpBoundary
 from hw.lite6.codes import Mode
 from hw.lite6.kinematics import HOME_JOINTS, rotation_from_rpy, rotation_matrix
-from hw.sim.controller.model import ControllerModel, ReportKind
-from hw.sim.controller.plant import IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 
 pytestmark = pytest.mark.untimed
 

@@ -17,12 +17,12 @@ from xarm.core.config.x_config import XCONF
 from xarm.wrapper import XArmAPI
 from xarm.x3.report import ReportDataStructure
 
+from hw.arm import GripperDrive
 from hw.lite6.codes import ErrorCode, Register
-from hw.sim.controller.model import ControllerModel, ReportKind
-from hw.sim.controller.plant import GripperDrive, IdealPlant
+from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hw.arm import GripperDrive
 from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
-from hw.sim.controller.plant import GripperDrive
 from hw.sim.layout import CONTAINER_INNER_M, Layout
 from hw.sim.world.world import World
 from tams_app.records import Pose, Vector

@@ -6,14 +6,24 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from tams_app.session.signals import Signals
+from tams_app.session.virtual.robot import VirtualRobot
+
 from hw.sim.operator.seeing import Reliance, SeeingParticipant
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, Vector
+<<<<<<< HEAD
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
+=======
+from tams_app.runtime.clock import VirtualClock
+from tams_app.session import build
+from tams_app.session.control import ControlHooks
+from tams_app.units import NS_PER_MS, NS_PER_S
+>>>>>>> seam-2
 
 FRAME_NS = NS_PER_S // 30
 

@@ -18,7 +18,7 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image, Vector
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 from tests.hw.sim.operator.scripted_pick import READY
 
 pytestmark = pytest.mark.untimed

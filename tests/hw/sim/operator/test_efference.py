@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy, FollowCheck
 from tams_app.records import Pose
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 

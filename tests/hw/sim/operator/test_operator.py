@@ -12,7 +12,7 @@ from hw.sim.operator.perception import Percept
 from hw.sim.operator.task import Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, Pose
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.toy_robot import TICK_NS, Trial
 
 pytestmark = pytest.mark.untimed

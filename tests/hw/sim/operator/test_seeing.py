@@ -13,7 +13,7 @@ from hw.sim.operator.task import Stage
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import DEFAULT_CONFIG, load_config
 from tams_app.records import Image
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.sim.operator.seeing_rig import SeeingRig
 
 pytestmark = pytest.mark.untimed

@@ -10,7 +10,7 @@ from hw.sim.operator.perception import Estimate, GapSigmas, Percept
 from hw.sim.operator.servoing import Sight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.records import Pose
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 

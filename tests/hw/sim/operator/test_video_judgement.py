@@ -3,7 +3,7 @@ import pytest
 
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
-from tams_app.runtime.clock import NS_PER_MS
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 

@@ -8,7 +8,7 @@ from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import Operator
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 from tests.hw.sim.operator.toy_robot import TICK_NS, Trial
 

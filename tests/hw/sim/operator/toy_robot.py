@@ -21,7 +21,7 @@ from hw.sim.operator.operator import Operator
 from hw.sim.operator.task import Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, SceneTruth, Vector
-from tams_app.runtime.clock import NS_PER_S
+from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.faulty_controller import FaultyController
 
 TICK_NS = round(NS_PER_S / 120)

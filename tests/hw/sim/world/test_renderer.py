@@ -14,10 +14,11 @@ from hw.sim.world.camera import SimCamera
 from hw.sim.world.renderer import CameraSchedule
 from hw.sim.world.rig_memory import FrameShape, FrameWriter, WorldReader, remove_memory
 from tams_app.errors import HelperError
-from tams_app.runtime.clock import NS_PER_S, MonotonicClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import RENDERER_NICE
 from tams_app.runtime.shared_block import new_block_name
+from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting
 

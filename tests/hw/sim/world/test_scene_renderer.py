@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hw.sim.controller.plant import GripperDrive
+from hw.arm import GripperDrive
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.scene_renderer import SceneRenderer

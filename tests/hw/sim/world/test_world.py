@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hw.arm import GripperDrive
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
-from hw.sim.controller.plant import GripperDrive
 from hw.sim.layout import BLOCK_EDGE_M, draw_layout
 from hw.sim.world.world import World
 from tests.hw.sim.operator.scripted_pick import ARM, CYCLE_NS, READY, ScriptedPick

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.sim.controller.plant import GripperDrive
+from hw.arm import GripperDrive
 from hw.sim.layout import Layout, draw_layout
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
