@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TOOL_YAW, Gap
+from hw.sim.operator.detector import Detector
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
 from hw.sim.operator.operator import Operator
 from hw.sim.operator.participant import ParticipantProfile
@@ -24,7 +25,6 @@ from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
-from hw.sim.operator.vision.detector import Detector
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from tams_app.config import Config
 from tams_app.records import Image, Pose, Vector
