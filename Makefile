@@ -34,12 +34,14 @@ else
 	$(PY) -m coverage report --skip-covered --fail-under=100
 endif
 
-# Long matrices (tests marked `verify`), and an installation of the package elsewhere.
+# Long matrices (tests marked `verify`), the benchmarks' own tests, and an installation of the
+# package elsewhere.
 # 5 is pytest's exit code for a group in which no test is marked.
 verify: $(READY) installed
 	$(ALONE) $(PY) -m pytest -m "verify and untimed" -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(ALONE) $(PY) -m pytest -m "verify and waiting" -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(PY) -m pytest -m "verify and timed" $(TIMED) || [ $$? -eq 5 ]
+	$(ALONE) $(PY) -m pytest benchmarks/tests
 
 # `pip install .` into an empty environment, and a simulated session from a folder of its own.
 installed: $(READY)

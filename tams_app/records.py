@@ -347,28 +347,28 @@ class Outcome:
 class OperatorGlance:
     """Which view told the simulated operator how much in one glance at the screen.
 
-    Shares of what the glance added to knowing the way from tool to block and from tool to
+    Shares of what the glance added to knowing the vector from tool to block and from tool to
     container: by view, summing to 1; empty when the glance told nothing.
     """
 
     t_ns: int
-    stage: str  # of the task, as he believes
+    stage: str  # of the task, as the operator believes
     to_block: dict[str, float]
     to_container: dict[str, float]
-    about_block: bool  # what he was about then: the way to the block, else to the container
+    about_block: bool  # what the stage is about: the block, else the container
     block_sigma: float  # [m], after the glance
     container_sigma: float  # [m]
-    lag_ns: int  # hand to eye, as he judges it
-    hanging: tuple[str, ...]  # views in which he noticed that nothing moves
+    lag_ns: int  # hand to eye, as the operator judges it
+    hanging: tuple[str, ...]  # views in which nothing moves although the hand does
 
     @property
     def relied_on(self) -> dict[str, float]:
-        """The shares that counted for what he was about."""
+        """The shares that counted for what the stage is about."""
         return self.to_block if self.about_block else self.to_container
 
     @property
     def sigma(self) -> float:
-        """How sure he was of the way to what he was about [m]."""
+        """How surely the vector to what the stage is about was known [m]."""
         return self.block_sigma if self.about_block else self.container_sigma
 
 

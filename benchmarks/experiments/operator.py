@@ -32,7 +32,7 @@ from tams_app.records import Image
 
 RESULTS = Path(__file__).parent / "results"
 PAPER_S1_S = (23.4, 24.7)  # mean completion times over its three strategies
-_TO_BLOCK = (Stage.REACH, Stage.TURN, Stage.DESCEND, Stage.CLOSE, Stage.LIFT)
+_BEFORE_GRASP = (Stage.REACH, Stage.TURN, Stage.DESCEND)
 _NICE = 10
 _SURE_M = 0.01
 _BLUR_PX, _JPEG_QUALITY = 2.0, 15
@@ -98,9 +98,9 @@ def _errors(rig: OperatorRig) -> list[float]:
     """
     errors = []
     for before, seen in pairwise(rig.watched):
-        sigma = seen.reliance.block_sigma
+        sigma = seen.glance.block_sigma
         stands = float(np.linalg.norm(seen.true_gap - before.true_gap)) < _STANDS_M
-        if stands and seen.stage in _TO_BLOCK[:3] and sigma < _SURE_M:
+        if stands and seen.stage in _BEFORE_GRASP and sigma < _SURE_M:
             error = float(np.linalg.norm((seen.believed_gap - seen.true_gap)[:2]))
             errors.append(1000.0 * error)
     return errors
@@ -110,8 +110,7 @@ def _reliance(rig: OperatorRig) -> dict[str, dict[str, float]]:
     """Mean share of each view at each stage, for the goal of that stage."""
     shares: dict[str, list[dict[str, float]]] = {}
     for seen in rig.watched:
-        told = seen.reliance
-        share = told.to_block if seen.stage in _TO_BLOCK else told.to_container
+        share = seen.glance.relied_on
         if share:
             shares.setdefault(seen.stage.value, []).append(share)
     return {

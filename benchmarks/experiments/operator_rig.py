@@ -11,12 +11,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from benchmarks.operator_calibration import NormalisedErrors, normalised_errors
-from hw.sim.operator.seeing import Reliance, SeeingParticipant
+from hw.sim.operator.seeing import SeeingParticipant
 from hw.sim.operator.task import Stage
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
 from tams_app.config import Config
-from tams_app.records import Image, Outcome, SceneTruth, Vector
+from tams_app.records import Image, OperatorGlance, Outcome, SceneTruth, Vector
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
@@ -32,7 +32,7 @@ class Watched:
     """What a spectator notes at each glance; `true_gap` never reaches the operator."""
 
     stage: Stage
-    reliance: Reliance
+    glance: OperatorGlance
     believed_gap: Vector  # from tool to block [m], shape (3,), at the glance
     true_gap: Vector
     errors: NormalisedErrors  # against what the images on screen showed
@@ -103,7 +103,9 @@ class OperatorRig:
         self._cameras = CameraImages(robot.layout, config.seed, sigma)
         self._screen = Screen(config, self._cameras, delay_ns, distort)
         self.watched: list[Watched] = []
-        seeing = SeeingParticipant(config, participant, self._screen.images, self._note)
+        self._participant = seeing = SeeingParticipant(
+            config, participant, self._screen.images, self._note
+        )
         self.eyes, self.operator = seeing.eyes, seeing.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
         video = SteadyVideo(delay_ns)
@@ -135,7 +137,7 @@ class OperatorRig:
         self._clock.advance_ns(round(NS_PER_S / self._config.control.rate_hz))
         self._robot.catch_up()
         self._screen.take(self.now_ns, self._robot.qpos, self._robot.truth())
-        self.eyes.watch(self.now_ns)
+        self._participant.watch(self.now_ns)
         output = self.loop.tick(self.now_ns)
         self._robot.gate.serve()
         if output.deadman and output.arming.value == "engaged":
@@ -148,13 +150,13 @@ class OperatorRig:
         self._robot.arm.close()
         self._cameras.close()
 
-    def _note(self, reliance: Reliance) -> None:
+    def _note(self, glance: OperatorGlance) -> None:
         truth, stage = self._robot.truth(), self.operator.stage
         shown = self._screen.shown()
         self.watched.append(
             Watched(
                 stage,
-                reliance,
+                glance,
                 self.eyes.belief.block - self.eyes.belief.tcp,
                 truth.block.position - truth.tcp.position,
                 normalised_errors(self.eyes.belief, stage, self.eyes.asked_speed_m_s, shown),

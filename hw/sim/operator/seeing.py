@@ -9,47 +9,31 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TOOL_YAW, Gap
+from hw.sim.operator.detector import Detector
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
 from hw.sim.operator.operator import Operator
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Estimate, GapSigmas, Percept
 from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.task import Stage
 from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
-from hw.sim.operator.vision.detector import Detector
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from tams_app.config import Config
-from tams_app.records import Image, Pose, Vector
+from tams_app.records import Image, OperatorGlance, Pose, Vector
 from tams_app.units import NS_PER_S
 
 Images = Callable[[], Mapping[str, Image | None]]
 _FINGERS_MOVED_M = 0.0015  # between glances
 _LONGEST_S = 1.0  # between glances that a prediction makes sense of
-
-
-@dataclass(frozen=True, slots=True)
-class Reliance:
-    """How much each view told the operator in one glance.
-
-    Shares of what the glance added to knowing the vector from tool to block and from tool to
-    container: by view, summing to 1; empty when the glance told nothing.
-    """
-
-    t_ns: int  # of the glance
-    to_block: dict[str, float]
-    to_container: dict[str, float]
-    block_sigma: float  # [m], after the glance
-    container_sigma: float  # [m]
-    lag_ns: int  # hand to eye, as the operator judges it
-    frozen: tuple[str, ...]  # views in which nothing moves although the hand does
+_ABOUT_BLOCK = frozenset((Stage.REACH, Stage.TURN, Stage.DESCEND, Stage.CLOSE, Stage.LIFT))
 
 
 class SeeingPerception:
@@ -60,23 +44,16 @@ class SeeingPerception:
     """
 
     def __init__(
-        self,
-        images: Images,
-        asked: EfferenceCopy,
-        sampling_s: float,
-        delay_s: float,
-        tell: Callable[[Reliance], None],
+        self, images: Images, asked: EfferenceCopy, sampling_s: float, delay_s: float
     ) -> None:
         """`images`: what is on screen now, BGR 640 by 480, by view (None: nothing yet).
 
-        `asked`: the operator's own. `delay_s`: from the eye to the hand. `tell` hears of each
-        glance.
+        `asked`: the operator's own. `delay_s`: from the eye to the hand.
         """
         self._images = images
         self._asked = asked
         self._period_ns = round(sampling_s * NS_PER_S)
         self._delay_ns = round(delay_s * NS_PER_S)
-        self._tell = tell
         wrist = {"eih": wrist_camera()}
         self.belief = Belief(fixed_cameras(), wrist)  # others may read it
         self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
@@ -90,13 +67,13 @@ class SeeingPerception:
         self._coming: deque[tuple[int, Percept]] = deque()
         self._percept: Percept | None = None
 
-    def watch(self, now_ns: int) -> bool:
-        """Glance at the images if it is time to; True if it was."""
+    def watch(self, now_ns: int, stage: Stage) -> OperatorGlance | None:
+        """Glance at the images if it is time to; `stage`: of the task, as the operator believes."""
         if self._last_ns is not None and now_ns - self._last_ns < self._period_ns:
-            return False
+            return None
         images = {view: image for view, image in self._images().items() if image is not None}
         if not images:
-            return False
+            return None
         lag_ns = self._lag.lag_ns
         before = self.belief.state.copy()
         moved = self._advance(now_ns, lag_ns)
@@ -114,8 +91,18 @@ class SeeingPerception:
         self.belief.learn_carried_part(before)
         if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
-        self._tell(self._reliance(now_ns, lag_ns, frozen))
-        return True
+        block, container = Gap.to_block(), Gap.to_container()
+        return OperatorGlance(
+            t_ns=now_ns,
+            stage=stage.value,
+            to_block=self.belief.shares(block),
+            to_container=self.belief.shares(container),
+            about_block=stage in _ABOUT_BLOCK,
+            block_sigma=self.belief.gap_sigma(block),
+            container_sigma=self.belief.gap_sigma(container),
+            lag_ns=lag_ns,
+            hanging=frozen,
+        )
 
     def look(self, now_ns: int) -> Percept | None:
         """What has been understood by `now_ns` of what was seen."""
@@ -180,34 +167,29 @@ class SeeingPerception:
             ),
         )
 
-    def _reliance(self, now_ns: int, lag_ns: int, frozen: tuple[str, ...]) -> Reliance:
-        belief, block, container = self.belief, Gap.to_block(), Gap.to_container()
-        return Reliance(
-            now_ns,
-            belief.shares(block),
-            belief.shares(container),
-            belief.gap_sigma(block),
-            belief.gap_sigma(container),
-            lag_ns,
-            frozen,
-        )
-
 
 class SeeingParticipant:
     """Participant `seed`: eyes before `images`, which are all they get of the scene, and a hand.
 
-    `eyes.watch` comes before each sample of `controller`. The same seeds, images and times give the
+    `watch` comes before each sample of `controller`. The same seeds, images and times give the
     same motion.
     """
 
     def __init__(
-        self, config: Config, seed: int, images: Images, tell: Callable[[Reliance], None]
+        self, config: Config, seed: int, images: Images, record: Callable[[OperatorGlance], None]
     ) -> None:
-        """`tell` hears of each glance."""
+        """`record` keeps each glance."""
         profile, asked = ParticipantProfile.draw(seed), EfferenceCopy()
         settings, hand = config.rig.operator, operator_hand(config)
-        self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s, tell)
+        self._record = record
+        self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s)
         self.operator = Operator(hand, settings, self.eyes, seed, True, profile, asked)
         self.controller = VirtualController(
             self.operator, settings, config.seed, rig_wiring(config)
         )
+
+    def watch(self, now_ns: int) -> None:
+        """Look, if it is time for a glance."""
+        glance = self.eyes.watch(now_ns, self.operator.stage)
+        if glance is not None:
+            self._record(glance)

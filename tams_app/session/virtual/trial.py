@@ -12,6 +12,8 @@ from pathlib import Path
 
 import cv2
 
+from hw.controller import Controller
+from hw.sim.operator.seeing import SeeingParticipant
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.recording import read_log
@@ -25,8 +27,8 @@ from tams_app.session.engine import Engine
 from tams_app.session.folder import save_config
 from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ
+from tams_app.session.recorded_hand import recorded_hand
 from tams_app.session.recorders import LOG_NAME, SessionRecords, session_header
-from tams_app.session.virtual.hand import make_hand
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.study.runner import TrialSpec
@@ -107,12 +109,12 @@ class VirtualTrial(Listener):
             stack.callback(self._video.close)
             self._cameras = VirtualCameras(config, self._robot, self._events, self._video.push)
             stack.callback(self._cameras.close)
-            self._hand = make_hand(config, participant_seed, self._video.frames, self._log.record)
+            self._controller, self._look = self._hand(participant_seed)
             robot = self._robot
             self._engine = Engine(
                 config,
                 self._clock,
-                ConnectedDevices(robot.arm, robot.gate, self._hand.controller, robot.truth),
+                ConnectedDevices(robot.arm, robot.gate, self._controller, robot.truth),
                 self._video,
                 self._log,
                 Signals(),
@@ -151,12 +153,22 @@ class VirtualTrial(Listener):
         stack.callback(log.close)
         return SessionRecords(clock, log)
 
+    def _hand(self, participant_seed: int) -> tuple[Controller, Callable[[int], None]]:
+        """The controller, and what precedes each of its samples: the participant's glance."""
+        trajectory = self._config.rig.hand_trajectory
+        if trajectory is not None:
+            return recorded_hand(Path(trajectory)), lambda _now_ns: None
+        participant = SeeingParticipant(
+            self._config, participant_seed, self._video.frames, self._log.record
+        )
+        return participant.controller, participant.watch
+
     # --- what is due when -----------------------------------------------------------------------
 
     def _begin(self) -> None:
         now_ns = self._clock.now_ns()
         self._robot.arm.connect()
-        self._hand.controller.start()
+        self._controller.start()
         self._engine.begin("virtual")
         self._cameras.start(now_ns)
         self._events.post(now_ns, self._step_policy)
@@ -168,7 +180,7 @@ class VirtualTrial(Listener):
             self._events.post(now_ns + round(limit_s * NS_PER_S), end)
 
     def _tick(self, due_ns: int) -> None:
-        self._hand.prepare(due_ns)
+        self._look(due_ns)
         self._engine.control.tick(due_ns)
         self._robot.gate.serve()
 

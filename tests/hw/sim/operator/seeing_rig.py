@@ -6,33 +6,24 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from tams_app.session.signals import Signals
-from tams_app.session.virtual.robot import VirtualRobot
-
-from hw.sim.operator.seeing import Reliance, SeeingParticipant
+from hw.sim.operator.seeing import SeeingParticipant
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
-from tams_app.records import Image, Vector
-<<<<<<< HEAD
-from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, VirtualClock
+from tams_app.records import Image, OperatorGlance, Vector
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
-=======
-from tams_app.runtime.clock import VirtualClock
-from tams_app.session import build
-from tams_app.session.control import ControlHooks
 from tams_app.units import NS_PER_MS, NS_PER_S
->>>>>>> seam-2
 
 FRAME_NS = NS_PER_S // 30
 
 
 @dataclass(frozen=True, slots=True)
-class Glance:
+class Seen:
     """What was known at a glance, from tool to block [m], shape (3,); the truth stays with us."""
 
-    reliance: Reliance
+    glance: OperatorGlance
     believed_gap: Vector
     true_gap: Vector
 
@@ -55,7 +46,7 @@ class SeeingRig:
         self._delay_ns = round(delay_ms * NS_PER_MS)
         self._distort = distort
         self._taken: deque[tuple[int, Vector]] = deque()
-        self.glances: list[Glance] = []
+        self.glances: list[Seen] = []
         self._participant = SeeingParticipant(config, participant, self.images, self._note)
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
         controller = self._participant.controller
@@ -78,7 +69,7 @@ class SeeingRig:
             self._taken.append((self.now_ns, self._robot.qpos))
         while len(self._taken) > 1 and self._taken[1][0] <= self.now_ns - self._delay_ns:
             self._taken.popleft()
-        self._eyes.watch(self.now_ns)
+        self._participant.watch(self.now_ns)
         self._loop.tick(self.now_ns)
         self._robot.gate.serve()
 
@@ -93,11 +84,11 @@ class SeeingRig:
     def close(self) -> None:
         self._robot.arm.close()
 
-    def _note(self, reliance: Reliance) -> None:
+    def _note(self, glance: OperatorGlance) -> None:
         truth = self._robot.truth()
         gap = truth.block.position - truth.tcp.position
         belief = self._eyes.belief
-        self.glances.append(Glance(reliance, belief.block - belief.tcp, gap))
+        self.glances.append(Seen(glance, belief.block - belief.tcp, gap))
 
 
 def _ignore(*_: object) -> None:

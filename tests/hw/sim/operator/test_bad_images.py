@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hw.sim.layout import draw_layout
 from hw.sim.operator.belief_state import Gap
 from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import Reliance, SeeingPerception
+from hw.sim.operator.seeing import SeeingPerception
+from hw.sim.operator.task import Stage
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
@@ -43,17 +44,14 @@ class Eyes:
 
     def __init__(self) -> None:
         self.screen: dict[str, Image | None] = {}
-        self.told: list[Reliance] = []
         self.now_ns = 0
-        self.seeing = SeeingPerception(
-            lambda: self.screen, EfferenceCopy(), 0.08, 0.12, self.told.append
-        )
+        self.seeing = SeeingPerception(lambda: self.screen, EfferenceCopy(), 0.08, 0.12)
 
     def show(self, images, glances: int) -> None:
         for glance in range(glances):
             self.screen = images(glance) if callable(images) else images
             self.now_ns += GLANCE_NS
-            assert self.seeing.watch(self.now_ns)
+            assert self.seeing.watch(self.now_ns, Stage.REACH)
 
     @property
     def gap(self) -> Vector:

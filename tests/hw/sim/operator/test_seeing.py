@@ -8,11 +8,11 @@ import pytest
 
 from hw.sim.layout import draw_layout
 from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import Reliance, SeeingPerception
+from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.operator.task import Stage
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import DEFAULT_CONFIG, load_config
-from tams_app.records import Image
+from tams_app.records import Image, OperatorGlance
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.sim.operator.seeing_rig import SeeingRig
 
@@ -70,25 +70,25 @@ def test_on_clear_images_the_operator_gets_over_the_block_and_knows_where_it_is(
     assert seconds < 12.0
     seen = rig.glances[-1]
     assert np.linalg.norm((seen.believed_gap - seen.true_gap)[:2]) < 0.004
-    assert seen.reliance.block_sigma < 0.002
+    assert seen.glance.block_sigma < 0.002
 
 
 def test_blurred_images_make_the_operator_less_certain(reaches):
     sigmas = {
-        name: float(np.median([seen.reliance.block_sigma for seen in rig.glances[10:25]]))
+        name: float(np.median([seen.glance.block_sigma for seen in rig.glances[10:25]]))
         for name, (_, rig, _) in reaches.items()
     }
     assert sigmas["blurred"] > 1.5 * sigmas["clear"]
 
 
 def test_late_images_are_noticed_as_lag_and_cost_time(reaches):
-    lags = {name: rig.glances[-1].reliance.lag_ns for name, (_, rig, _) in reaches.items()}
+    lags = {name: rig.glances[-1].glance.lag_ns for name, (_, rig, _) in reaches.items()}
     assert lags["late"] - lags["clear"] == pytest.approx(200 * NS_PER_MS, abs=80 * NS_PER_MS)
     assert reaches["late"][0] > reaches["clear"][0]
 
 
 def test_each_glance_tells_how_much_each_view_gave(reaches):
-    told = [seen.reliance for seen in reaches["clear"][1].glances]
+    told = [seen.glance for seen in reaches["clear"][1].glances]
     assert all(abs(sum(one.to_block.values()) - 1.0) < 1e-9 for one in told if one.to_block)
     assert {view for one in told for view in one.to_block} == {"eih", "gt", "gs"}
 
@@ -102,7 +102,7 @@ def test_the_same_images_and_seed_give_the_same_percepts(cameras, reaches):
         rig.close()
     assert len(rig.glances) > 4
     for one, other in zip(rig.glances, first.glances, strict=False):
-        assert one.reliance == other.reliance
+        assert one.glance == other.glance
         assert (one.believed_gap == other.believed_gap).all()
 
 
@@ -113,9 +113,9 @@ class Screen:
         self.live = live
         self.images: dict[str, Image | None] = dict(live)
         self.asked = EfferenceCopy()
-        self.told: list[Reliance] = []
+        self.told: list[OperatorGlance] = []
         self.looks = 0
-        self.eyes = SeeingPerception(self._shown, self.asked, 0.08, 0.12, self.told.append)
+        self.eyes = SeeingPerception(self._shown, self.asked, 0.08, 0.12)
         self.now_ns = NS_PER_S
 
     def _shown(self) -> dict[str, Image | None]:
@@ -127,7 +127,9 @@ class Screen:
             self.now_ns += TICK_NS
             moved = np.array([0.0, speed_m_s * TICK_NS / NS_PER_S, 0.0])
             self.asked.add(self.now_ns, moved, np.zeros(3))
-            self.eyes.watch(self.now_ns)
+            glance = self.eyes.watch(self.now_ns, Stage.REACH)
+            if glance is not None:
+                self.told.append(glance)
 
 
 @pytest.fixture
@@ -155,7 +157,7 @@ def test_frozen_images_are_noticed_by_the_moving_hand_and_grow_old(screen):
     before = screen.eyes.look(screen.now_ns)
     screen.run(1.0, speed_m_s=0.1)
     percept = screen.eyes.look(screen.now_ns)
-    assert set(screen.told[-1].frozen) == {"eih", "gt", "gs"}
+    assert set(screen.told[-1].hanging) == {"eih", "gt", "gs"}
     assert screen.now_ns - percept.t_ns > 400 * NS_PER_MS
     assert percept.gaps.block > 2.0 * before.gaps.block
     screen.run(1.0)
@@ -164,7 +166,7 @@ def test_frozen_images_are_noticed_by_the_moving_hand_and_grow_old(screen):
 
 def test_a_still_hand_suspects_nothing(screen):
     screen.run(1.5)
-    assert screen.told[-1].frozen == ()
+    assert screen.told[-1].hanging == ()
     assert screen.now_ns - screen.eyes.look(screen.now_ns).t_ns < 400 * NS_PER_MS
 
 
