@@ -4,9 +4,9 @@ from itertools import groupby, pairwise
 
 import pytest
 
+from benchmarks.trace_models import MODELS, generate, main
 from tams_app.config import CONFIG_DIRECTORY
 from tams_app.runtime.clock import NS_PER_S
-from tams_app.video.trace_models import MODELS, generate, main
 from tams_app.video.traces import parse_trace
 
 pytestmark = pytest.mark.untimed
