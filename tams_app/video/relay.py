@@ -197,7 +197,7 @@ def build(specification: dict[str, Any], connection: socket.socket) -> Relay:
     exits = {view: ViewPorts(**ports) for view, ports in specification["exits"].items()}
     capacity = network_capacity(network, specification["epoch_ns"])
     link = Link(network, capacity, exits, specification["seed"])
-    return Relay(link, exits, ReportStream(connection, tuple(exits)))
+    return Relay(link, exits, ReportStream(connection))
 
 
 def main() -> None:

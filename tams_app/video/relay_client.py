@@ -11,7 +11,7 @@ from tams_app.config import Network
 from tams_app.records import PacketRecord
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.video.networks import network_capacity
-from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
+from tams_app.video.relay_wire import RelayReport, RelayStatistics
 from tams_app.video.reporting_helper import ReportingHelper
 from tams_app.video.udp import ViewPorts
 
@@ -47,12 +47,12 @@ class RelayClient:
         self.capacity: Capacity = network_capacity(network, self.epoch_ns)
         self.statistics = RelayStatistics()
         self.scheduler = ""  # what the relay was granted
-        self._decoder = BatchDecoder(tuple(self._exits))
         self._helper = ReportingHelper(
             "relay",
             "tams_app.video.relay",
             log_directory=log_directory,
-            on_data=self._take_in,
+            report_type=RelayReport,
+            on_report=self._take_in,
             on_failure=on_failure,
             ended_unasked="the link relay ended unasked, so no video arrives; "
             "end this session and start anew",
@@ -80,8 +80,7 @@ class RelayClient:
         """End the relay and read what it still has to report; may be called twice."""
         self._helper.close()
 
-    def _take_in(self, data: bytes) -> None:
-        for records, statistics in self._decoder.feed(data):
-            self.statistics = statistics
-            if records:
-                self._on_packets(records)
+    def _take_in(self, report: RelayReport) -> None:
+        self.statistics = report.statistics
+        if report.packets:
+            self._on_packets(report.packets)
