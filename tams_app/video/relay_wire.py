@@ -1,11 +1,10 @@
-"""What the relay reports to the session: packets and its own counts."""
+"""The relay's reports on their way to the session: lists of packet records."""
 
 from __future__ import annotations
 
 import select
 import socket
 import time
-from dataclasses import dataclass, replace
 
 from tams_app.records import PacketRecord
 from tams_app.runtime.clock import NS_PER_S
@@ -15,31 +14,8 @@ from tams_app.video.reporting_helper import line_of
 REPORT_BUFFER_BYTES = 15_000_000
 
 
-@dataclass(slots=True)
-class RelayStatistics:
-    """What the relay counted since its start; the relay's own is the only one that ever changes."""
-
-    sent: int = 0  # datagrams handed on, both directions
-    late: int = 0  # of these, more than 1 ms after their time
-    lateness_total_ns: int = 0
-    lateness_max_ns: int = 0
-    unsent: int = 0  # the system refused to send them
-    overrun: int = 0  # lost before the relay, its socket buffers being full
-    unreported: int = 0  # records left out because the session did not read them in time
-    nacks: int = 0  # feedback messages on their way back
-    plis: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class RelayReport:
-    """The fates of the packets since the last report, and the counts."""
-
-    packets: list[PacketRecord]
-    statistics: RelayStatistics
-
-
 class ReportStream:
-    """Records on their way to the session; never waits, and counts what found no room.
+    """Records on their way to the session; never waits.
 
     `connection` becomes non-blocking. Bytes the session has not read stay here, up to
     `REPORT_BUFFER_BYTES`; beyond that whole reports are left out.
@@ -50,15 +26,11 @@ class ReportStream:
         self._connection = connection
         self._unsent = bytearray()
         self._gone = False
-        self.unreported = 0
 
-    def put(self, records: list[PacketRecord], statistics: RelayStatistics) -> None:
+    def put(self, records: list[PacketRecord]) -> None:
         """Queue one report and send what the connection takes."""
-        counted = replace(statistics, unreported=self.unreported)
-        line = line_of(RelayReport(records, counted))
-        if self._gone or len(self._unsent) + len(line) > REPORT_BUFFER_BYTES:
-            self.unreported += len(records)
-        else:
+        line = line_of(records)
+        if not self._gone and len(self._unsent) + len(line) <= REPORT_BUFFER_BYTES:
             self._unsent += line
         self._send()
 
