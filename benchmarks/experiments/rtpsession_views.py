@@ -16,6 +16,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import (
     IP_UDP_HEADER_BYTES,
+    EncodedFrame,
     Frame,
     PacketFate,
     PacketKind,
@@ -52,8 +53,10 @@ class RtpSessionView:
         self.shown: list[ShownFrame] = []
         self.report_bytes: Counter[tuple[str, int]] = Counter()
         self._link, self._events, self._clock = link, events, clock
-        self._wire_bytes = 0
-        self._frames = ViewEncoder(view, config, clock, start_kbps, 80.0, _ignore, _ignore)
+        self._wire_bytes = self._keyframes = 0
+        self._frames = ViewEncoder(
+            view, config, clock, start_kbps, 80.0, self._count_keyframe, _ignore
+        )
         self._images = ViewDecoder(view, config, rule, clock, self.shown.append)
         self._sender = gst.parse_pipeline(
             pipelines.session_sender(
@@ -151,7 +154,10 @@ class RtpSessionView:
             self._events.post(due_ns, partial(self._count_arrived, asked, plis))
 
     def keyframes_forced(self) -> int:
-        return self._frames.keyframes - 1
+        return self._keyframes - 1
+
+    def _count_keyframe(self, encoded: EncodedFrame) -> None:
+        self._keyframes += encoded.keyframe
 
     def _count_arrived(self, asked: int, plis: int) -> None:
         self.counts["nacks_arrived"] += asked

@@ -9,7 +9,7 @@ import numpy as np
 
 from hw.camera import Camera
 from hw.gstreamer.capture import GstCapture, RawFrame
-from hw.gstreamer.monitor import CaptureGrid, CaptureMeter, CaptureStats, FrameStatus, FreezeWatch
+from hw.gstreamer.monitor import CaptureGrid, FrameStatus, FreezeWatch
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import Frame
@@ -59,10 +59,8 @@ class GstCamera(Camera):
         self._note = note
         self._grid = CaptureGrid(video.fps)
         self._watch = FreezeWatch(source.noisy)
-        self._meter = CaptureMeter()
         self._capture: GstCapture | None = None
         self._started = False
-        self._openings = 0
         self._delivered = False  # a frame since the last opening
         self._reopen_ns = 0  # not before
         self._trouble = ""
@@ -95,10 +93,6 @@ class GstCamera(Camera):
             if self._clock.now_ns() >= deadline_ns:
                 return None
 
-    def stats(self) -> CaptureStats:
-        """Measured frame rate, age, what was missed; from any thread."""
-        return self._meter.stats(self._grid.missed, self._openings)
-
     @property
     def trouble(self) -> str:
         """What keeps the frames away now; "" while they come."""
@@ -113,7 +107,6 @@ class GstCamera(Camera):
     def _open(self) -> GstCapture:
         self._reopen_ns = self._clock.now_ns() + REOPEN_NS
         self._capture = self._source.open()
-        self._openings += 1
         self._delivered = False
         self._watch.opened(self._clock.now_ns())
         return self._capture
@@ -156,7 +149,6 @@ class GstCamera(Camera):
         index = self._grid.index(raw.capture_ns)
         if index is None:
             return None
-        self._meter.add(raw.capture_ns, now_ns)
         image = np.frombuffer(raw.data, np.uint8).reshape(self._shape).copy()
         return Frame(self.view, index, raw.capture_ns, image)
 

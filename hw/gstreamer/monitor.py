@@ -1,14 +1,12 @@
-"""Judgement of a camera's frames: their place on the time grid, freezes, rate and age.
+"""Judgement of a camera's frames: their place on the time grid, and freezes.
 
 Pure: times and bytes go in, no thread and no clock.
 """
 
 from __future__ import annotations
 
-import statistics
 import zlib
 from collections import deque
-from dataclasses import dataclass
 from enum import StrEnum
 
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -17,7 +15,6 @@ SILENCE_NS = 500 * NS_PER_MS  # without a frame: frozen
 REPETITION_NS = NS_PER_S  # without a frame that was not shown before: opened again
 REMEMBERED = 8  # frames; drivers take turns with about four buffers
 START_TIMEOUT_NS = 3 * NS_PER_S  # a USB camera takes its time to the first frame
-_WINDOW_NS = 2 * NS_PER_S
 # A frame keeps its turn until it is this many periods off its place: more than half a period, so
 # that jitter around the middle between two places does not drop and skip frames in turn.
 _GRID_TOLERANCE = 0.75
@@ -109,46 +106,3 @@ class FreezeWatch:
     def silent_from_ns(self) -> int:
         """When the camera is to be called silent if no frame comes before."""
         return self._seen_ns + self._timeout_ns
-
-
-@dataclass(frozen=True, slots=True)
-class CaptureStats:
-    """What a camera has done so far; rate and ages over the last two seconds of frames."""
-
-    frames: int
-    missed: int  # places on the time grid that stayed empty
-    openings: int
-    rate_hz: float  # measured, 0 until there are two frames
-    age_ms: float  # median time from capture to delivery
-    oldest_ms: float
-    last_capture_ns: int  # 0 before the first
-
-
-class CaptureMeter:
-    """Measures frame rate and age of the frames a camera delivers."""
-
-    def __init__(self) -> None:
-        self._recent: deque[tuple[int, int]] = deque()
-        self._frames = 0
-
-    def add(self, capture_ns: int, delivered_ns: int) -> None:
-        """A frame captured at `capture_ns` left the camera's chain at `delivered_ns`."""
-        self._frames += 1
-        self._recent.append((capture_ns, delivered_ns - capture_ns))
-        while capture_ns - self._recent[0][0] > _WINDOW_NS:
-            self._recent.popleft()
-
-    def stats(self, missed: int, openings: int) -> CaptureStats:
-        """Everything measured, together with what the grid missed and how often it was opened."""
-        recent = list(self._recent)
-        span_ns = recent[-1][0] - recent[0][0] if recent else 0
-        ages_ms = [age_ns / NS_PER_MS for _, age_ns in recent] or [0.0]
-        return CaptureStats(
-            frames=self._frames,
-            missed=missed,
-            openings=openings,
-            rate_hz=(len(recent) - 1) * NS_PER_S / span_ns if span_ns else 0.0,
-            age_ms=statistics.median(ages_ms),
-            oldest_ms=max(ages_ms),
-            last_capture_ns=recent[-1][0] if recent else 0,
-        )

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from hw.v4l2.ioctl import V4l2Device
+from hw.v4l2.ioctl import Control, V4l2Device
 from tams_app.config import CameraConfig
 from tams_app.errors import ConfigError, DeviceError
 
@@ -22,27 +21,11 @@ EXPOSURE_UNIT_US = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
-    """A control of a camera, named as v4l2-ctl prints it."""
-
-    id: int
-    name: str
-    minimum: int
-    maximum: int
-    default: int
-
-
-@dataclass(frozen=True, slots=True)
 class Setting:
     """A control and the value it is to have."""
 
     control: Control
     value: int
-
-
-def control_name(title: str) -> str:
-    """`Exposure Time, Absolute` → `exposure_time_absolute`."""
-    return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
 
 
 def refuse_long_exposure(view: str, config: CameraConfig, fps: int) -> None:
@@ -87,20 +70,6 @@ def plan_settings(config: CameraConfig, has: Sequence[Control]) -> list[Setting]
     by_name = {control.name: control for control in has}
     named = config.controls.items()
     return plan + [_setting(by_name.get(name), name, value, has) for name, value in named]
-
-
-def read_controls(device: V4l2Device) -> list[Control]:
-    """Everything that can be set."""
-    return [
-        Control(
-            info.id,
-            control_name(info.name.decode(errors="replace")),
-            info.minimum,
-            info.maximum,
-            info.default,
-        )
-        for info in device.controls()
-    ]
 
 
 def apply_settings(device: V4l2Device, settings: Iterable[Setting]) -> None:

@@ -8,15 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from hw.v4l2.ioctl import (
-    CAPTURES_VIDEO,
-    COMPRESSED,
-    DISCRETE,
-    HAS_OWN_CAPABILITIES,
-    FrameInterval,
-    FrameSize,
-    V4l2Device,
-)
+from hw.v4l2.ioctl import V4l2Device
 from tams_app.errors import DeviceError
 
 MJPEG = ("MJPG", "JPEG")
@@ -156,11 +148,10 @@ def _camera(node: Path, sys_node: Path, links: dict[str, list[str]]) -> CameraIn
     refusal = ""
     try:
         with V4l2Device(str(node)) as device:
-            capability = device.capability()
-            own = capability.capabilities & HAS_OWN_CAPABILITIES
-            if not (capability.device_caps if own else capability.capabilities) & CAPTURES_VIDEO:
+            card, captures = device.card()
+            if not captures:
                 return None
-            name = name or capability.card.decode(errors="replace")
+            name = name or card
             modes = tuple(_modes(device))
     except FileNotFoundError:
         return None
@@ -183,29 +174,9 @@ def _attribute(file: Path) -> str:
 
 
 def _modes(device: V4l2Device) -> Iterator[CameraMode]:
-    for found in device.formats():
-        fourcc = found.pixelformat.to_bytes(4, "little").decode("latin-1").strip()
-        for size in device.frame_sizes(found.pixelformat):
-            width, height, largest = _size(size)
-            asked = largest or (width, height)
-            intervals = list(device.frame_intervals(found.pixelformat, *asked))
-            ranged = bool(intervals) and intervals[0].type != DISCRETE
-            rates = tuple(sorted(_rates(intervals), reverse=True))
-            compressed = bool(found.flags & COMPRESSED)
-            yield CameraMode(fourcc, compressed, width, height, rates, ranged, largest)
-
-
-def _size(found: FrameSize) -> tuple[int, int, tuple[int, int] | None]:
-    """Width, height, and up to where if it is a range."""
-    if found.type == DISCRETE:
-        return found.size[0], found.size[1], None
-    return found.size[0], found.size[3], (found.size[1], found.size[4])
-
-
-def _rates(intervals: list[FrameInterval]) -> Iterator[Fraction]:
-    for found in intervals:
-        fractions = (0,) if found.type == DISCRETE else (0, 2)
-        for start in fractions:
-            seconds, parts = found.interval[start], found.interval[start + 1]
-            if seconds and parts:
-                yield Fraction(parts, seconds)
+    for pixel_format, compressed in device.formats():
+        fourcc = pixel_format.to_bytes(4, "little").decode("latin-1").strip()
+        for width, height, largest in device.frame_sizes(pixel_format):
+            found, any_rate = device.rates(pixel_format, *(largest or (width, height)))
+            rates = tuple(sorted(found, reverse=True))
+            yield CameraMode(fourcc, compressed, width, height, rates, any_rate, largest)

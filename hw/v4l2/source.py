@@ -10,7 +10,6 @@ from hw.v4l2.controls import (
     apply_settings,
     not_kept,
     plan_settings,
-    read_controls,
     refuse_long_exposure,
 )
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
@@ -78,7 +77,7 @@ class V4l2Source:
     def _set_controls(self, info: CameraInfo) -> None:
         try:
             with V4l2Device(info.node) as device:
-                self._settings = plan_settings(self._config, read_controls(device))
+                self._settings = plan_settings(self._config, list(device.controls()))
                 apply_settings(device, self._settings)
         except OSError as error:
             raise DeviceError(f"{info} cannot be opened: {error.strerror}") from error

@@ -99,7 +99,7 @@ class Uplink(Video):
             self._senders[view].set_target_kbps(kbps)
 
     def wire_bytes(self) -> int:
-        return sum(sender.stats().wire_bytes for sender in self._senders.values())
+        return sum(sender.wire_bytes for sender in self._senders.values())
 
     def poll(self) -> str:
         failures = [sender.poll() for sender in self._senders.values()]

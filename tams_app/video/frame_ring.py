@@ -72,10 +72,9 @@ class FrameWriter:
 
 
 class FrameReader:
-    """Reads one ring from its beginning; `missed` counts the frames it never learned of."""
+    """Reads one ring from its beginning."""
 
     def __init__(self, block: mmap.mmap, layout: RingLayout, view: str, kind: str) -> None:
-        self.missed = 0
         self._ring = layout.ring(block, view, kind)
         self._luma_shape = (layout.height, layout.width)
         self._next = 0
@@ -87,20 +86,14 @@ class FrameReader:
     def read(self, until: int) -> list[RingEntry]:
         """Copies of the frames not read yet, up to the first `until` that were ever put."""
         oldest = self.written() - ENTRIES + 1  # the one before it may be overwritten right now
-        self._skip_to(oldest)
+        self._next = max(self._next, oldest)
         entries = []
         for number in range(self._next, until):
             head, luma = self._ring.head(number), self._ring.bulk(number)
             if head is None:  # overwritten while the ones before it were read
-                self.missed += 1
                 continue
             index, t_ns = _ENTRY.unpack(head)
             image = None if luma is None else luma.reshape(self._luma_shape)
             entries.append(RingEntry(index, t_ns, image))
         self._next = max(self._next, until)
         return entries
-
-    def _skip_to(self, oldest: int) -> None:
-        if self._next < oldest:
-            self.missed += oldest - self._next
-            self._next = oldest

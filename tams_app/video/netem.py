@@ -32,43 +32,35 @@ _SMALLEST_PACKET_BYTES = 256  # mean size at which netem's packet limit must sti
 _ORDERING_RATE = "10gbit"
 
 
-def commands(network: Network, interface: str) -> list[list[str]]:
-    """The `tc` calls that give `interface` the conditions of `network`; ConfigError if none can."""
-    _refuse_loopback(interface)
-    _refuse_trace(network)
-    netem, tbf = _netem(network), _tbf(network)
-    if netem is None and tbf is None:
-        raise ConfigError("this network has no delay, loss or rate to set; use remove instead")
-    if netem is None or tbf is None:
-        return [_replace(interface, "root", "1:", netem or tbf or [])]
-    return [
-        _replace(interface, "root", "1:", netem),
-        _replace(interface, "parent 1:1", "2:", tbf),
-    ]
+def commands(network: Network, interface: str, rate_only: bool = False) -> list[list[str]]:
+    """The `tc` calls that give `interface` the conditions of `network`; ConfigError if none can.
 
-
-def rate_commands(network: Network, interface: str) -> list[list[str]]:
-    """The rate and its queue alone, for a kernel without netem."""
+    `rate_only`: the rate and its queue alone, for a kernel without netem.
+    """
     _refuse_loopback(interface)
-    _refuse_trace(network)
+    if network.trace is not None:
+        raise ConfigError("tc cannot follow a capacity trace; name a network with a constant rate")
+    netem = [] if rate_only else _netem(network)
     tbf = _tbf(network)
-    if tbf is None:
-        raise ConfigError("this network has no rate to set")
-    return [_replace(interface, "root", "1:", tbf)]
+    replace = ["tc", "qdisc", "replace", "dev", interface]
+    if netem and tbf:
+        return [
+            [*replace, "root", "handle", "1:", *netem],
+            [*replace, "parent", "1:1", "handle", "2:", *tbf],
+        ]
+    if netem or tbf:
+        return [[*replace, "root", "handle", "1:", *netem, *tbf]]
+    what = "rate" if rate_only else "delay, loss or rate"
+    raise ConfigError(f"this network has no {what} to set; use remove instead")
 
 
-def remove_commands(interface: str) -> list[list[str]]:
+def remove_command(interface: str) -> list[str]:
     """The call that gives `interface` its own queue back."""
     _refuse_loopback(interface)
-    return [["tc", "qdisc", "del", "dev", interface, "root"]]
+    return ["tc", "qdisc", "del", "dev", interface, "root"]
 
 
-def _replace(interface: str, where: str, handle: str, discipline: list[str]) -> list[str]:
-    place = [*where.split(), "handle", handle]
-    return ["tc", "qdisc", "replace", "dev", interface, *place, *discipline]
-
-
-def _netem(network: Network) -> list[str] | None:
+def _netem(network: Network) -> list[str]:
     options: list[str] = []
     if network.latency_ms or network.jitter_ms:
         options += ["delay", f"{network.latency_ms:g}ms"]
@@ -80,34 +72,29 @@ def _netem(network: Network) -> list[str] | None:
     elif network.loss:
         options += ["loss", f"{100 * network.loss:.6g}%"]
     if not options:
-        return None
-    return ["netem", "limit", str(_netem_packets(network)), *options, "rate", _ORDERING_RATE]
+        return []
+    # All that is under way and queued must fit netem's own limit, which on some kernels counts
+    # what waits in the child too.
+    rate_kbps = network.rate_kbps or 100_000.0
+    under_way_bytes = 2 * (network.latency_ms + network.jitter_ms) * rate_kbps / 8
+    held_bytes = under_way_bytes + _queue_bytes(network)
+    packets = max(1000, math.ceil(held_bytes / _SMALLEST_PACKET_BYTES))
+    return ["netem", "limit", str(packets), *options, "rate", _ORDERING_RATE]
 
 
-def _netem_packets(network: Network) -> int:
-    """Packets under way and queued, so that netem's own limit never drops one; at least 1000.
-
-    Some kernels count what waits in the child, tbf, against netem's limit.
-    """
-    under_way_s = (network.latency_ms + network.jitter_ms) / 1000
-    kbps = network.rate_kbps or 100_000.0
-    held_bytes = 2 * under_way_s * kbps * 1000 / 8
-    if network.rate_kbps is not None:
-        held_bytes += _queue_bytes(network, network.rate_kbps)
-    return max(1000, math.ceil(held_bytes / _SMALLEST_PACKET_BYTES))
-
-
-def _tbf(network: Network) -> list[str] | None:
+def _tbf(network: Network) -> list[str]:
     if network.rate_kbps is None:
-        return None
-    queue_bytes = _queue_bytes(network, network.rate_kbps)
+        return []
     burst_bytes = max(_SMALLEST_BURST_BYTES, network.rate_kbps / 8)  # 1 ms
-    rate = f"{round(network.rate_kbps * 1000)}bit"
+    rate, queue_bytes = f"{round(network.rate_kbps * 1000)}bit", _queue_bytes(network)
     return ["tbf", "rate", rate, "burst", f"{burst_bytes:.0f}", "limit", f"{queue_bytes:.0f}"]
 
 
-def _queue_bytes(network: Network, rate_kbps: float) -> float:
-    return max(network.queue_ms * rate_kbps / 8, network.queue_min_bytes)
+def _queue_bytes(network: Network) -> float:
+    """What the queue of the rate holds; 0 without a rate."""
+    if network.rate_kbps is None:
+        return 0.0
+    return max(network.queue_ms * network.rate_kbps / 8, network.queue_min_bytes)
 
 
 def _refuse_wrong_name(interface: str) -> None:
@@ -129,11 +116,6 @@ def _refuse_loopback(interface: str) -> None:
         )
 
 
-def _refuse_trace(network: Network) -> None:
-    if network.trace is not None:
-        raise ConfigError("tc cannot follow a capacity trace; name a network with a constant rate")
-
-
 def run_tc(command: list[str]) -> subprocess.CompletedProcess[str]:
     """Run one command; SetupError if it is not installed or does not end."""
     try:
@@ -152,26 +134,24 @@ def apply(set_up: list[list[str]], interface: str, runner: Runner = run_tc) -> N
         result = runner(command)
         if result.returncode != 0:
             if done:
-                runner(remove_commands(interface)[0])
+                runner(remove_command(interface))
             raise _failure(command, result.stderr)
 
 
 def remove(interface: str, runner: Runner = run_tc) -> bool:
     """Take the set-up away; False if there was none. SetupError if that is not possible."""
-    (command,) = remove_commands(interface)
-    result = runner(command)
-    if result.returncode == 0:
-        return True
+    result = runner(command := remove_command(interface))
     if "handle of zero" in result.stderr or "No such file or directory" in result.stderr:
         return False
-    raise _failure(command, result.stderr)
+    if result.returncode != 0:
+        raise _failure(command, result.stderr)
+    return True
 
 
 def show(interface: str, runner: Runner = run_tc) -> str:
     """What is set on `interface` now, as `tc` prints it."""
     _refuse_wrong_name(interface)
-    command = ["tc", "qdisc", "show", "dev", interface]
-    result = runner(command)
+    result = runner(command := ["tc", "qdisc", "show", "dev", interface])
     if result.returncode != 0:
         raise _failure(command, result.stderr)
     return result.stdout.strip()
@@ -215,15 +195,11 @@ def run_network(
         removed = remove(interface, runner)
         say(f"{interface} is as before" if removed else f"nothing was set on {interface}")
     elif action == "print":
-        lines = [shlex.join(command) for command in commands(network, interface)]
+        set_up = [shlex.join(command) for command in commands(network, interface)]
         say(f"# shapes everything that leaves by {interface}, not video alone; needs root")
-        for line in lines:
+        for line in (*set_up, "# and to take it away", shlex.join(remove_command(interface))):
             say(line)
-        say("# and to take it away")
-        for command in remove_commands(interface):
-            say(shlex.join(command))
     else:
-        set_up = (rate_commands if action == "rate" else commands)(network, interface)
-        apply(set_up, interface, runner)
+        apply(commands(network, interface, rate_only=action == "rate"), interface, runner)
         part = "the rate of " if action == "rate" else ""
         say(f"{interface} now has {part}network {name}; --action remove takes it away")

@@ -1,12 +1,8 @@
-"""RTP and RTCP packets: the fixed numbers of our streams, and reading of headers.
-
-RTP and RTCP: RFC 3550. RTX, which resends a packet: RFC 4588. NACK and PLI: RFC 4585.
-"""
+"""RTP packets (RFC 3550): the fixed numbers of our streams, and reading of headers."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from tams_app.config import VideoConfig
@@ -17,13 +13,7 @@ REPAIR_PAYLOAD_TYPE = 97  # RTX (RFC 4588)
 
 _FIRST_SSRC = 0x54410000
 _RTP_HEADER = struct.Struct("!BBHII")
-_RTCP_HEADER = struct.Struct("!BBH")
 _VERSION = 2
-
-_TRANSPORT_FEEDBACK = 205
-_PAYLOAD_FEEDBACK = 206
-_GENERIC_NACK = 1
-_PICTURE_LOSS = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,26 +24,7 @@ class RtpHeader:
     marker: bool
     sequence: int
     timestamp: int
-    ssrc: int
     payload_offset: int
-
-
-@dataclass(frozen=True, slots=True)
-class RtcpHeader:
-    """One packet of a compound RTCP datagram; `count` is its report count or feedback format."""
-
-    packet_type: int
-    count: int
-
-    @property
-    def is_nack(self) -> bool:
-        """It asks for packets again."""
-        return (self.packet_type, self.count) == (_TRANSPORT_FEEDBACK, _GENERIC_NACK)
-
-    @property
-    def is_pli(self) -> bool:
-        """It asks for a new keyframe (picture loss indication)."""
-        return (self.packet_type, self.count) == (_PAYLOAD_FEEDBACK, _PICTURE_LOSS)
 
 
 def media_ssrc(config: VideoConfig, view: str) -> int:
@@ -70,7 +41,7 @@ def read_rtp(datagram: bytes) -> RtpHeader | None:
     """The header of an RTP packet, None if the bytes are none."""
     if len(datagram) < _RTP_HEADER.size or datagram[0] >> 6 != _VERSION:
         return None
-    first, second, sequence, timestamp, ssrc = _RTP_HEADER.unpack_from(datagram)
+    first, second, sequence, timestamp, _ = _RTP_HEADER.unpack_from(datagram)
     offset = _RTP_HEADER.size + 4 * (first & 0x0F)  # contributing sources
     if first & 0x10:  # header extension: profile, length in words
         if len(datagram) < offset + 4:
@@ -78,7 +49,7 @@ def read_rtp(datagram: bytes) -> RtpHeader | None:
         offset += 4 + 4 * int.from_bytes(datagram[offset + 2 : offset + 4], "big")
     if offset > len(datagram):
         return None
-    return RtpHeader(second & 0x7F, bool(second & 0x80), sequence, timestamp, ssrc, offset)
+    return RtpHeader(second & 0x7F, bool(second & 0x80), sequence, timestamp, offset)
 
 
 def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
@@ -95,14 +66,3 @@ def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
     start = header.payload_offset
     original = int.from_bytes(datagram[start : start + 2], "big")
     return PacketKind.REPAIR, original, header.timestamp
-
-
-def read_rtcp(datagram: bytes) -> Iterator[RtcpHeader]:
-    """The packets of a compound RTCP datagram, up to the first that is cut short or malformed."""
-    offset = 0
-    while offset + _RTCP_HEADER.size <= len(datagram):
-        first, packet_type, words = _RTCP_HEADER.unpack_from(datagram, offset)
-        offset += 4 * (words + 1)
-        if first >> 6 != _VERSION or offset > len(datagram):
-            return
-        yield RtcpHeader(packet_type, first & 0x1F)

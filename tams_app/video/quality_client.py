@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import mmap
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -36,18 +35,17 @@ class QualityClient:
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
         self._layout = RingLayout(views, width, height)
-        self._on_quality = on_quality
         self._helper = ReportingHelper(
             "quality",
             "tams_app.video.quality_process",
             log_directory=log_directory,
-            on_data=self._take_in,
+            report_type=FrameQuality,
+            on_report=on_quality,
             on_failure=on_failure,
             ended_unasked="the SSIM helper ended unasked, so frames are no longer compared; "
             "start a new session if you need their quality",
             stop_timeout_s=_STOP_TIMEOUT_S,
         )
-        self._unread = b""  # the beginning of a line
         self._writers: dict[tuple[str, str], FrameWriter] = {}
         self._stack = ExitStack()
 
@@ -100,8 +98,3 @@ class QualityClient:
     def _let_go(self, block: mmap.mmap) -> None:
         self._writers = {}
         block.close()
-
-    def _take_in(self, data: bytes) -> None:
-        *lines, self._unread = (self._unread + data).split(b"\n")
-        for line in lines:
-            self._on_quality(FrameQuality(**json.loads(line)))

@@ -1,18 +1,16 @@
 """The helper process that compares shown frames with captured ones, with the time left over.
 
-Specification: memory_name, views, width, height, reports_port. It tells every captured frame's fate
-as one line of JSON over TCP (FrameQuality's fields); with scores where there was time to spare
-(`spare_pace`), each view in turn, so that what is left out is spread evenly.
+Specification: memory_name, views, width, height, reports_port. It reports every
+captured frame's fate as a FrameQuality, with scores where there was time to spare (`SparePace`),
+each view in turn, so that what is left out is spread evenly.
 """
 
 from __future__ import annotations
 
-import json
 import socket
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 import cv2
@@ -26,6 +24,7 @@ from tams_app.runtime.shared_block import open_block
 from tams_app.units import NS_PER_MS
 from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
 from tams_app.video.quality import Fate, Scorer, ViewQuality
+from tams_app.video.reporting_helper import line_of
 
 WAITING_FATES = 15  # per view: half a second; older ones go out without scores
 _POLL_S = 0.01
@@ -158,7 +157,7 @@ def main() -> None:
     ):
 
         def report(quality: FrameQuality) -> None:
-            results.sendall(json.dumps(asdict(quality)).encode() + b"\n")
+            results.sendall(line_of(quality))
 
         views = [
             ViewScores(

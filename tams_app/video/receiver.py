@@ -14,7 +14,7 @@ from tams_app.video import pipelines
 from tams_app.video.packets import media_ssrc
 from tams_app.video.repair import RepairRule
 from tams_app.video.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
-from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
+from tams_app.video.view_decoder import ViewDecoder, caps_of_payload_type
 
 
 class VideoReceiver:
@@ -99,10 +99,6 @@ class VideoReceiver:
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
         self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the receiver of view {self.view}")
-
-    def stats(self) -> ReceiverStats:
-        """Counts since the start."""
-        return self._frames.stats()
 
     def poll(self) -> str:
         """Why this receiver no longer works, in one sentence; "" while it does."""

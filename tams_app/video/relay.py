@@ -13,6 +13,7 @@ import socket
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any
@@ -25,18 +26,15 @@ from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
-from tams_app.video.packets import identify, read_rtcp
-from tams_app.video.relay_wire import RelayStatistics, ReportStream
+from tams_app.video.packets import identify
+from tams_app.video.relay_wire import ReportStream
 from tams_app.video.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
-LATE_NS = NS_PER_MS
 
 _RECEIVE_BUFFER_BYTES = 4_000_000
 _LARGEST_DATAGRAM_BYTES = 65_536
 _READS_IN_A_ROW = 32  # then see what is due: a flood must not hold deliveries up
-_SO_MEMINFO = 55  # Linux: nine 32-bit counters, the last are the datagrams dropped at the socket
-_MEMINFO_BYTES = 36
 
 
 class Flow(Enum):
@@ -68,7 +66,6 @@ class Relay:
         self._on_the_way: list[tuple[int, int, Route, bytes]] = []  # (due, order, ...)
         self._order = 0
         self._records: list[PacketRecord] = []
-        self._statistics = RelayStatistics()
         try:
             for view, ports in exits.items():
                 for flow in Flow:
@@ -82,13 +79,11 @@ class Relay:
 
     def entrances(self) -> dict[str, ViewPorts]:
         """Where the senders and receivers must send to."""
-        ports: dict[str, dict[str, int]] = {}
-        hosts: dict[str, str] = {}
+        ports: dict[str, dict[str, Any]] = {}
         for route in self._routes.values():
             host, port = route.entrance.getsockname()
-            ports.setdefault(route.view, {})[route.flow.value] = port
-            hosts[route.view] = host
-        return {view: ViewPorts(host=hosts[view], **flows) for view, flows in ports.items()}
+            ports.setdefault(route.view, {"host": host})[route.flow.value] = port
+        return {view: ViewPorts(**flows) for view, flows in ports.items()}
 
     def run(self, stop: threading.Event) -> None:
         """Carry datagrams until `stop` is set."""
@@ -127,7 +122,6 @@ class Relay:
     def _due_ns(self, route: Route, datagram: bytes, now_ns: int) -> int | None:
         """When the datagram comes out; None if the link loses it. Uplink packets are recorded."""
         if route.flow is Flow.FEEDBACK:
-            self._count_feedback(datagram)
             return self._link.feedback(now_ns, route.view)
         if route.flow is Flow.RTP:
             kind, sequence, timestamp = identify(datagram)
@@ -139,35 +133,17 @@ class Relay:
         return record.delivered_ns if record.fate is PacketFate.DELIVERED else None
 
     def _deliver_due(self) -> None:
-        while self._on_the_way:
-            now_ns = time.monotonic_ns()
-            due_ns = self._on_the_way[0][0]
-            if due_ns > now_ns:
-                return
+        while self._on_the_way and self._on_the_way[0][0] <= time.monotonic_ns():
             _, _, route, datagram = heapq.heappop(self._on_the_way)
-            self._send(route, datagram, now_ns - due_ns)
-
-    def _send(self, route: Route, datagram: bytes, lateness_ns: int) -> None:
-        statistics = self._statistics
-        try:
-            route.entrance.sendto(datagram, route.exit)
-        except OSError:  # no buffer, or the exit is gone: what a network does is lose it
-            statistics.unsent += 1
-            return
-        statistics.sent += 1
-        statistics.lateness_total_ns += lateness_ns
-        statistics.lateness_max_ns = max(statistics.lateness_max_ns, lateness_ns)
-        statistics.late += lateness_ns > LATE_NS
-
-    def _count_feedback(self, datagram: bytes) -> None:
-        for header in read_rtcp(datagram):
-            self._statistics.nacks += header.is_nack
-            self._statistics.plis += header.is_pli
+            with suppress(
+                OSError
+            ):  # no buffer, or the exit is gone: what a network does is lose it
+                route.entrance.sendto(datagram, route.exit)
 
     def _report(self) -> None:
-        self._statistics.overrun = sum(_dropped_at(entrance) for entrance in self._routes)
-        self._reports.put(self._records, self._statistics)
-        self._records = []
+        if self._records:
+            self._reports.put(self._records)
+            self._records = []
 
 
 def _entrance(host: str) -> socket.socket:
@@ -182,22 +158,13 @@ def _entrance(host: str) -> socket.socket:
     return entrance
 
 
-def _dropped_at(entrance: socket.socket) -> int:
-    """Datagrams lost because this socket's buffer was full; 0 if the kernel cannot tell."""
-    try:
-        counters = entrance.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
-    except OSError:
-        return 0
-    return int.from_bytes(counters[-4:], "little") if len(counters) == _MEMINFO_BYTES else 0
-
-
 def build(specification: dict[str, Any], connection: socket.socket) -> Relay:
     """The relay that a specification asks for; OSError if an address cannot be used."""
     network = Network.model_validate(specification["network"])
     exits = {view: ViewPorts(**ports) for view, ports in specification["exits"].items()}
     capacity = network_capacity(network, specification["epoch_ns"])
     link = Link(network, capacity, exits, specification["seed"])
-    return Relay(link, exits, ReportStream(connection, tuple(exits)))
+    return Relay(link, exits, ReportStream(connection))
 
 
 def main() -> None:
@@ -211,9 +178,9 @@ def main() -> None:
         connection.close()
         side.fail(f"the link relay cannot start ({error}); check video.bind_host and the trace")
         return
-    scheduler = use_fifo(RELAY_PRIORITY)
+    use_fifo(RELAY_PRIORITY)
     entrances = {view: asdict(ports) for view, ports in relay.entrances().items()}
-    side.ready(entrances=entrances, scheduler=scheduler)
+    side.ready(entrances=entrances)
     try:
         relay.run(side.stop_requested)
     finally:

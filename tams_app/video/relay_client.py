@@ -11,7 +11,6 @@ from tams_app.config import Network
 from tams_app.records import PacketRecord
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.video.networks import network_capacity
-from tams_app.video.relay_wire import BatchDecoder, RelayStatistics
 from tams_app.video.reporting_helper import ReportingHelper
 from tams_app.video.udp import ViewPorts
 
@@ -41,18 +40,15 @@ class RelayClient:
         self._network = network
         self._exits = dict(exits)
         self._seed = seed
-        self._on_packets = on_packets
         clock = clock or MonotonicClock()
         self.epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
         self.capacity: Capacity = network_capacity(network, self.epoch_ns)
-        self.statistics = RelayStatistics()
-        self.scheduler = ""  # what the relay was granted
-        self._decoder = BatchDecoder(tuple(self._exits))
         self._helper = ReportingHelper(
             "relay",
             "tams_app.video.relay",
             log_directory=log_directory,
-            on_data=self._take_in,
+            report_type=list[PacketRecord],
+            on_report=on_packets,
             on_failure=on_failure,
             ended_unasked="the link relay ended unasked, so no video arrives; "
             "end this session and start anew",
@@ -68,7 +64,6 @@ class RelayClient:
                 "exits": {view: asdict(ports) for view, ports in self._exits.items()},
             }
         )
-        self.scheduler = str(ready["scheduler"])
         return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
 
     @property
@@ -79,9 +74,3 @@ class RelayClient:
     def close(self) -> None:
         """End the relay and read what it still has to report; may be called twice."""
         self._helper.close()
-
-    def _take_in(self, data: bytes) -> None:
-        for records, statistics in self._decoder.feed(data):
-            self.statistics = statistics
-            if records:
-                self._on_packets(records)

@@ -1,12 +1,17 @@
-"""A helper process that reports to the session over a TCP connection of its own."""
+"""A helper process that reports to the session over a TCP connection of its own.
+
+A report is a dataclass, sent as one line of JSON (`line_of`).
+"""
 
 from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+import msgspec
 
 from tams_app.errors import HelperError
 from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
@@ -15,11 +20,13 @@ from tams_app.runtime.worker import Worker
 _READ_TIMEOUT_S = 0.2  # how late a stop may be noticed
 _READ_BYTES = 1 << 16
 
+Report = TypeVar("Report")
 
-class ReportingHelper:
-    """One helper process and the thread that reads its reports.
 
-    `on_data` and `on_failure` are called in that thread; a helper that ends unasked is a failure,
+class ReportingHelper(Generic[Report]):
+    """One helper process and the thread that reads its reports, which are of `report_type`.
+
+    `on_report` and `on_failure` are called in that thread; a helper that ends unasked is a failure,
     which `ended_unasked` tells in one sentence.
     """
 
@@ -29,14 +36,15 @@ class ReportingHelper:
         module: str,
         *,
         log_directory: Path | None,
-        on_data: Callable[[bytes], None],
+        report_type: type[Report],
+        on_report: Callable[[Report], None],
         on_failure: Callable[[str, BaseException], None],
         ended_unasked: str,
         stop_timeout_s: float = 3.0,
     ) -> None:
         self.process: HelperProcess | None = None
         self._name, self._module, self._log_directory = name, module, log_directory
-        self._on_data = on_data
+        self._report_type, self._on_report = report_type, on_report
         self._ended_unasked = ended_unasked
         self._stop_timeout_s = stop_timeout_s
         self._reader = Worker(f"{name}-reports", self._read, on_failure)
@@ -76,8 +84,8 @@ class ReportingHelper:
 
     def _read(self, stop: threading.Event) -> None:
         assert self._connection is not None
-        for data in received(self._connection, stop):
-            self._on_data(data)
+        for report in decoded(received(self._connection, stop), self._report_type):
+            self._on_report(report)
         if not self._closing:
             raise HelperError(self._ended_unasked)
 
@@ -100,3 +108,16 @@ def received(connection: socket.socket, stop: threading.Event) -> Iterator[bytes
         if not data:
             return
         yield data
+
+
+def line_of(report: object) -> bytes:
+    """A report as it is sent."""
+    return msgspec.json.encode(report) + b"\n"
+
+
+def decoded(pieces: Iterable[bytes], report_type: type[Report]) -> Iterator[Report]:
+    """The reports of a byte stream that arrives in any pieces."""
+    decode, unread = msgspec.json.Decoder(report_type).decode, b""
+    for piece in pieces:
+        *lines, unread = (unread + piece).split(b"\n")
+        yield from map(decode, lines)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from tams_app import gst
@@ -21,20 +20,6 @@ from tams_app.video.udp import (
     wire_bytes_sent,
 )
 from tams_app.video.view_encoder import ViewEncoder
-
-
-@dataclass(frozen=True, slots=True)
-class SenderStats:
-    """What a sender has done so far."""
-
-    frames_encoded: int
-    frames_dropped: int  # left out at the source, target too low
-    frames_lost: int  # pushed, but overrun in front of a busy encoder
-    keyframes: int
-    wire_bytes: int  # IP datagrams: media, repair
-    rtx_requests: int
-    rtx_packets: int
-    encoder_kbps: int  # what the servo asks of x264 now
 
 
 class VideoSender:
@@ -122,7 +107,7 @@ class VideoSender:
 
     def push(self, frame: Frame) -> None:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
-        buffer = self._frames.admit(frame, wire_bytes_sent(self._udpsink, self._link))
+        buffer = self._frames.admit(frame, self.wire_bytes)
         if buffer is not None:
             self._source.emit("push-buffer", buffer)
 
@@ -130,19 +115,10 @@ class VideoSender:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
         self._frames.set_target_kbps(kbps)
 
-    def stats(self) -> SenderStats:
-        """Counts since the start."""
-        resender = self._resender
-        return SenderStats(
-            frames_encoded=self._frames.encoded,
-            frames_dropped=self._frames.dropped,
-            frames_lost=self._frames.lost,
-            keyframes=self._frames.keyframes,
-            wire_bytes=wire_bytes_sent(self._udpsink, self._link),
-            rtx_requests=resender.get_property("num-rtx-requests") if resender else 0,
-            rtx_packets=resender.get_property("num-rtx-packets") if resender else 0,
-            encoder_kbps=self._frames.encoder_kbps,
-        )
+    @property
+    def wire_bytes(self) -> int:
+        """IP datagram bytes sent so far, media and repair."""
+        return wire_bytes_sent(self._udpsink, self._link)
 
     def poll(self) -> str:
         """Why this sender no longer works, in one sentence; "" while it does."""

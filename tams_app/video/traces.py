@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 
 from tams_app.capacity import LARGEST_KBPS, SMALLEST_KBPS, RateTrace
 from tams_app.errors import ConfigError
@@ -36,11 +35,6 @@ def parse_trace(text: str, name: str) -> RateTrace:
         return _parse_table(lines, name) if is_table else _parse_opportunities(lines, name)
     except ValueError as error:
         raise ConfigError(f"{name}: {error}") from error
-
-
-def format_trace(rows: Sequence[tuple[int, int]]) -> str:
-    """Rows of (t_ms, kbps) as the text that `parse_trace` reads."""
-    return "\n".join((CSV_HEADER, *(f"{t_ms},{kbps}" for t_ms, kbps in rows))) + "\n"
 
 
 def _parse_table(lines: list[tuple[int, str]], name: str) -> RateTrace:

@@ -31,13 +31,10 @@ class ReceiverStats:
     """What a receiver has seen so far; packets are media packets."""
 
     frames_shown: int
-    packets_received: int  # released by the jitter buffer
     packets_lost: int  # residual: given up after repair
-    packets_late: int  # came after they were given up
     rtx_requested: int
     rtx_received: int
     pli_sent: int
-    jitter_ms: float
 
 
 class ViewDecoder:
@@ -88,13 +85,10 @@ class ViewDecoder:
         jitterbuffer = self._jitterbuffer.get_property("stats")
         return ReceiverStats(
             frames_shown=self._shown,
-            packets_received=jitterbuffer.get_value("num-pushed"),
             packets_lost=jitterbuffer.get_value("num-lost"),
-            packets_late=jitterbuffer.get_value("num-late"),
             rtx_requested=jitterbuffer.get_value("rtx-count"),
             rtx_received=jitterbuffer.get_value("rtx-success-count"),
             pli_sent=self._requests.sent,
-            jitter_ms=jitterbuffer.get_value("avg-jitter") / 1e6,
         )
 
     # --- in GStreamer's threads -------------------------------------------------------------

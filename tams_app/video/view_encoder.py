@@ -38,8 +38,6 @@ class ViewEncoder:
         on_dropped: Callable[[DroppedFrame], None],
     ) -> None:
         self.view = view
-        self.encoded = self.dropped = self.keyframes = 0
-        self.lost = 0  # admitted, but overrun in front of a busy encoder
         self.failure = ""
         self._config = config
         self._clock = clock
@@ -71,7 +69,6 @@ class ViewEncoder:
         """
         admitted_ns, target_kbps = self._clock.now_ns(), self._target_kbps
         if not self._source_drop.keep(target_kbps):
-            self.dropped += 1
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns))
             return None
         self._set_encoder_rate(wire_bytes, self._source_drop.frame_target_kbps(target_kbps))
@@ -105,21 +102,17 @@ class ViewEncoder:
         index = index_of_pts(running_ns, self._config.fps)
         keyframe = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
         capture_ns, admitted_ns = self._take_underway(index)
-        self.encoded += 1
-        self.keyframes += keyframe
         data = buffer.extract_dup(0, buffer.get_size())
         self._on_encoded(
             EncodedFrame(self.view, index, capture_ns, encoded_ns, keyframe, data, admitted_ns)
         )
 
     def _take_underway(self, index: int) -> tuple[int, int]:
-        """When `index` was captured and admitted [ns]; earlier ones still underway are lost."""
+        """When `index` was captured and admitted [ns]; earlier ones were overrun."""
         with self._lock:
             times = self._underway.pop(index, None)
-            overrun = [earlier for earlier in self._underway if earlier < index]
-            for earlier in overrun:
+            for earlier in [number for number in self._underway if number < index]:
                 del self._underway[earlier]
-            self.lost += len(overrun)
         if times is None:
             raise TamsError(f"the encoder returned frame {index}, which was never pushed")
         return times

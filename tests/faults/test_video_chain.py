@@ -16,7 +16,6 @@ from tams_app.errors import HelperError
 from tams_app.records import ShownFrame
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
-from tams_app.video.traces import format_trace
 from tests.faults.bench import NETWORK
 from tests.faults.braking import TICKS_TO_REST, comes_to_rest
 from tests.faults.chain import Chain, StreamedBench, until
@@ -147,7 +146,7 @@ def test_a_frozen_camera_of_the_primary_view_holds_the_arm(chain: Chain, tmp_pat
 
 def test_a_capacity_that_falls_to_nothing_holds_the_arm_until_it_returns(tmp_path: Path) -> None:
     trace = tmp_path / "outages.csv"
-    trace.write_text(format_trace([(0, 6000), (8000, 0), (9500, 6000)]))
+    trace.write_text("t_ms,kbps\n0,6000\n8000,0\n9500,6000\n")
     network = Network(latency_ms=40, jitter_ms=8, trace=str(trace))
     epoch_ns = time.monotonic_ns() - 5 * NS_PER_S  # the first outage is not far
     with Chain(network, tmp_path, epoch_ns) as chain:

@@ -59,14 +59,12 @@ def test_netems_own_limit_holds_the_queue_of_its_child_too():
 
 
 def test_the_rate_alone_can_be_asked_for():
-    assert joined(netem.rate_commands(S2, "eth7")) == [
+    assert joined(netem.commands(S2, "eth7", rate_only=True)) == [
         "tc qdisc replace dev eth7 root handle 1: tbf rate 6000000bit burst 3100 limit 112500"
     ]
 
 
-@pytest.mark.parametrize(
-    "make", [netem.commands, netem.rate_commands, lambda network, name: netem.remove_commands(name)]
-)
+@pytest.mark.parametrize("make", [netem.commands, lambda network, name: netem.remove_command(name)])
 def test_loopback_is_refused(make):
     with pytest.raises(ConfigError, match="lo is a loopback interface"):
         make(S2, "lo")
@@ -95,7 +93,7 @@ def test_what_tc_cannot_do_is_refused_in_a_sentence():
     with pytest.raises(ConfigError, match="no delay, loss or rate"):
         netem.commands(Network(), "eth7")
     with pytest.raises(ConfigError, match="no rate to set"):
-        netem.rate_commands(Network(latency_ms=5), "eth7")
+        netem.commands(Network(latency_ms=5), "eth7", rate_only=True)
     with pytest.raises(ConfigError, match="choose one of print, apply, rate, remove, show"):
         netem.run_network(load_config(), "s2", "eth7", "destroy", print)
 
@@ -282,4 +280,4 @@ def test_without_root_the_command_says_to_use_sudo(spaces):
     if not shutil.which("setpriv"):
         pytest.skip("setpriv is not installed")
     with pytest.raises(SetupError, match="needs root; run the command again with sudo"):
-        netem.apply(netem.rate_commands(S2, "va"), "va", run)
+        netem.apply(netem.commands(S2, "va", rate_only=True), "va", run)

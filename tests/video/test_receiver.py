@@ -39,7 +39,7 @@ def test_every_frame_of_a_clean_link_is_shown_bit_exact_under_its_own_index() ->
     with stream() as joined:
         joined.push(range(60))
         assert joined.wait_until(lambda: len(joined.shown) == 60)
-        stats = joined.receiver.stats()
+        stats = joined.receiver._frames.stats()
         newest = joined.receiver.mailbox.latest()
     references = decoded_checksums(joined.encoded)
     assert {each.index: checksum(each) for each in joined.shown} == references
@@ -86,9 +86,9 @@ def test_a_lost_packet_is_asked_for_and_sent_again() -> None:
     with stream(LossyLink(lose_one), long_latency) as joined:
         joined.push(range(40))
         assert joined.wait_until(lambda: len(joined.shown) == 40)
-        stats, sent = joined.receiver.stats(), joined.sender.stats()
+        stats = joined.receiver._frames.stats()
     assert lost == [50]
-    assert min(stats.rtx_requested, stats.rtx_received, sent.rtx_packets) >= 1
+    assert min(stats.rtx_requested, stats.rtx_received) >= 1
     assert (stats.packets_lost, stats.pli_sent) == (0, 0)
     assert {each.index: checksum(each) for each in joined.shown} == decoded_checksums(
         joined.encoded
@@ -100,7 +100,7 @@ def test_an_unrepaired_loss_brings_a_keyframe_request_and_a_whole_frame() -> Non
     with stream(link, UNREPAIRED) as joined:
         joined.push(range(60))
         assert joined.wait_until(lambda: joined.shown[-1].index == 59)
-        stats = joined.receiver.stats()
+        stats = joined.receiver._frames.stats()
     references = decoded_checksums(joined.encoded)
     assert stats.packets_lost == 3
     assert stats.pli_sent >= 1
@@ -113,7 +113,7 @@ def test_a_lost_first_keyframe_is_asked_for_again() -> None:
     with stream(LossyLink(lambda ordinal, datagram: ordinal >= 8), UNREPAIRED) as joined:
         joined.push(range(60))
         assert joined.wait_until(lambda: bool(joined.shown) and joined.shown[-1].index == 59)
-        stats = joined.receiver.stats()
+        stats = joined.receiver._frames.stats()
     assert stats.pli_sent >= 1
     assert checksum(joined.shown[-1]) == decoded_checksums(joined.encoded)[59]
 

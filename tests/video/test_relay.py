@@ -160,12 +160,9 @@ def test_a_flood_overflows_the_links_queue_and_nothing_else(between):
     for _ in range(fates.count(PacketFate.DELIVERED)):
         ends.receive("eih", "rtp")
     ends.client.close()
-    statistics = ends.client.statistics
-    assert (statistics.overrun, statistics.unsent, statistics.unreported) == (0, 0, 0)
-    assert statistics.sent == fates.count(PacketFate.DELIVERED)
 
 
-def test_feedback_is_counted_and_returns_even_when_everything_is_lost(between):
+def test_feedback_returns_even_when_everything_is_lost(between):
     ends = between(Network(latency_ms=1, loss=1.0, rate_kbps=8))
     nack = struct.pack("!BBHIIHH", 0x81, 205, 3, 1, 2, 17, 0)
     pli = struct.pack("!BBHII", 0x81, 206, 2, 1, 2)
@@ -173,7 +170,6 @@ def test_feedback_is_counted_and_returns_even_when_everything_is_lost(between):
     ends.send("gt", "feedback", nack + pli)
     assert ends.receive("gt", "feedback") == nack + pli
     ends.client.close()
-    assert (ends.client.statistics.nacks, ends.client.statistics.plis) == (1, 1)
 
 
 def test_a_trace_begins_at_the_epoch_given(between, tmp_path):
@@ -198,7 +194,6 @@ def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
 
 def test_closing_is_no_failure_and_may_be_repeated(between):
     ends = between(Network())
-    assert ends.client.scheduler in ("fifo", "nice", "normal")
     ends.client.close()
     ends.client.close()
     assert ends.failures == []

@@ -5,10 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.relay_wire import BatchDecoder, RelayStatistics, encode_batch
+from tams_app.video.reporting_helper import decoded, line_of
 
 pytestmark = pytest.mark.waiting
 
+RECORD = PacketRecord("eih", PacketKind.MEDIA, 1, 100, 1, 2, 3, PacketFate.DELIVERED)
 VIEWS = ("eih", "gt", "gs")
 times = st.integers(0, 2**63)
 
@@ -24,23 +25,16 @@ records = st.builds(
     fate=st.sampled_from(list(PacketFate)),
     rtp_timestamp=st.integers(0, 2**32 - 1),
 )
-counts = st.integers(0, 2**63)
-statistics = st.builds(RelayStatistics, *[counts] * 9)
-batches = st.lists(st.tuples(st.lists(records, max_size=4), statistics), max_size=4)
+reports = st.lists(records, max_size=4)
 
 
-@given(batches, st.integers(1, 60))
-def test_what_was_encoded_is_read_back_however_the_bytes_arrive(sent, piece):
-    stream = b"".join(encode_batch(VIEWS, *batch) for batch in sent)
-    decoder = BatchDecoder(VIEWS)
-    received = []
-    for start in range(0, len(stream), piece):
-        received += decoder.feed(stream[start : start + piece])
-    assert received == sent
+@given(st.lists(reports, max_size=4), st.integers(1, 60))
+def test_what_was_sent_is_read_back_however_the_bytes_arrive(sent, length):
+    stream = b"".join(map(line_of, sent))
+    pieces = [stream[start : start + length] for start in range(0, len(stream), length)]
+    assert list(decoded(pieces, list[PacketRecord])) == sent
 
 
-def test_a_batch_cut_short_is_not_handed_out():
-    decoder = BatchDecoder(VIEWS)
-    whole = encode_batch(VIEWS, [], RelayStatistics(sent=5))
-    assert decoder.feed(whole[:-1]) == []
-    assert decoder.feed(whole[-1:]) == [([], RelayStatistics(sent=5))]
+def test_a_report_cut_short_is_not_handed_out():
+    line = line_of([RECORD])
+    assert list(decoded([line[:-1]], list[PacketRecord])) == []

@@ -28,13 +28,11 @@ def test_each_encoded_frame_keeps_its_index_and_capture_time() -> None:
     with stream() as joined:
         joined.push(range(7, 37))
         assert joined.wait_until(lambda: len(joined.shown) == 30)
-        stats = joined.sender.stats()
     encoded = joined.encoded
     assert [each.index for each in encoded] == list(range(7, 37))
     assert all(0 < each.capture_ns < each.encoded_ns for each in encoded)
     assert all(before.capture_ns < after.capture_ns for before, after in pairwise(encoded))
     assert [each.keyframe for each in encoded] == [True] + [False] * 29
-    assert (stats.frames_encoded, stats.keyframes, stats.frames_lost) == (30, 1, 0)
 
 
 def test_the_bitstream_handed_over_decodes_by_itself() -> None:
@@ -50,8 +48,8 @@ def test_packets_carry_the_fixed_numbers_of_their_view() -> None:
     with stream(link) as joined:
         joined.push(range(10))
         assert joined.wait_until(lambda: len(joined.shown) == 10)
-        stats = joined.sender.stats()
-    assert stats.wire_bytes == sum(len(datagram) + 28 for datagram in link.rtp)
+        wire_bytes = joined.sender.wire_bytes
+    assert wire_bytes == sum(len(datagram) + 28 for datagram in link.rtp)
     headers = [datagram[:12] for datagram in link.rtp]
     assert {header[1] & 0x7F for header in headers} == {96}
     assert {int.from_bytes(header[8:12], "big") for header in headers} == {
@@ -66,20 +64,21 @@ def test_a_starving_target_drops_whole_frames_and_tells_which() -> None:
     with stream(kbps=40.0) as joined:
         joined.push(range(20))
         assert joined.wait_until(lambda: len(joined.shown) == 10)
-        stats = joined.sender.stats()
     assert [each.index for each in joined.dropped] == list(range(1, 20, 2))
     assert joined.shown_indices() == list(range(0, 20, 2))
-    assert (stats.frames_dropped, stats.frames_encoded, stats.frames_lost) == (10, 10, 0)
 
 
-def test_frames_overrun_in_front_of_the_encoder_are_counted() -> None:
+def test_frames_overrun_in_front_of_the_encoder_cost_the_others_nothing() -> None:
     with stream() as joined:
+        captured_ns = {}
         for index in range(60):
-            joined.sender.push(frame(index))  # far faster than x264
+            pushed = frame(index)
+            captured_ns[index] = pushed.capture_ns
+            joined.sender.push(pushed)  # far faster than x264
         assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [59])
-        stats = joined.sender.stats()
-    assert stats.frames_lost > 0
-    assert stats.frames_lost + stats.frames_encoded == 60
+        assert joined.sender.poll() == ""
+    assert len(joined.encoded) < 60
+    assert all(each.capture_ns == captured_ns[each.index] for each in joined.encoded)
 
 
 def test_a_failing_hand_over_is_told_to_the_owner() -> None:

@@ -6,7 +6,7 @@ from tams_app.capacity import TraceCapacity
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_MS
 from tams_app.video.networks import read_trace
-from tams_app.video.traces import format_trace, parse_trace
+from tams_app.video.traces import parse_trace
 
 pytestmark = pytest.mark.untimed
 
@@ -23,8 +23,8 @@ def test_times_count_from_the_first_row():
     assert trace.starts_ns == (0, 100 * NS_PER_MS)
 
 
-def test_a_formatted_trace_reads_back():
-    trace = parse_trace(format_trace([(0, 10), (100, 20)]), "x.csv")
+def test_the_last_rate_holds_as_long_as_the_one_before():
+    trace = parse_trace("t_ms,kbps\n0,10\n100,20\n", "x.csv")
     assert (trace.kbps, trace.period_ns) == ((10.0, 20.0), 200 * NS_PER_MS)
 
 

@@ -124,8 +124,8 @@ def test_a_camera_that_falls_silent_is_opened_again(make: Make) -> None:
     after = next_of(camera)
     assert after.capture_ns - before.capture_ns > NS_PER_S // 2
     assert_grid_goes_on(before, after)
-    assert camera.stats().missed >= 14
-    assert camera.stats().openings == 2
+    assert after.index - before.index >= 15
+    assert len(source.opened) == 2
 
 
 def test_a_sensor_that_repeats_one_frame_is_not_shown_however_often_it_is_opened(
@@ -134,14 +134,12 @@ def test_a_sensor_that_repeats_one_frame_is_not_shown_however_often_it_is_opened
     source = PlayedSource(STILL, STILL, MOVING)
     camera, notes = make(source)
     camera.start()
-    shown = camera.stats().frames
     while not camera.trouble:
         assert camera.next_frame(0.05) is None
     assert "repeats one frame to the last bit" in notes[0][1]
     after = next_of(camera)
     assert len(source.opened) == 3
     assert after.index > SMALL.fps  # counted on over a second without a frame
-    assert camera.stats().frames == shown + 1
     assert [level for level, _ in notes] == ["warning", "info"]
 
 
@@ -204,14 +202,3 @@ def test_what_the_device_does_not_do_is_told_once(make: Make) -> None:
     next_of(camera)
     told = [text for _, text in notes if "keeps gain" in text]
     assert told == ["camera eih (played camera) keeps gain at 7 although 9 was set"]
-
-
-def test_stats_tell_rate_and_age(make: Make) -> None:
-    camera, _ = make(PlayedSource(MOVING))
-    camera.start()
-    for _ in range(20):
-        next_of(camera)
-    stats = camera.stats()
-    assert stats.rate_hz == pytest.approx(30, rel=0.5)
-    assert 0 < stats.age_ms <= stats.oldest_ms
-    assert stats.frames >= 20

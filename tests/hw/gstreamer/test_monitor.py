@@ -9,7 +9,6 @@ from hw.gstreamer.monitor import (
     REPETITION_NS,
     SILENCE_NS,
     START_TIMEOUT_NS,
-    CaptureMeter,
     FrameStatus,
     FreezeWatch,
 )
@@ -98,27 +97,3 @@ def test_a_file_may_show_one_frame_for_ever() -> None:
     watch.opened(OPENED_NS)
     for number in range(300):
         assert watch.frame(OPENED_NS + number * PERIOD_NS, b"a") is FrameStatus.NEW
-
-
-def test_rate_and_ages_are_those_of_the_last_two_seconds() -> None:
-    meter = CaptureMeter()
-    for number in range(60):  # slow and late, long ago
-        meter.add(number * 2 * PERIOD_NS, number * 2 * PERIOD_NS + 900 * NS_PER_MS)
-    start_ns = 60 * 2 * PERIOD_NS
-    for number in range(90):
-        capture_ns = start_ns + number * PERIOD_NS
-        meter.add(capture_ns, capture_ns + (40 if number == 80 else 10) * NS_PER_MS)
-    stats = meter.stats(missed=3, openings=2)
-    assert stats.rate_hz == pytest.approx(30.0, rel=1e-6)
-    assert stats.age_ms == 10.0
-    assert stats.oldest_ms == 40.0
-    assert (stats.frames, stats.missed, stats.openings) == (150, 3, 2)
-    assert stats.last_capture_ns == start_ns + 89 * PERIOD_NS
-
-
-def test_before_the_first_frame_nothing_is_claimed() -> None:
-    meter = CaptureMeter()
-    assert meter.stats(0, 0).rate_hz == 0.0
-    meter.add(5, 6)
-    assert meter.stats(0, 1).rate_hz == 0.0
-    assert meter.stats(0, 1).frames == 1

@@ -24,7 +24,6 @@ import numpy as np
 import pytest
 
 from hw.camera import Camera
-from hw.gstreamer.monitor import CaptureStats
 from hw.v4l2.controls import (
     AUTO_WHITE_BALANCE,
     EXPOSURE_ABSOLUTE,
@@ -291,10 +290,6 @@ class RemoteCamera(Camera):
 
     def notes(self) -> list[tuple[str, str]]:
         return list(self._process.ask("notes_of", self._number))
-
-    def stats(self) -> CaptureStats:
-        stats: CaptureStats = self._do("stats")
-        return stats
 
     def _do(self, name: str, *arguments: Any) -> Any:
         return self._process.ask("do", self._number, name, arguments)

@@ -17,7 +17,6 @@ from tams_app.records import PacketFate, PacketKind
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
-from tams_app.video.traces import format_trace
 from tams_app.video.virtual_time.shared import ProcessingTimes
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED, checksum
@@ -259,7 +258,7 @@ def test_a_receiver_that_waited_for_its_sender_still_waits_for_repair() -> None:
 def test_a_link_that_was_down_for_seconds_leaves_identity_and_repair_right(tmp_path: Path) -> None:
     # after 3 s without packets the jitter buffer restarts its PTS from 0
     trace = tmp_path / "down.csv"
-    trace.write_text(format_trace([(0, 5000), (400, 0), (3800, 5000), (60_000, 5000)]))
+    trace.write_text("t_ms,kbps\n0,5000\n400,0\n3800,5000\n60000,5000\n")
     network = Network(latency_ms=20, loss=0.02, trace=str(trace), queue_ms=1, queue_min_bytes=6000)
     run = run_whole(network, 160, rule=RepairRule(True, 1000, 300.0))
     after = [seen for seen in run.shown if 125 <= seen.index < 155]

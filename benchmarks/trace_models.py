@@ -1,6 +1,6 @@
 """Making capacity traces: outages, a step, a sawtooth, a Markov chain; seeded, 100 ms a row.
 
-`python -m tams_app.video.trace_models outage --seed 1 > outage.csv` writes one.
+`python -m benchmarks.trace_models outage --seed 1 > outage.csv` writes one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 from random import Random
 
-from tams_app.video.traces import format_trace
+from tams_app.video.traces import CSV_HEADER
 
 ROW_MS = 100
 
@@ -73,7 +73,8 @@ def generate(model: str, seed: int, seconds: float) -> str:
     """A trace file's text: `model` is one of `MODELS`; the same arguments, the same bytes."""
     rates = MODELS[model](Random(f"{seed}/{model}"))
     rows = islice(rates, _rows(seconds))
-    return format_trace([(row * ROW_MS, kbps) for row, kbps in enumerate(rows)])
+    lines = (f"{row * ROW_MS},{kbps}" for row, kbps in enumerate(rows))
+    return "\n".join((CSV_HEADER, *lines)) + "\n"
 
 
 def _rows(seconds: float) -> int:
