@@ -62,20 +62,20 @@ def main() -> None:
     130 (ended by Ctrl-C or a signal).
     """
     try:
-        code = _main(sys.argv[1:])
+        code = _main(sys.argv[1:], Path(sys.argv[0]).name)
     except KeyboardInterrupt:
         typer.echo("tams: interrupted", err=True)
         code = _CTRL_C
     sys.exit(code)
 
 
-def _main(arguments: list[str]) -> int:
+def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
         arguments.insert(0, "run")
     try:
-        code = app(arguments, prog_name="run_tams.py", standalone_mode=False) or 0
+        code = app(arguments, prog_name=called_as, standalone_mode=False) or 0
     except TamsError as error:
         if debug:
             raise
@@ -85,7 +85,7 @@ def _main(arguments: list[str]) -> int:
         typer.echo(f"tams: standard output cannot be written: {error.strerror}", err=True)
         return 1
     except TyperException as error:
-        typer.echo(f"tams: {error.format_message()} (see run_tams.py --help)", err=True)
+        typer.echo(f"tams: {error.format_message()} (see {called_as} --help)", err=True)
         return 2
     if code == _CTRL_C:
         raise KeyboardInterrupt

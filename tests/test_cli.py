@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tams_app import __version__
-from tams_app.cli import _main
+from tams_app.cli import _main, main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
@@ -312,6 +312,16 @@ def test_bad_input_is_one_sentence_and_exit_code_two_in_each_command(
     code, _, err = run(capsys, command, *wrong)
     assert len(err.splitlines()) == 1
     assert code == 2
+
+
+@pytest.mark.parametrize("program", ["tams", "run_tams.py"])
+def test_help_and_advice_name_the_program_as_it_was_called(capsys, monkeypatch, program):
+    for arguments, told in ((["allocate", "--help"], "Usage: {}"), (["bogus"], "(see {} --help)")):
+        monkeypatch.setattr(sys, "argv", [f"/somewhere/bin/{program}", *arguments])
+        with pytest.raises(SystemExit):
+            main()
+        captured = capsys.readouterr()
+        assert told.format(program) in captured.out + captured.err
 
 
 def test_the_exit_codes_are_in_the_help(capsys):

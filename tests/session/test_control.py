@@ -127,7 +127,7 @@ def bench():
     made.arm.close()
 
 
-def test_nothing_moves_before_somebody_confirms(bench):
+def test_nothing_moves_before_the_operator_confirms(bench):
     bench.hand.trigger = 1.0
     bench.hand.velocity = np.array([0.0, 0.0, -0.1])
     start = bench.position
