@@ -172,7 +172,8 @@ def run_rtpsession(
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
     clock, events, waiter = SteppedClock(START_NS), EventQueue(), IdleWaiter()
-    clock.become_default()
+    # also of the elements that ask for the system's clock
+    gst.load().Gst.SystemClock.set_default(clock._clock)
     capacity = network_capacity(network, START_NS)
     arrivals = Arrivals(START_NS)
     link = NotingLink(arrivals, network, capacity, config.video.views, seed)

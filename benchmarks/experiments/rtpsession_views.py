@@ -90,7 +90,7 @@ class RtpSessionView:
             session.set_property("ntp-time-source", 3)  # clock-time
             session.get_property("internal-session").set_property("internal-ssrc", ssrc)
             if rule.rtx:
-                payload_types = from_string(pipelines.rtx_payload_types())[0]
+                payload_types = from_string(pipelines.RTX_PAYLOAD_TYPES)[0]
                 pipeline.get_by_name("rtx").set_property("payload-type-map", payload_types)
         if rule.rtx:
             ssrcs = from_string(pipelines.rtx_ssrcs(config, self.view))[0]

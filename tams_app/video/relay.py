@@ -15,7 +15,6 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from enum import Enum
 from typing import Any
 
 from tams_app.config import Network
@@ -32,17 +31,10 @@ from tams_app.video.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
 
+_FLOWS = ("rtp", "reports", "feedback")
 _RECEIVE_BUFFER_BYTES = 4_000_000
 _LARGEST_DATAGRAM_BYTES = 65_536
 _READS_IN_A_ROW = 32  # then see what is due: a flood must not hold deliveries up
-
-
-class Flow(Enum):
-    """The three flows of a view; the value is its field in `ViewPorts`."""
-
-    RTP = "rtp"
-    REPORTS = "reports"
-    FEEDBACK = "feedback"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +42,7 @@ class Route:
     """One flow of one view: where it comes in and where it goes out."""
 
     view: str
-    flow: Flow
+    flow: str  # its field in `ViewPorts`
     entrance: socket.socket
     exit: tuple[str, int]
 
@@ -68,10 +60,10 @@ class Relay:
         self._records: list[PacketRecord] = []
         try:
             for view, ports in exits.items():
-                for flow in Flow:
+                for flow in _FLOWS:
                     entrance = _entrance(ports.host)
                     self._routes[entrance] = Route(
-                        view, flow, entrance, (ports.host, getattr(ports, flow.value))
+                        view, flow, entrance, (ports.host, getattr(ports, flow))
                     )
         except OSError:
             self.close()
@@ -82,7 +74,7 @@ class Relay:
         ports: dict[str, dict[str, Any]] = {}
         for route in self._routes.values():
             host, port = route.entrance.getsockname()
-            ports.setdefault(route.view, {"host": host})[route.flow.value] = port
+            ports.setdefault(route.view, {"host": host})[route.flow] = port
         return {view: ViewPorts(**flows) for view, flows in ports.items()}
 
     def run(self, stop: threading.Event) -> None:
@@ -121,9 +113,9 @@ class Relay:
 
     def _due_ns(self, route: Route, datagram: bytes, now_ns: int) -> int | None:
         """When the datagram comes out; None if the link loses it. Uplink packets are recorded."""
-        if route.flow is Flow.FEEDBACK:
+        if route.flow == "feedback":
             return self._link.feedback(now_ns, route.view)
-        if route.flow is Flow.RTP:
+        if route.flow == "rtp":
             kind, sequence, timestamp = identify(datagram)
         else:
             kind, sequence, timestamp = PacketKind.RTCP, 0, 0
