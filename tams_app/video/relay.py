@@ -26,10 +26,12 @@ from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import identify
-from tams_app.video.relay_wire import ReportStream
+from tams_app.video.reporting_helper import line_of
 from tams_app.video.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
+# A session that stalls for a minute at 1000 packets/s leaves no gap in its records.
+REPORT_BUFFER_BYTES = 15_000_000
 
 _FLOWS = ("rtp", "reports", "feedback")
 _RECEIVE_BUFFER_BYTES = 4_000_000
@@ -45,6 +47,47 @@ class Route:
     flow: str  # its field in `ViewPorts`
     entrance: socket.socket
     exit: tuple[str, int]
+
+
+class ReportStream:
+    """Records on their way to the session; never waits.
+
+    `connection` becomes non-blocking. Bytes the session has not read stay here, up to
+    `REPORT_BUFFER_BYTES`; beyond that whole reports are left out.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self._connection = connection
+        self._unsent = bytearray()
+        self._gone = False
+
+    def put(self, records: list[PacketRecord]) -> None:
+        """Queue one report and send what the connection takes."""
+        line = line_of(records)
+        if not self._gone and len(self._unsent) + len(line) <= REPORT_BUFFER_BYTES:
+            self._unsent += line
+        self._send()
+
+    def _send(self) -> None:
+        while self._unsent and not self._gone:
+            try:
+                sent = self._connection.send(self._unsent)
+            except BlockingIOError:
+                return
+            except (BrokenPipeError, ConnectionResetError):
+                self._gone = True  # the session closes the relay itself; video goes on till then
+                return
+            del self._unsent[:sent]
+
+    def close(self, timeout_s: float = 0.5) -> None:
+        """Send the rest, for at most `timeout_s`, and disconnect."""
+        deadline_ns = time.monotonic_ns() + round(timeout_s * NS_PER_S)
+        self._send()
+        while self._unsent and not self._gone and time.monotonic_ns() < deadline_ns:
+            select.select([], [self._connection], [], timeout_s)
+            self._send()
+        self._connection.close()
 
 
 class Relay:
