@@ -55,10 +55,8 @@ def gstreamer(_: Config) -> Iterator[Finding]:
     if not missing:
         version = gst.load().Gst.version_string()
         yield Finding("GStreamer elements", True, f"{len(gst.STREAMING_ELEMENTS)}, {version}")
-    for element in missing:
-        yield Finding(
-            f"GStreamer element {element.name}", False, "", f"apt-get install {element.package}"
-        )
+    for element, package in missing.items():
+        yield Finding(f"GStreamer element {element}", False, "", f"apt-get install {package}")
 
 
 def configuration(config: Config) -> Iterator[Finding]:
