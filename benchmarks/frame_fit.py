@@ -16,9 +16,8 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.asking import fit_moves
-from calibration.frame.fit import fit_strokes
+from calibration.frame.fit import Matrix, fit_strokes, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.rotation import Matrix, turn_deg
 from calibration.frame.simulated import SimulatedSetup
 from calibration.frame.stroke import RefusedError, Stroke
 from calibration.frame.touches import Touch, fit_touches

@@ -10,10 +10,9 @@ from typing import Any
 from calibration.cameras import image_steps
 from calibration.cameras.bench import Bench, agreed
 from calibration.cameras.binding import bind_views
-from calibration.cameras.findings import Findings, draw_findings
+from calibration.cameras.findings import Findings, draw_findings, findings_of_log
+from calibration.cameras.flashes import check_display
 from calibration.cameras.image_steps import EXPOSURE, FOCUS, RATE
-from calibration.cameras.recorded import findings_of_log
-from calibration.cameras.screen import check_display
 from calibration.options import CameraOptions
 from calibration.store import Calibration
 from calibration.ui import WizardUI

@@ -13,9 +13,7 @@ from matplotlib.axes import Axes
 
 from calibration.figures import new_figure, save_figure
 from calibration.frame.buttons import ButtonFinding
-from calibration.frame.diagnosis import stands_upright
-from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit
-from calibration.frame.rotation import Matrix, turn_deg
+from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit, Matrix, stands_upright, turn_deg
 from calibration.frame.sources import SIX_DIRECTIONS, Move
 from calibration.frame.stroke import AXES, Reason, RefusedError
 from calibration.frame.touches import TouchFit

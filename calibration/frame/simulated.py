@@ -14,7 +14,7 @@ from typing import Generic
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.rotation import Matrix
+from calibration.frame.fit import Matrix
 from calibration.frame.sources import (
     SAMPLE_RATE_HZ,
     ButtonSource,

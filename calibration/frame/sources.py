@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from calibration.frame.rotation import Matrix
+from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController

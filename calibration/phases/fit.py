@@ -8,7 +8,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calibration.phases.scores import Scores, score
 from calibration.phases.search import (
     DWELL_STEP_S,
     LARGEST,
@@ -18,7 +17,7 @@ from calibration.phases.search import (
     point_of,
     thresholds_at,
 )
-from calibration.phases.trials import NOT_COUNTED, PHASES, Floats, Trial, infer
+from calibration.phases.trials import NOT_COUNTED, PHASES, Floats, Scores, Trial, infer, score
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError, TamsError
 

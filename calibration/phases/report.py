@@ -11,8 +11,7 @@ from rich.table import Table
 
 from calibration.figures import new_figure, save_figure
 from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
-from calibration.phases.scores import Scores
-from calibration.phases.trials import PHASES
+from calibration.phases.trials import PHASES, Scores
 from calibration.ui import plain_table
 from tams_app.config import PhasesConfig
 from tams_app.records import Phase

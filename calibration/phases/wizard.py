@@ -24,7 +24,6 @@ from calibration.phases.labels import LabelRules
 from calibration.phases.marking import mark_trial
 from calibration.phases.marks import FILE_NAME
 from calibration.phases.report import save_sensitivity
-from calibration.phases.scores import Scores
 from calibration.phases.sources import (
     Material,
     check_folders,
@@ -32,7 +31,7 @@ from calibration.phases.sources import (
     logged_trials,
     virtual_trials,
 )
-from calibration.phases.trials import Trial
+from calibration.phases.trials import Scores, Trial
 from calibration.store import Calibration
 from calibration.ui import as_text
 from calibration.wizard import Wizard

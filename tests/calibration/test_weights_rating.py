@@ -3,8 +3,7 @@
 import pytest
 
 from calibration.weights.clips import Clip
-from calibration.weights.rating import rate, viewing_order
-from calibration.weights.ratings import Answer, RatingFolder
+from calibration.weights.ratings import Answer, RatingFolder, rate, viewing_order
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.scripted_ui import ScriptedUI

@@ -12,10 +12,9 @@ from calibration.ui import TerminalUI
 from calibration.weights.agreement import assess
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
-from calibration.weights.figure import save_weights
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import RatingFolder
-from calibration.weights.report import evidence_remarks
+from calibration.weights.report import evidence_remarks, save_weights
 from calibration.weights.sources import open_session
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app

@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.capture import find_strokes, strokes_of_log
-from calibration.frame.fit import fit_strokes
-from calibration.frame.rotation import turn_deg
+from calibration.frame.fit import fit_strokes, turn_deg
 from calibration.frame.stroke import Reason, RefusedError
 from tams_app.config import load_config
 from tams_app.errors import LogError

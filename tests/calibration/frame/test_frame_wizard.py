@@ -18,9 +18,8 @@ from calibration.frame.asking import (
     fit_touched,
 )
 from calibration.frame.directions import try_six_directions
-from calibration.frame.fit import FrameFit
+from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.rotation import turn_deg
 from calibration.frame.simulated import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS, Press
 from calibration.frame.stroke import Reason, RefusedError
