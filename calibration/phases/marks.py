@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats
-from tams_app.errors import ConfigError, TamsError
+from tams_app.errors import ConfigError
 from tams_app.records import Phase
+from tams_app.study.folder import write_atomically
 
 FILE_NAME = "phases.csv"
 NOTHING = "-"
@@ -86,17 +86,12 @@ def labels_from(marks: Sequence[Mark], t_s: Floats) -> Codes:
 
 
 def write_marks(path: Path, marks: Iterable[Mark]) -> None:
-    """Keep them at `path`; what was there stays whole until they are. TamsError if it fails."""
+    """Keep them at `path`; what was there stays whole until they are. LogError if it fails."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
     writer.writerows((f"{mark.t_s:.3f}", mark.name) for mark in marks)
-    new = path.with_name(f".{path.name}.new")
-    try:
-        new.write_text(text.getvalue(), encoding="utf-8")
-        os.replace(new, path)
-    except OSError as error:
-        raise TamsError(f"{path}: cannot be written: {error.strerror}") from error
+    write_atomically(path, text.getvalue())
 
 
 def read_marks(path: Path, last_s: float) -> list[Mark]:

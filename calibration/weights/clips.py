@@ -10,11 +10,12 @@ from typing import Annotated
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from calibration.store import write_text
 from tams_app import gst
 from tams_app.config.problems import describe_validation_error
 from tams_app.config.reader import read_yaml
 from tams_app.console.windows import require_display
-from tams_app.errors import ConfigError, LogError, SetupError
+from tams_app.errors import ConfigError, SetupError
 from tams_app.records import Image, Phase
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 
@@ -116,14 +117,8 @@ class ClipFolder:
         if name in known:
             self._remove_outdated(name, known[name], session)
         content = _Index(sessions=known | {name: session}).model_dump(mode="json", by_alias=True)
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            temporary = self.path / f".{_INDEX}.new"
-            text = _HEADER + yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-            temporary.write_text(text, encoding="utf-8")
-            os.replace(temporary, self.path / _INDEX)
-        except OSError as error:
-            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+        write_text(self.path / _INDEX, _HEADER + text)
 
     def _remove_outdated(self, name: str, before: CutSession, now: CutSession) -> None:
         if before.recorded != now.recorded:

@@ -1,4 +1,4 @@
-"""What raters say of each view in each phase, and the YAML file that keeps it for each rater.
+"""What raters say of each view in each phase: asked at the terminal, kept in a YAML file each.
 
 rater: p01
 simulated: false
@@ -9,24 +9,23 @@ answers:
 
 from __future__ import annotations
 
-import os
 import re
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from calibration.store import write_text
 from calibration.ui import WizardUI
 from calibration.weights.clips import Clip
 from tams_app.config.problems import describe_validation_error
 from tams_app.config.reader import read_yaml
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
 # The paper names neither scale nor wording: five points, the usual choice.
@@ -40,22 +39,34 @@ SCALE_WORDS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
+
+
+class _Kept(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Answer(_Kept):
     """One rater on one phase: whole numbers LEAST..MOST by view, None for no answer."""
 
     phase: Phase
-    necessity: Mapping[str, int | None]
+    necessity: dict[str, Annotated[int, Field(ge=LEAST, le=MOST, strict=True)] | None]
     most_critical: str | None  # the one view to keep sharp under a severe bandwidth limit
 
 
-@dataclass(frozen=True, slots=True)
-class Sheet:
+class Sheet(_Kept):
     """All that one rater has said so far, at most one answer a phase."""
 
-    rater: str  # a pseudonym
+    rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
     simulated: bool
-    answers: tuple[Answer, ...]
+    scale: tuple[Literal[1], Literal[5]] = (LEAST, MOST)
+    answers: tuple[Answer, ...] = ()
+
+    @field_validator("answers", mode="before")
+    @classmethod
+    def _none_yet(cls, answers: object) -> object:
+        """A file written by hand may have nothing under `answers`."""
+        return () if answers is None else answers
 
     def on(self, phase: Phase) -> Answer | None:
         """The answer on `phase`, None if there is none."""
@@ -89,26 +100,8 @@ def critical_table(sheets: Sequence[Sheet], views: Sequence[str]) -> NDArray[np.
     return table
 
 
-PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _SUFFIX = ".yaml"
 _HEADER = "# The ratings of one person or simulated rater; only ever added to.\n"
-
-
-class _AnswerFile(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    phase: Phase
-    necessity: dict[str, Annotated[int, Field(ge=LEAST, le=MOST, strict=True)] | None]
-    most_critical: str | None
-
-
-class _SheetFile(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
-    simulated: bool
-    scale: tuple[Literal[1], Literal[5]]
-    answers: list[_AnswerFile] | None
 
 
 class RatingFolder:
@@ -134,7 +127,7 @@ class RatingFolder:
             )
         file = self._file(rater)
         if not file.exists():
-            sheet = Sheet(rater, simulated, ())
+            sheet = Sheet(rater=rater, simulated=simulated)
             self._write(file, sheet)
             return sheet
         sheet = self._read(file)
@@ -148,49 +141,26 @@ class RatingFolder:
         sheet = self._read(file)
         if sheet.on(answer.phase) is not None:
             raise ConfigError(f"{file}: {answer.phase.value} is answered already, and stays so")
-        self._write(file, replace(sheet, answers=(*sheet.answers, answer)))
+        self._write(file, sheet.model_copy(update={"answers": (*sheet.answers, answer)}))
 
     def _write(self, file: Path, sheet: Sheet) -> None:
         """The whole file; what was there stays until all of it is on the disk."""
-        answers = [
-            {
-                "phase": answer.phase.value,
-                "necessity": dict(answer.necessity),
-                "most_critical": answer.most_critical,
-            }
-            for answer in sheet.answers
-        ]
-        head = {"rater": sheet.rater, "simulated": sheet.simulated, "scale": [LEAST, MOST]}
-        content = head | {"answers": answers}
-        text = _HEADER + yaml.safe_dump(
-            content, sort_keys=False, default_flow_style=None, width=200
-        )
-        temporary = file.with_name(f".{file.name}.new")
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            with temporary.open("w", encoding="utf-8") as new:
-                new.write(text)
-                new.flush()
-                os.fsync(new.fileno())
-            os.replace(temporary, file)
-        except OSError as error:
-            raise LogError(f"{file}: cannot be written: {error.strerror}") from error
+        content = sheet.model_dump(mode="json")
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=200)
+        write_text(file, _HEADER + text)
 
     def _file(self, rater: str) -> Path:
         return self.path / f"{rater}{_SUFFIX}"
 
     def _read(self, file: Path) -> Sheet:
         try:
-            content = _SheetFile.model_validate(read_yaml(file))
+            sheet = Sheet.model_validate(read_yaml(file))
         except ValidationError as error:
             raise ConfigError(f"{file}: {describe_validation_error(error)}") from error
-        if content.rater != file.stem:
-            raise ConfigError(f"{file}: rater: is {content.rater}; the file must bear that name")
-        answers = tuple(
-            Answer(one.phase, one.necessity, one.most_critical) for one in content.answers or ()
-        )
-        self._check(file, answers)
-        return Sheet(content.rater, content.simulated, answers)
+        if sheet.rater != file.stem:
+            raise ConfigError(f"{file}: rater: is {sheet.rater}; the file must bear that name")
+        self._check(file, sheet.answers)
+        return sheet
 
     def _check(self, file: Path, answers: Sequence[Answer]) -> None:
         """Each phase once, and all and only the configuration's views."""
@@ -288,4 +258,4 @@ def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
         points = ", ".join(f"{view.upper()} {necessity[view] or '-'}" for view in views)
         whole = f"{points}; most critical {critical.upper() if critical else '-'}"
         if ui.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
-            return Answer(phase, necessity, critical)
+            return Answer(phase=phase, necessity=necessity, most_critical=critical)
