@@ -131,9 +131,15 @@ class WizardUI:
         self._restore()
 
 
-def plain_table(first: str, *others: str, gap: int = 2) -> Table:
+def bar(share: float, width: int = 20) -> str:
+    """A bar that is full at 1."""
+    full = min(width, max(0, round(share * width)))
+    return "█" * full + "░" * (width - full)
+
+
+def plain_table(first: str, *others: str, title: str | None = None, gap: int = 2) -> Table:
     """A table without lines, its first column left and the others right."""
-    table = Table(box=None, padding=(0, gap))
+    table = Table(box=None, padding=(0, gap), title=title, title_justify="left")
     table.add_column(first)
     for name in others:
         table.add_column(name, justify="right")

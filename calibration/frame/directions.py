@@ -7,8 +7,9 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
+from rich.table import Table
+from rich.text import Text
 
-from calibration.frame import display
 from calibration.frame.capture import MIN_TRAVEL_M, Capture, travel_m
 from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move
 from calibration.frame.stroke import Reason, RefusedError
@@ -17,6 +18,7 @@ from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample
 from tams_app.teleop.motion import HandMotion
 
+_ARROWS = {"+x": "⊙", "−x": "⊗", "+y": "←", "−y": "→", "+z": "↑", "−z": "↓"}
 MIN_SPEED_M_S = 0.04  # of the hand: slower, no direction is lit
 MAX_OFF_AXIS_DEG = 30.0
 TRIES = 3  # of one direction: people take left for right
@@ -28,7 +30,7 @@ def try_six_directions(
     """Whether each direction lit up when it was asked for; those that Enter skipped are missing."""
     right: dict[Move, bool] = {}
     for wanted in SIX_DIRECTIONS:
-        ui.say(f"Hold the trigger, move along {wanted.name} ({display.meaning(wanted)}), let go.")
+        ui.say(f"Hold the trigger, move along {wanted.name} ({wanted.meaning}), let go.")
         for left in reversed(range(TRIES)):
             wrong = _try_direction(ui, source, config, hand, wanted, right)
             if wrong is None:
@@ -38,7 +40,7 @@ def try_six_directions(
             if not wrong:
                 break
             ui.say(wrong + (" Once more." if left else ""))
-    ui.say(as_text(display.compass_table(None, None, right)))
+    ui.say(as_text(_compass_table(None, None, right)))
     return right
 
 
@@ -65,13 +67,27 @@ def _try_direction(
         compass.update(sample, now_ns, held=capture.so_far is not None)
         count += 1
         if count % SHOW_EVERY == 0:
-            ui.show(display.compass_table(wanted, compass.lit, right))
+            ui.show(_compass_table(wanted, compass.lit, right))
             if ui.pressed():
                 return None
     lit = compass.mostly()
     if lit is None:
         return f"Nothing lit up when {wanted.name} was asked for: move faster, and straight."
     return "" if lit == wanted else f"{lit.name} lit up when {wanted.name} was asked for."
+
+
+def _compass_table(asked: Move | None, lit: Move | None, right: Mapping[Move, bool]) -> Table:
+    """The six directions: which one is asked for, which one the arm would take now."""
+    table = Table(box=None, show_header=False)
+    for move in SIX_DIRECTIONS:
+        style = "bold black on green" if move == lit else "" if move == asked else "dim"
+        table.add_row(
+            "▶" if move == asked else " ",
+            Text(f" {_ARROWS[move.name]} {move.name} ", style),
+            move.meaning,
+            {True: "✓", False: "✗", None: ""}[right.get(move)],
+        )
+    return table
 
 
 class Compass:

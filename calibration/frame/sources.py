@@ -21,7 +21,15 @@ from tams_app.runtime.clock import Clock, FixedRate
 
 SAMPLE_RATE_HZ = 120.0
 SHOW_EVERY = 12  # samples: ten times a second
-Reading = TypeVar("Reading")
+_MEANING = {
+    "+x": "away from the robot's base",
+    "−x": "towards the robot's base",
+    "+y": "to the robot's left",
+    "−y": "to the robot's right",
+    "+z": "up",
+    "−z": "down",
+}
+Reading = TypeVar("Reading", covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +42,11 @@ class Move:
     @property
     def name(self) -> str:
         return f"{'+' if self.sign > 0 else '−'}{AXES[self.axis]}"
+
+    @property
+    def meaning(self) -> str:
+        """The direction in words, as seen from the robot."""
+        return _MEANING[self.name]
 
     @property
     def direction(self) -> Vector:
@@ -60,24 +73,18 @@ Prompt: TypeAlias = Move | Reach | Press
 SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 
-class HandSource(Protocol):
-    """The controller's pose and trigger."""
+class Source(Protocol[Reading]):
+    """What is read of the controller while a person does what they are asked."""
 
     def ask(self, prompt: Prompt) -> None:
         """What the person has just been asked to do."""
 
-    def next(self) -> tuple[int, ControllerSample]:
-        """The time [ns] and the newest sample, at `SAMPLE_RATE_HZ`."""
+    def next(self) -> tuple[int, Reading]:
+        """The time [ns] and the newest reading, at `SAMPLE_RATE_HZ`."""
 
 
-class ButtonSource(Protocol):
-    """All components of the controller."""
-
-    def ask(self, prompt: Prompt) -> None:
-        """What the person has just been asked to do."""
-
-    def next(self) -> tuple[int, ComponentReading | None]:
-        """The time [ns] and the newest reading, None while there is none."""
+HandSource: TypeAlias = Source[ControllerSample]  # pose and trigger
+ButtonSource: TypeAlias = Source[ComponentReading | None]  # all components; None: not there yet
 
 
 class Setup(Protocol):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calibration.frame import display, result
-from calibration.frame.asking import ask_buttons, fit_moves, fit_touched
+from calibration.frame import result
+from calibration.frame.asking import fit_moves, fit_touched
+from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.directions import try_six_directions
 from calibration.frame.fit import FrameFit, fit_strokes
@@ -121,7 +123,7 @@ class FrameWizard(Wizard[FrameOptions]):
         if options.buttons:
             with setup.buttons() as components:
                 buttons = ask_buttons(self.ui, components, self.config)
-            self.ui.say(as_text(display.finding_table(buttons)))
+            self.ui.say(as_text(finding_table(buttons)))
         config = result.mapped(self.config, buttons)
         source = stack.enter_context(setup.hand(config.controller))
         frame: FrameFit | TouchFit
@@ -136,7 +138,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self._try(source, self._outcome)
 
     def _tell(self, frame: FrameFit | TouchFit) -> None:
-        self.ui.say(as_text(display.result_table(frame)))
+        self.ui.say(as_text(result.result_table(frame)))
         for remark in result.remarks(self.config, frame):
             self.ui.say(remark)
 
@@ -150,7 +152,7 @@ class FrameWizard(Wizard[FrameOptions]):
         hand = result.hand_with(config.hand, outcome.frame, self.options.keep_scale)
         lit = try_six_directions(self.ui, source, config, hand)
         self.ui.say(f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for.")
-        self._outcome = outcome.with_directions(lit)
+        self._outcome = replace(outcome, lit=lit)
         if wrong := [one.name for one, is_right in lit.items() if not is_right]:
             self._outcome = None
             raise RefusedError(

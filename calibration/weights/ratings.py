@@ -13,7 +13,7 @@ import re
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 import yaml
@@ -29,7 +29,8 @@ from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
 # The paper names neither scale nor wording: five points, the usual choice.
-LEAST, MOST = 1, 5
+LEAST: Final = 1
+MOST: Final = 5
 SCALE_WORDS = {
     1: "not needed",
     2: "hardly needed",

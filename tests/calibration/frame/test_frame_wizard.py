@@ -11,12 +11,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from calibration.frame import simulated, wizard
-from calibration.frame.asking import (
-    ATTEMPTS,
-    ask_buttons,
-    fit_moves,
-    fit_touched,
-)
+from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched
+from calibration.frame.buttons import ask_buttons
 from calibration.frame.directions import try_six_directions
 from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
