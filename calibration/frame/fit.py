@@ -200,14 +200,6 @@ _SQUARE_DEG = 10.0
 _NEAR_DEG = 30.0  # of the rotation in force
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Mistake:
-    """One thing that turns a frame into a mirrored one, and the frame without it."""
-
-    sentence: str
-    rotation: Matrix
-
-
 def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
     """Why `directions` (rows: of the +x, +y, +z strokes, unit) make no frame.
 
@@ -216,9 +208,11 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
     mistakes explains the difference from it, and else that robots mostly stand upright; where
     neither decides, all that is possible is said.
     """
-    for first, second in combinations(range(3), 2):
-        angle = math.degrees(math.acos(np.clip(directions[first] @ directions[second], -1.0, 1.0)))
-        pair = f"The +{AXES[first]} and +{AXES[second]} strokes"
+    pairs = list(combinations(range(3), 2))
+    cosines = [np.clip(directions[first] @ directions[second], -1.0, 1.0) for first, second in pairs]
+    angles = [math.degrees(math.acos(cosine)) for cosine in cosines]
+    names = [f"The +{AXES[first]} and +{AXES[second]} strokes" for first, second in pairs]
+    for pair, angle in zip(names, angles, strict=True):
         if not PARALLEL_DEG <= angle <= 180 - PARALLEL_DEG:
             ways = "nearly the same way" if angle < 90 else "nearly opposite ways"
             return RefusedError(
@@ -228,11 +222,7 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
             )
     if np.linalg.det(directions) < 0:
         return RefusedError(Reason.MIRRORED, _mirrored(directions, present))
-    angles = [
-        (abs(90 - math.degrees(math.acos(np.clip(directions[i] @ directions[j], -1.0, 1.0)))), i, j)
-        for i, j in combinations(range(3), 2)
-    ]
-    worst, first, second = max(angles)
+    worst, pair = max((abs(90 - angle), pair) for pair, angle in zip(names, angles, strict=True))
     if worst < _SQUARE_DEG:
         return RefusedError(
             Reason.CONTRADICTORY,
@@ -240,7 +230,7 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
         )
     return RefusedError(
         Reason.SKEWED,
-        f"The +{AXES[first]} and +{AXES[second]} strokes are {worst:.0f}° from a right angle: "
+        f"{pair} are {worst:.0f}° from a right angle: "
         "make both again, along edges that are square to each other.",
     )
 
@@ -251,31 +241,28 @@ def stands_upright(rotation: Matrix) -> bool:
 
 
 def _mirrored(directions: Matrix, present: Matrix | None) -> str:
-    likely = _likeliest(_mistakes(directions), present)
-    said = " or ".join(mistake.sentence for mistake in likely)
+    mistakes = _mistakes(directions)
+    near = present is not None and [
+        said for said, rotation in mistakes if turn_deg(rotation, present) < _NEAR_DEG
+    ]
+    upright = [said for said, rotation in mistakes if stands_upright(rotation)]
+    likely = near or upright or [said for said, _ in mistakes]
+    said = " or ".join(likely)
     if len(likely) == 1:
         return f"The strokes make a mirrored frame: most likely {said}; make it again."
     return f"The strokes make a mirrored frame: {said}; make them all again, each as prompted."
 
 
-def _mistakes(directions: Matrix) -> list[_Mistake]:
+def _mistakes(directions: Matrix) -> list[tuple[str, Matrix]]:
+    """What turns a frame into a mirrored one, in words, and the frame without it."""
     found = []
     for axis, name in enumerate(AXES):
         mended = directions.copy()
         mended[axis] = -mended[axis]
-        found.append(_Mistake(f"the +{name} stroke was reversed", kabsch(mended, np.eye(3))))
+        found.append((f"the +{name} stroke was reversed", kabsch(mended, np.eye(3))))
     for first, second in combinations(range(3), 2):
         mended = directions.copy()
         mended[[first, second]] = mended[[second, first]]
         sentence = f"+{AXES[first]} and +{AXES[second]} were taken for one another"
-        found.append(_Mistake(sentence, kabsch(mended, np.eye(3))))
+        found.append((sentence, kabsch(mended, np.eye(3))))
     return found
-
-
-def _likeliest(mistakes: list[_Mistake], present: Matrix | None) -> list[_Mistake]:
-    upright = [one for one in mistakes if stands_upright(one.rotation)]
-    if present is not None:
-        near = [one for one in mistakes if turn_deg(one.rotation, present) < _NEAR_DEG]
-        if near:
-            return near
-    return upright or mistakes

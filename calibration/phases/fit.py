@@ -27,15 +27,6 @@ Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the
 
 
 @dataclass(frozen=True, slots=True)
-class Fold:
-    """One trial left out: the thresholds that the others give, and its accuracy with those."""
-
-    trial: str
-    thresholds: PhasesConfig
-    accuracy: float
-
-
-@dataclass(frozen=True, slots=True)
 class PhaseFit:
     """The thresholds found, and how well they do.
 
@@ -47,7 +38,7 @@ class PhaseFit:
     in_sample: Scores
     left_out: Scores
     defaults: Scores
-    folds: tuple[Fold, ...]
+    folds: tuple[PhasesConfig, ...]  # of each trial left out: what the others give
 
     @property
     def at_the_edge(self) -> list[str]:
@@ -72,9 +63,8 @@ def fit_thresholds(
     for out, trial in enumerate(trials):
         others = [place for place in everything if place != out]
         thresholds = thresholds_at(search.best(others, lambda _: None), smoothing_ms)
-        codes = infer(trial.motion, thresholds)
-        inferred.append(codes)
-        folds.append(Fold(trial.name, thresholds, score([trial], [codes]).accuracy))
+        inferred.append(infer(trial.motion, thresholds))
+        folds.append(thresholds)
         progress("leaving out each trial in turn", (out + 1) / len(trials))
     chosen = thresholds_at(best, smoothing_ms)
     return PhaseFit(

@@ -31,7 +31,7 @@ def thresholds_table(found: PhaseFit) -> Table:
     """Chosen against default, and how far they moved as each trial was left out."""
     table = plain_table("", "chosen", "default", "with one trial left out")
     for name in SEARCHED:
-        folds = [getattr(fold.thresholds, name) for fold in found.folds]
+        folds = [getattr(fold, name) for fold in found.folds]
         table.add_row(
             name,
             f"{getattr(found.thresholds, name):g}",

@@ -9,7 +9,6 @@ the closed ones for T_pre = T, and hits add up (`tests/calibration/test_phases_s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import TypeAlias
 
@@ -62,13 +61,8 @@ def point_of(thresholds: PhasesConfig) -> Point:
 DEFAULT_POINT = point_of(PhasesConfig())
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class _Rank:
-    """How good a point is: more hits first, then nearer to the defaults, then smaller numbers."""
-
-    misses: int
-    from_defaults: float
-    point: Point
+# How good a point is: fewer misses first, then nearer to the defaults, then smaller numbers.
+_Rank: TypeAlias = tuple[int, float, Point]
 
 
 class Search:
@@ -93,7 +87,7 @@ class Search:
         trials that are not chosen is looked at. `progress` is told the part of the grid done.
         """
         starts = sorted(self._grid(chosen, progress))[:_STARTS]
-        return min(self._descend(start, chosen) for start in starts).point
+        return min(self._descend(start, chosen) for start in starts)[2]
 
     def _grid(self, chosen: Sequence[int], progress: Callable[[float], None]) -> Iterator[_Rank]:
         """For each pair of speeds of the grid the best dwell times; the defaults besides."""
@@ -107,7 +101,7 @@ class Search:
         """From `start` to the best neighbour, and so on, until none is better at any stride."""
         best = start
         for stride in _STRIDES:
-            while (nearby := self._best_near(best.point, stride, chosen)) < best:
+            while (nearby := self._best_near(best[2], stride, chosen)) < best:
                 best = nearby
         return best
 
@@ -133,12 +127,12 @@ class Search:
     ) -> _Rank:
         """The best T_align does not depend on T_pre, nor the other way round."""
         align = min(self._rank((v_eps, vz_min, align, pres[0]), chosen) for align in aligns)
-        best = align.point[2]
+        best = align[2][2]
         return min(self._rank((v_eps, vz_min, best, pre), chosen) for pre in pres)
 
     def _rank(self, point: Point, chosen: Sequence[int]) -> _Rank:
         apart = sum((a - b) ** 2 / b**2 for a, b in zip(point, DEFAULT_POINT, strict=True))
-        return _Rank(-self.hits(point, chosen), apart, point)
+        return -self.hits(point, chosen), apart, point
 
     def _run(self, trial: int, v_eps: int, vz_min: int, dwell: int) -> tuple[int, int]:
         """Hits with the gripper open and with it closed, both dwell times being `dwell`."""

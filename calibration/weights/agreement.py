@@ -8,7 +8,7 @@ chapter 9, for Kendall's W with its correction for ties.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import krippendorff
@@ -92,17 +92,17 @@ class Assessment:
         )
         return [*self.remarks, *of_rows]
 
-    def with_remarks(self, remarks: Sequence[str]) -> Assessment:
-        """The same with more to be wary of."""
-        return replace(self, remarks=(*self.remarks, *remarks))
-
 
 def assess(
     sheets: Sequence[Sheet],
     views: Sequence[str],
     present: Mapping[Phase, Mapping[str, float]],
+    more_remarks: Sequence[str] = (),
 ) -> Assessment:
-    """Build W from `sheets` and judge the evidence; `present` is the matrix in force."""
+    """Build W from `sheets` and judge the evidence; `present` is the matrix in force.
+
+    `more_remarks`: what else there is to be wary of.
+    """
     necessity = necessity_table(sheets, views)
     raters = len(sheets)
     necessity_alpha = krippendorff_alpha(necessity.reshape(raters, -1), "ordinal")
@@ -112,6 +112,7 @@ def assess(
         *_size_remarks(raters, simulated),
         *_alpha_remarks("the necessity of views", necessity_alpha),
         *_alpha_remarks("the most critical view", critical_alpha),
+        *more_remarks,
     ]
     return Assessment(
         raters=raters,

@@ -166,8 +166,11 @@ class WeightWizard(Wizard[WeightOptions]):
         if not sheets:
             raise ConfigError(f"{self._ratings.path}: holds no ratings yet: let people rate first")
         sessions = self._clips.there()
-        assessment = assess(sheets, views, self.config.policy.weights.matrix).with_remarks(
-            evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled)
+        assessment = assess(
+            sheets,
+            views,
+            self.config.policy.weights.matrix,
+            evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled),
         )
         self.ui.say("\n" + describe(assessment, views))
         self._built = assessment, sheets
