@@ -209,7 +209,9 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
     neither decides, all that is possible is said.
     """
     pairs = list(combinations(range(3), 2))
-    cosines = [np.clip(directions[first] @ directions[second], -1.0, 1.0) for first, second in pairs]
+    cosines = [
+        np.clip(directions[first] @ directions[second], -1.0, 1.0) for first, second in pairs
+    ]
     angles = [math.degrees(math.acos(cosine)) for cosine in cosines]
     names = [f"The +{AXES[first]} and +{AXES[second]} strokes" for first, second in pairs]
     for pair, angle in zip(names, angles, strict=True):
