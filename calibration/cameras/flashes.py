@@ -156,8 +156,19 @@ def flashing_window(clock: Clock) -> Iterator[Flashes]:
         "! videoconvert n-threads=1 ! ximagesink sync=true"
     )
     schedule = Flashes.beginning(0)
-    feeder = _Feeder(schedule)
-    pipeline.get_by_name("flashes").connect("need-data", feeder.on_need)
+    stretches = enumerate(pairwise((0, *schedule.after_ns)))
+
+    def feed(source: Any, _length: int) -> None:
+        """Hand the next change to the window whenever it has room; in GStreamer's thread."""
+        stretch = next(stretches, None)
+        if stretch is None:
+            source.emit("end-of-stream")
+            return
+        number, (from_ns, to_ns) = stretch
+        image = np.full((HEIGHT, WIDTH), 255 * (number % 2), np.uint8)
+        source.emit("push-buffer", gst.raw_buffer(image.tobytes(), from_ns, to_ns - from_ns))
+
+    pipeline.get_by_name("flashes").connect("need-data", feed)
     pipeline.use_clock(Gst.SystemClock.obtain())
     try:
         gst.set_playing(pipeline, "the window that flashes")
@@ -170,19 +181,3 @@ def flashing_window(clock: Clock) -> Iterator[Flashes]:
         yield Flashes(pipeline.get_base_time(), schedule.after_ns)
     finally:
         gst.shut_down(pipeline)
-
-
-class _Feeder:
-    """Hands the next change to the window whenever it has room; in GStreamer's thread."""
-
-    def __init__(self, schedule: Flashes) -> None:
-        self._stretches = enumerate(pairwise((0, *schedule.after_ns)))
-
-    def on_need(self, source: Any, _length: int) -> None:
-        stretch = next(self._stretches, None)
-        if stretch is None:
-            source.emit("end-of-stream")
-            return
-        number, (from_ns, to_ns) = stretch
-        image = np.full((HEIGHT, WIDTH), 255 * (number % 2), np.uint8)
-        source.emit("push-buffer", gst.raw_buffer(image.tobytes(), from_ns, to_ns - from_ns))

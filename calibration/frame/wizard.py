@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from calibration.frame import result
-from calibration.frame.asking import fit_moves, fit_touched
+from calibration.frame.asking import fit_moves, fit_touched, try_six_directions
 from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
-from calibration.frame.directions import try_six_directions
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, Outcome, save_fit
 from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup, Setup

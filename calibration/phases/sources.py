@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calibration.phases.labels import LabelRules, true_labels
-from calibration.phases.marking import Replay, replay_of
-from calibration.phases.marks import FILE_NAME, labels_from, read_marks
+from calibration.phases.marking import FILE_NAME, Replay, labels_from, read_marks, replay_of
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError

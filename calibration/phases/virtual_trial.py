@@ -92,7 +92,7 @@ class VideolessTrial(Listener):
     @property
     def succeeded(self) -> bool:
         """Whether the block was placed by the trial's rules; once `perform` is over."""
-        return self._trial.outcome("").success
+        return bool(self._trial.outcome("").success)
 
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()

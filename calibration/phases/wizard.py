@@ -21,8 +21,7 @@ from calibration.phases.fit import (
     sensitivity,
 )
 from calibration.phases.labels import LabelRules
-from calibration.phases.marking import mark_trial
-from calibration.phases.marks import FILE_NAME
+from calibration.phases.marking import FILE_NAME, mark_trial
 from calibration.phases.report import save_sensitivity
 from calibration.phases.sources import (
     Material,

@@ -13,18 +13,16 @@ from hypothesis import strategies as st
 from calibration.phases.marking import (
     CURSOR_COLUMN,
     HELP,
+    Mark,
     Marking,
     Replay,
-    mark_trial,
-    replay_of,
-    strip,
-)
-from calibration.phases.marks import (
-    Mark,
     add_mark,
     labels_from,
+    mark_trial,
     phase_named,
     read_marks,
+    replay_of,
+    strip,
     without_mark,
     write_marks,
 )

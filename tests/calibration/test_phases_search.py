@@ -11,12 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.phases.fit import PhaseFit, check_trials, evaluate, fit_thresholds, sensitivity
-from calibration.phases.search import (
+from calibration.phases.fit import (
     DEFAULT_POINT,
     LARGEST,
+    PhaseFit,
     Point,
     Search,
+    check_trials,
+    evaluate,
+    fit_thresholds,
+    sensitivity,
     thresholds_at,
 )
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer, motion_of

@@ -11,9 +11,8 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from calibration.frame import simulated, wizard
-from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched
+from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched, try_six_directions
 from calibration.frame.buttons import ask_buttons
-from calibration.frame.directions import try_six_directions
 from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
 from calibration.frame.simulated import SimulatedSetup
