@@ -35,7 +35,7 @@ class _YesOrNo(Confirm):
 class WizardUI:
     """The terminal that the command was started from, or the file or pipe in its place.
 
-    A context manager; leaving it restores the terminal. Where nobody is `attended`, every question
+    A context manager; leaving it restores the terminal. Unless it is `attended`, every question
     raises ConfigError.
     """
 

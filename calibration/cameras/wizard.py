@@ -69,11 +69,9 @@ class CameraWizard(Wizard[CameraOptions]):
             return None
         with closing(self._make_bench(self.config, self.options)) as bench:
             self._bench = bench
-            if bench.attended and not self.ui.attended:
-                raise ConfigError(
-                    "there is no terminal: start it from one, or give --sim or --from LOG"
-                )
-            if not bench.attended:
+            if bench.attended:
+                self.require_person()
+            else:
                 self.ui.say("A simulated person does what is asked for here.")
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)

@@ -16,6 +16,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from calibration.frame.stroke import AXES, Line, Reason, RefusedError, Stroke, check_line, fit_line
 
@@ -44,10 +45,7 @@ def angles_deg(rotation: Matrix, measured: Matrix, wanted: Matrix) -> NDArray[np
 
 def turn_deg(one: Matrix, other: Matrix) -> float:
     """The angle between two rotations [deg]."""
-    relative = one @ other.T
-    skew = relative - relative.T
-    sine = math.sqrt(float((skew**2).sum()) / 8)
-    return math.degrees(math.atan2(sine, (float(np.trace(relative)) - 1) / 2))
+    return math.degrees(Rotation.from_matrix(one @ other.T).magnitude())
 
 
 def bound_rad(information: Matrix, variance: float, freedom: int) -> float:

@@ -106,10 +106,7 @@ class FrameWizard(Wizard[FrameOptions]):
                 "this configuration has the simulated rig: add --sim, or give --config with "
                 "hardware"
             )
-        if not self.ui.attended:
-            raise ConfigError(
-                "there is no terminal: start it from one, or give --sim or --from LOG"
-            )
+        self.require_person()
         return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.say(text))
 
     def _measure(self, setup: Setup, stack: ExitStack) -> None:

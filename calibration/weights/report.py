@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 
 from calibration.figures import PALETTE, new_figure, save_figure
 from calibration.store import Calibration
-from calibration.weights.agreement import RELIABLE_ALPHA, TENTATIVE_ALPHA, Assessment, verdict
 from calibration.weights.clips import CutSession
 from calibration.weights.cutting import LONGEST_S, SHORTEST_S
+from calibration.weights.fit import RELIABLE_ALPHA, TENTATIVE_ALPHA, Assessment, verdict
 from calibration.weights.ratings import LEAST, MOST, Sheet, necessity_table
 from tams_app.records import Phase
 

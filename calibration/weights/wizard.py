@@ -13,9 +13,9 @@ from rich.text import Text
 
 from calibration.options import WeightOptions
 from calibration.store import Calibration
-from calibration.weights.agreement import Assessment, assess
 from calibration.weights.clips import ClipFolder, play
 from calibration.weights.cutting import cut_session
+from calibration.weights.fit import Assessment, assess
 from calibration.weights.panel import SESSIONS, check_panel, rate_by_panel, record_session
 from calibration.weights.ratings import RatingFolder, Sheet, Show, rate
 from calibration.weights.report import (

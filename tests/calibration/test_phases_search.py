@@ -50,7 +50,7 @@ def labelled(
 
 
 def ignore(_part: float) -> None:
-    """Nobody watches the progress."""
+    """The progress is not watched."""
 
 
 def hidden(trials: Sequence[Trial], share: float) -> list[Trial]:

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.weights.agreement import assess
-from calibration.weights.fit import fit_weights, smallest_share
+from calibration.weights.fit import assess, fit_weights, smallest_share
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
 from tams_app.config import load_config

@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
 from calibration.ui import WizardUI
-from calibration.weights.agreement import assess
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
+from calibration.weights.fit import assess
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import RatingFolder
 from calibration.weights.report import evidence_remarks, save_weights
