@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeAlias, TypeVar
 
@@ -87,30 +87,18 @@ HandSource: TypeAlias = Source[ControllerSample]  # pose and trigger
 ButtonSource: TypeAlias = Source[ComponentReading | None]  # all components; None: not there yet
 
 
-class Setup(Protocol):
-    """What is to be calibrated."""
-
-    description: str
-    true_rotation: Matrix | None  # where it is known, which is in simulation only
-
-    def buttons(self) -> AbstractContextManager[ButtonSource]:
-        """The components; closed before `hand` is opened."""
-
-    def hand(self, controller: ControllerConfig) -> AbstractContextManager[HandSource]:
-        """The hand, with the buttons mapped as `controller` says."""
-
-
 class LiveSetup:
     """The configured controller over OpenVR, in a person's hand. No arm is connected."""
 
     description = "a person with the controller"
-    true_rotation: Matrix | None = None
+    true_rotation: Matrix | None = None  # known in simulation only
 
     def __init__(self, config: Config, clock: Clock, note: Callable[[str, str], None]) -> None:
         self._config, self._clock, self._note = config, clock, note
 
     @contextmanager
     def buttons(self) -> Iterator[ButtonSource]:
+        """The components; closed before `hand` is opened."""
         components = ComponentReader(self._config.controller)
         try:
             yield _Live(self._clock, lambda _: components.read())
@@ -119,6 +107,7 @@ class LiveSetup:
 
     @contextmanager
     def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
+        """The hand, with the buttons mapped as `controller` says."""
         device = OpenVrController(controller, self._clock, self._note)
         device.start()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, Outcome, save_fit
-from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup, Setup
+from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.touches import TouchFit, read_points
 from calibration.options import FrameOptions
@@ -25,6 +25,9 @@ from calibration.wizard import Wizard
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
 from tams_app.runtime.clock import MonotonicClock
+
+if TYPE_CHECKING:
+    from calibration.frame.simulated import SimulatedSetup
 
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its
@@ -96,7 +99,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self._tell(frame)
         self.ui.say("A recording cannot be tried out: watch the directions in `run --dry-run`.")
 
-    def _setup(self) -> Setup:
+    def _setup(self) -> LiveSetup | SimulatedSetup:
         if self.options.sim:
             from calibration.frame.simulated import SimulatedSetup  # only this needs MuJoCo
 
@@ -109,7 +112,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self.require_person()
         return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.say(text))
 
-    def _measure(self, setup: Setup, stack: ExitStack) -> None:
+    def _measure(self, setup: LiveSetup | SimulatedSetup, stack: ExitStack) -> None:
         options, points = self.options, self._points
         tasks = (_BUTTONS if options.buttons else "") + (_TOUCHES if points else _STROKES)
         self.ui.say(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))

@@ -1,8 +1,8 @@
 """The rule that makes the view weight matrix W from ratings, and how far the raters agree.
 
-Pure, and exact to its last digit. The paper (III-C) fixes the form: the view most often named most
-critical gets the largest share, the others keep some. It does not give the numbers; ours are the extremes of its Table I. With V
-views:
+The rule is pure, and exact to its last digit. The paper (III-C) fixes its form: the view most often
+named most critical gets the largest share, the others keep some. It does not give the numbers; ours
+are the extremes of its Table I. With V views:
 
 1. Every view gets 0.6/V (Table I's smallest share, 0.20 of three).
 2. Of the 0.4 that remain the dominant view gets 5/8 if the raters' votes are spread evenly over all
