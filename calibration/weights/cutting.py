@@ -10,8 +10,7 @@ from datetime import UTC, datetime
 import cv2
 import numpy as np
 
-from calibration.weights.clip_file import ClipWriter
-from calibration.weights.clips import ClipFolder, ClipTimes, CutSession
+from calibration.weights.clips import ClipFolder, ClipTimes, ClipWriter, CutSession
 from calibration.weights.sources import RecordedSession, Segment
 from tams_app.errors import LogError
 from tams_app.records import Frame, Image, Phase
