@@ -24,7 +24,7 @@ from calibration.cameras.image_quality import (
 from calibration.cameras.timing import FEWEST_FRAMES, Rate, measure_rate, rate_advice
 from calibration.figures import new_figure, save_figure
 from calibration.ui import WizardUI
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.recording import SessionLog, read_log, read_reference
 from tams_app.records import Frame, Image
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
@@ -119,7 +119,7 @@ def findings_of_log(ui: WizardUI, folder: Path) -> list[Findings]:
     references = _reference(folder / REFERENCE_NAME, log)
     views = sorted({record.view for record in log.captured})
     if not views:
-        raise LogError(f"{folder}: no camera gave a frame in this session")
+        raise UnreadableLogError(f"{folder}: no camera gave a frame in this session")
     found = [_one(view, log, references.get(view, [])) for view in views]
     for each in found:
         words = "; ".join(each.advice) if each.advice else "nothing wrong with it"

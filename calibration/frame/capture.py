@@ -13,7 +13,7 @@ from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
 from calibration.frame.touches import Touch
 from tams_app.config import Config
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.recording import read_log, read_ticks
 from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick, Vector
 from tams_app.session.recorders import LOG_NAME
@@ -149,7 +149,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
 def _log_of(folder: Path) -> Path:
     path = folder / LOG_NAME if folder.is_dir() else folder
     if not path.is_file():
-        raise LogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
+        raise UnreadableLogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
     return path
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.config import PhasesConfig
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.policy.phases import PhaseParameters, PhaseTracker, SmoothedSpeed
 from tams_app.records import Phase, Tick
 from tams_app.units import NS_PER_S
@@ -56,7 +56,7 @@ def motion_of(name: str, ticks: Sequence[Tick], started_ns: int, smoothing_ms: f
     LogError if there are no ticks, or none with an arm state.
     """
     if not any(tick.arm is not None for tick in ticks):
-        raise LogError(
+        raise UnreadableLogError(
             f"{name}: has no state of the arm in it: give a session in which the arm was connected"
         )
     smoothed = SmoothedSpeed(smoothing_ms / 1000)
