@@ -120,10 +120,10 @@ class StopChannel:
         try:
             if not self._client.connected:
                 self._client.connect(next(self._reconnect_timeouts_s))
-            reply = self._client.request(register, payload, timeout_s)
+            status, _ = self._client.request(register, payload, timeout_s)
         except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
             return False
-        return not reply.status & ReplyBit.INVALID
+        return not status & ReplyBit.INVALID
 
     def _sentence(self) -> str:
         return (
