@@ -244,16 +244,12 @@ class StopChannel(Protocol):
         """Disconnect; may be called twice."""
 
 
-class FoundArm(Protocol):
+@dataclass(frozen=True, slots=True)
+class FoundArm:
     """What answers at an arm's address."""
 
-    @property
-    def problem(self) -> str:
-        """Why it cannot be used, in one sentence; "" if it can."""
-
-    @property
-    def description(self) -> str:
-        """What it is, in one line."""
+    problem: str  # why it cannot be used, in one sentence; "" if it can
+    description: str  # what it is, in one line
 
 
 class ArmKind(ABC):

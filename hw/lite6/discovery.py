@@ -7,8 +7,8 @@ controller, and its connecting is a write.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from hw.arm import FoundArm
 from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State
 from hw.lite6.errors import standing_error_sentence
 from hw.lite6.report import read_simulation_flag
@@ -23,22 +23,14 @@ MIN_FIRMWARE = (1, 8, 0)  # older ones drop `duration`, the controller's own dea
 _VERSION = re.compile(r"(\d+),(\d+),(.*),(.*),.*?[vV]*(\d+)\.(\d+)\.(\d+)")
 
 
-@dataclass(frozen=True, slots=True)
-class ArmInfo:
-    """What one address says of itself; see `hw.arm.FoundArm`."""
-
-    problem: str
-    description: str
-
-
-def find_arm(config: ArmConfig, timeout_s: float = PROBE_TIMEOUT_S) -> ArmInfo:
+def find_arm(config: ArmConfig, timeout_s: float = PROBE_TIMEOUT_S) -> FoundArm:
     """What answers at the configured address; takes a few `timeout_s` at most."""
     host = config.host
     try:
         problem, facts = _ask(config, timeout_s)
     except DeviceError as error:
-        return ArmInfo(str(error), f"{host}: {error}")
-    return ArmInfo(problem, f"{host}: {facts}. {problem}" if problem else f"{host}: {facts}")
+        return FoundArm(str(error), f"{host}: {error}")
+    return FoundArm(problem, f"{host}: {facts}. {problem}" if problem else f"{host}: {facts}")
 
 
 def _ask(config: ArmConfig, timeout_s: float) -> tuple[str, str]:

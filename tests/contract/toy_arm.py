@@ -321,11 +321,6 @@ def simulated_toy(
     return ToyArm(config, clock, box, boundary)
 
 
-class _Found:
-    problem = ""
-    description = "a toy"
-
-
 class ToyKind(ArmKind):
     title = "toy"
     limits = LIMITS
@@ -345,7 +340,7 @@ class ToyKind(ArmKind):
         return Lite6Model(offset_from_mm_deg(config.tcp_offset_mm_deg))
 
     def find(self, config: ArmConfig) -> FoundArm:
-        return _Found()
+        return FoundArm(problem="", description="a toy")
 
 
 KIND = ToyKind()

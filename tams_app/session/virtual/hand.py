@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from hw.controller import Controller
 from hw.sim.operator.seeing import Images, Reliance, SeeingParticipant
@@ -16,37 +15,24 @@ from tams_app.session.recorded_hand import recorded_hand
 _TO_BLOCK = frozenset((Stage.REACH, Stage.TURN, Stage.DESCEND, Stage.CLOSE, Stage.LIFT))
 
 
-class Hand(Protocol):
-    """A controller, and what precedes each of its samples."""
+def make_hand(
+    config: Config,
+    participant_seed: int,
+    frames: Images,
+    record: Callable[[OperatorGlance], None],
+) -> tuple[Controller, Callable[[int], object]]:
+    """The controller in the hand that the configuration names, and what precedes each sample.
 
-    controller: Controller
+    That is the hand of `rig.hand_trajectory`, which looks at nothing, or else the simulated
+    participant's, who gets `frames` and the feel of the controller and may take a glance at the
+    time [ns] that is passed; `record` keeps each glance.
+    """
+    if config.rig.hand_trajectory is not None:
+        return recorded_hand(Path(config.rig.hand_trajectory)), lambda _now_ns: None
 
-    def prepare(self, now_ns: int) -> None:
-        """Called before each sample."""
-
-
-class SeeingHand:
-    """The simulated participant, who gets `frames` and the feel of the controller."""
-
-    def __init__(
-        self,
-        config: Config,
-        participant_seed: int,
-        frames: Images,
-        record: Callable[[OperatorGlance], None],
-    ) -> None:
-        """`record` keeps each glance."""
-        self._participant = SeeingParticipant(config, participant_seed, frames, self._tell)
-        self._record = record
-        self.controller: Controller = self._participant.controller
-
-    def prepare(self, now_ns: int) -> None:
-        """Look, if it is time for a glance."""
-        self._participant.eyes.watch(now_ns)
-
-    def _tell(self, told: Reliance) -> None:
-        stage = self._participant.operator.stage
-        self._record(
+    def tell(told: Reliance) -> None:
+        stage = participant.operator.stage
+        record(
             OperatorGlance(
                 t_ns=told.t_ns,
                 stage=stage.value,
@@ -60,24 +46,5 @@ class SeeingHand:
             )
         )
 
-
-class RecordedHand:
-    """The hand of an earlier session; it looks at nothing."""
-
-    def __init__(self, log: Path) -> None:
-        self.controller: Controller = recorded_hand(log)
-
-    def prepare(self, now_ns: int) -> None:
-        """It moves as it moved."""
-
-
-def make_hand(
-    config: Config,
-    participant_seed: int,
-    frames: Images,
-    record: Callable[[OperatorGlance], None],
-) -> Hand:
-    """The hand of the configuration: `rig.hand_trajectory`, or else the participant's."""
-    if config.rig.hand_trajectory is not None:
-        return RecordedHand(Path(config.rig.hand_trajectory))
-    return SeeingHand(config, participant_seed, frames, record)
+    participant = SeeingParticipant(config, participant_seed, frames, tell)
+    return participant.controller, participant.eyes.watch

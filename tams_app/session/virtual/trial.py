@@ -107,12 +107,14 @@ class VirtualTrial(Listener):
             stack.callback(self._video.close)
             self._cameras = VirtualCameras(config, self._robot, self._events, self._video.push)
             stack.callback(self._cameras.close)
-            self._hand = make_hand(config, participant_seed, self._video.frames, self._log.record)
+            self._controller, self._before_sample = make_hand(
+                config, participant_seed, self._video.frames, self._log.record
+            )
             robot = self._robot
             self._engine = Engine(
                 config,
                 self._clock,
-                ConnectedDevices(robot.arm, robot.gate, self._hand.controller, robot.truth),
+                ConnectedDevices(robot.arm, robot.gate, self._controller, robot.truth),
                 self._video,
                 self._log,
                 Signals(),
@@ -156,7 +158,7 @@ class VirtualTrial(Listener):
     def _begin(self) -> None:
         now_ns = self._clock.now_ns()
         self._robot.arm.connect()
-        self._hand.controller.start()
+        self._controller.start()
         self._engine.begin("virtual")
         self._cameras.start(now_ns)
         self._events.post(now_ns, self._step_policy)
@@ -168,7 +170,7 @@ class VirtualTrial(Listener):
             self._events.post(now_ns + round(limit_s * NS_PER_S), end)
 
     def _tick(self, due_ns: int) -> None:
-        self._hand.prepare(due_ns)
+        self._before_sample(due_ns)
         self._engine.control.tick(due_ns)
         self._robot.gate.serve()
 

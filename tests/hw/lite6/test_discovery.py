@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import hw.sim.controller.registers
+from hw.arm import FoundArm
 from hw.lite6.codes import ErrorCode, Register
-from hw.lite6.discovery import ArmInfo, find_arm
+from hw.lite6.discovery import find_arm
 from hw.sim.controller.model import ReportKind
 from tams_app.config import ArmConfig
 from tests.hw.lite6.controller_rig import ControllerRig, controller
@@ -28,7 +29,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[ControllerRig]:
         yield made
 
 
-def probe(rig: ControllerRig) -> ArmInfo:
+def probe(rig: ControllerRig) -> FoundArm:
     return find_arm(rig.config())
 
 
