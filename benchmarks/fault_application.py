@@ -110,7 +110,7 @@ class Application(Listener):
             use_fifo(priority)
             loop.run(stop)  # type: ignore[arg-type]
 
-        workers = [Worker("control", control), Worker("arm-supervisor", self.gate.run)]
+        workers = [Worker("control", control), Worker("arm-gate", self.gate.run)]
         for worker in reversed(workers):
             worker.start()
         return workers

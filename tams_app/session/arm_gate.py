@@ -40,12 +40,7 @@ class ArmGate:
         self._lock = threading.Lock()
         self._stops = 0
         self._pending: set[Request] = set()  # queued or under way
-        self._ready = False
-
-    @property
-    def ready(self) -> bool:
-        """The arm was enabled and nothing has stopped it since."""
-        return self._ready
+        self.ready = False  # the arm was enabled and nothing has stopped it since
 
     def request(self, request: Request) -> None:
         """Queue a request; called by the control thread, does not block."""
@@ -59,7 +54,7 @@ class ArmGate:
         """Stop the arm; it must be enabled anew before it moves. From any thread, never blocks."""
         with self._lock:
             self._stops += 1
-            self._ready = False
+            self.ready = False
         self._arm.stop()
 
     def run(self, stop: threading.Event) -> None:
@@ -92,8 +87,8 @@ class ArmGate:
         self._check_inside()
         self._arm.enable(self._servo)
         with self._lock:
-            self._ready = stops == self._stops
-        if self._ready:
+            self.ready = stops == self._stops
+        if self.ready:
             self._note("info", "arm enabled")
         else:
             self._arm.stop()

@@ -37,7 +37,7 @@ STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
 LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
 CONTROL_TIMEOUT_S = 0.1
-SUPERVISOR_TIMEOUT_S = 10.0  # enabling the arm may be under way
+GATE_TIMEOUT_S = 10.0  # enabling the arm may be under way
 
 
 class Session:
@@ -170,7 +170,7 @@ class Session:
 
     def _start_workers(self, connected: ConnectedDevices, cameras: ExitStack) -> None:
         engine = self._engine
-        self._run("arm-supervisor", connected.gate.run, SUPERVISOR_TIMEOUT_S)
+        self._run("arm-gate", connected.gate.run, GATE_TIMEOUT_S)
         self._run("policy", engine.policy.run)
         for camera in self._devices.make_cameras(self.note):
             camera.start()
