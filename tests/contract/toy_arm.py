@@ -17,7 +17,6 @@ from hw.arm import (
     ArmKinematics,
     ArmLimits,
     FoundArm,
-    GripperDrive,
     Plant,
     ServoMode,
     SimulatedArm,
@@ -113,8 +112,7 @@ class ToyBox:
             share = speed * CYCLE_S / max(float(np.abs(change).max()), 1e-12)
             self._goal = None if share >= 1.0 else self._goal
             self.joints = goal if share >= 1.0 else self.joints + share * change
-        drive = {None: GripperDrive.OFF, True: GripperDrive.CLOSE, False: GripperDrive.OPEN}
-        state = self._plant.step(self.joints, drive[self.gripper_closed], CYCLE_NS)
+        state = self._plant.step(self.joints, self.gripper_closed, CYCLE_NS)
         self.measured = state.joints.copy()
         outside = self.boundary is not None and not self.boundary.contains(
             self.kinematics.tcp_matrix(self.joints)[:3, 3]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw.arm import GripperDrive, Plant
+from hw.arm import Plant
 from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, matrix_from_pose, pose_from_mm_rpy
 from hw.sim.controller.errors import CommandError, MotionError
@@ -91,11 +91,6 @@ class ControllerCore:
         """As commanded."""
         linear = self._kinematics.jacobian(self._commanded)[:3] @ self._velocity
         return float(np.linalg.norm(linear)) * 1000.0
-
-    @property
-    def gripper(self) -> GripperDrive:
-        """What the two tool outputs drive the gripper to."""
-        return self.settings.gripper
 
     # --- what can happen to it ------------------------------------------------------------------
 
@@ -226,7 +221,7 @@ class ControllerCore:
     def _drive(self, following: Vector) -> None:
         """Send the joints to the plant and take in what it measured."""
         self._commanded = following
-        plant_state = self._plant.step(following, self.gripper, CYCLE_NS)
+        plant_state = self._plant.step(following, self.settings.closing, CYCLE_NS)
         self._measured = plant_state.joints
         if plant_state.collision:
             self._collide()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 
-from hw.arm import GripperDrive, Plant, ServoMode, SimulatedArm, TcpBoundary
+from hw.arm import Plant, ServoMode, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
     LITE6_TYPE,
@@ -48,11 +48,6 @@ _REPORT_PERIOD_NS = NS_PER_S // ReportKind.REAL.rate_hz
 _TOOL_HOST = 9
 # writes to the tool outputs: which ones change (high byte), and to what
 _OPEN_COMMAND, _CLOSE_COMMAND = 0x0301, 0x0302
-_CLOSED_BY_DRIVE = {
-    GripperDrive.OFF: None,
-    GripperDrive.OPEN: False,
-    GripperDrive.CLOSE: True,
-}
 _REFUSED = ReplyBit.INVALID | ReplyBit.NOT_READY | ReplyBit.ERROR
 _NO_FAILURE = ("", LinkFault.NONE)
 _NOT_CONNECTED = "The arm is not connected; connect it first."
@@ -154,7 +149,7 @@ class InProcessArm(SimulatedArm):
             self._request(Register.SET_BOUNDARY, edges)
             self._request(Register.SET_FENCE, bytes([1]))
         self._request(Register.SET_LOAD, load)
-        self._gripper_closed = _CLOSED_BY_DRIVE[self.model.gripper]
+        self._gripper_closed = self.model.settings.closing
         self._acknowledged_ns = self._clock.now_ns()
         self.stop()
         self._report_ns = self._clock.now_ns() + _REPORT_PERIOD_NS
@@ -238,7 +233,7 @@ class InProcessArm(SimulatedArm):
 
     def _check_gripper(self, closed: bool) -> None:
         """Compare the tool outputs with the command."""
-        driven = _CLOSED_BY_DRIVE[self.model.gripper]
+        driven = self.model.settings.closing
         if driven is not closed:
             self._gripper_closed = driven
             self._fail(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hw.arm import GripperDrive, TcpBoundary
+from hw.arm import TcpBoundary
 
 _WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))
-_DRIVES = {0b01: GripperDrive.OPEN, 0b10: GripperDrive.CLOSE}  # of the first two tool outputs
+_OPEN, _CLOSE = 0b01, 0b10  # the first two tool outputs
 
 
 @dataclass(slots=True)
@@ -24,12 +24,11 @@ class ControllerSettings:
     tool_outputs: int = 0  # bit n is tool output n
 
     @property
-    def gripper(self) -> GripperDrive:
-        """What the tool outputs drive the gripper to; both at once do nothing."""
-        return _DRIVES.get(self.tool_outputs & 0b11, GripperDrive.OFF)
+    def closing(self) -> bool | None:
+        """Whether the outputs drive the gripper closed or open; None: neither, or both at once."""
+        return {_OPEN: False, _CLOSE: True}.get(self.tool_outputs & (_OPEN | _CLOSE))
 
 
 def outputs_for(closed: bool | None) -> int:
     """The tool outputs that drive the gripper closed or open; None: neither."""
-    drive = {None: GripperDrive.OFF, True: GripperDrive.CLOSE, False: GripperDrive.OPEN}[closed]
-    return next((outputs for outputs, driven in _DRIVES.items() if driven is drive), 0)
+    return 0 if closed is None else _CLOSE if closed else _OPEN
