@@ -56,11 +56,6 @@ class Lite6(Arm):
         self._stops = 0
 
     def connect(self) -> None:
-        """Connect, stop the arm, check and configure it; DeviceError says what is wrong.
-
-        An error of the controller (an emergency stop, say) is also a DeviceError, but the
-        connection stays, for `clear_errors` and another `connect`.
-        """
         connection = self._connection
         if connection is not None and connection.broken:
             connection.close()
@@ -151,7 +146,6 @@ class Lite6(Arm):
             connection.clear_errors()
 
     def close(self) -> None:
-        """Stop the arm and disconnect; DeviceError, with all closed, if it acknowledged no stop."""
         self.stop()
         with self._stop_lock:
             connection, self._connection = self._connection, None

@@ -23,6 +23,7 @@ from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
+from tams_app.session.dry_run import DryRunArm
 from tams_app.session.engine import Engine
 from tams_app.session.guarding import Guarding
 from tams_app.session.quality import LiveQuality
@@ -145,13 +146,13 @@ class Session:
         self._stack.callback(guard.close)
         guard.start()
         arm = self._devices.make_arm()
+        boundary = session_boundary(self.config.arm, self.config.limits)
         if self._dry_run:
-            arm = build.dry_run(arm, self.config, self._clock)
+            arm = DryRunArm(arm, self.config.arm, self._clock, boundary)
             self.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         self._stack.callback(arm.close)
         arm.connect()
         self._hurry(arm.realtime_thread_ids)
-        boundary = session_boundary(self.config.arm, self.config.limits)
         gate = ArmGate(arm, ServoMode(self.config.arm.servo), boundary, self.note)
         self._arm, self._gate = arm, gate
         guard.wait_ready()

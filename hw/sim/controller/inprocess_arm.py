@@ -128,11 +128,6 @@ class InProcessArm(SimulatedArm):
     # --- setting up -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Connect, stop the arm, check and configure it; DeviceError says what is wrong.
-
-        An error of the controller is also a DeviceError, but the connection stays, for
-        `clear_errors` and another `connect`.
-        """
         self._check_identity()
         self._connected = True
         self.stop()

@@ -58,11 +58,6 @@ def pack_pose_aa(tcp: Matrix) -> bytes:
     return struct.pack("<6f", *(tcp[:3, 3] * 1000.0), *rotation_vector(tcp[:3, :3]))
 
 
-def pack_reduced_state(settings: ControllerSettings) -> bytes:
-    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
-    return _reduced_mode(settings)
-
-
 def _motion(box: ControllerCore) -> bytes:
     torques = (0.0,) * 7  # nothing in the model estimates them
     return (
@@ -127,12 +122,13 @@ def _safety(box: ControllerCore) -> bytes:
         identification_progress
         + struct.pack("<3f", *rotation_vector(box.tcp[:3, :3]))
         + bytes([settings.fence << 1])
-        + _reduced_mode(settings)
+        + pack_reduced_mode(settings)
         + monitored_device
     )
 
 
-def _reduced_mode(settings: ControllerSettings) -> bytes:
+def pack_reduced_mode(settings: ControllerSettings) -> bytes:
+    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
     boundary = settings.boundary
     edges = [
         max(-0x8000, min(0x7FFF, edge))
