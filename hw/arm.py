@@ -19,20 +19,6 @@ if TYPE_CHECKING:
     from tams_app.config import ArmConfig
     from tams_app.runtime.clock import Clock
 
-__all__ = [
-    "Arm",
-    "ArmKind",
-    "ArmKinematics",
-    "ArmLimits",
-    "FoundArm",
-    "Plant",
-    "PlantState",
-    "ServoMode",
-    "SimulatedArm",
-    "StopChannel",
-    "TcpBoundary",
-]
-
 
 class Arm(ABC):
     """A driver of a six-joint arm with a two-finger gripper.

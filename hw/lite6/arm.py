@@ -12,14 +12,14 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-from hw.arm import Arm, ServoMode, TcpBoundary
+from hw.arm import Arm, TcpBoundary
 from hw.lite6.codes import Mode
 from hw.lite6.commands import MODES, activity_of, checked_goal, servo_of
 from hw.lite6.errors import arm_fault
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 

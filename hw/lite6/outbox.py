@@ -6,8 +6,7 @@ import threading
 from collections import deque
 from dataclasses import dataclass
 
-from hw.arm import ServoMode
-from tams_app.records import Pose, Twist
+from tams_app.records import Pose, ServoMode, Twist
 
 GRIPPER_QUEUE = 4  # when full, the oldest command is dropped
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from hw.arm import Arm, ServoMode, TcpBoundary
+from hw.arm import Arm, TcpBoundary
 from tams_app.errors import DeviceError
+from tams_app.records import ServoMode
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
 

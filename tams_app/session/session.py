@@ -9,12 +9,12 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm
 from hw.boundary import session_boundary
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, PacketRecord, ShownFrame
+from tams_app.records import Activity, PacketRecord, ServoMode, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin

@@ -18,7 +18,6 @@ from hw.arm import (
     ArmLimits,
     FoundArm,
     Plant,
-    ServoMode,
     SimulatedArm,
     TcpBoundary,
 )
@@ -33,6 +32,7 @@ from tams_app.records import (
     CommandLink,
     LinkFault,
     Pose,
+    ServoMode,
     Twist,
     Vector,
 )

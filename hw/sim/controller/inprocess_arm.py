@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 
-from hw.arm import Plant, ServoMode, SimulatedArm, TcpBoundary
+from hw.arm import Plant, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
     LITE6_TYPE,
@@ -32,12 +32,12 @@ from hw.lite6.commands import (
 from hw.lite6.discovery import unfitness
 from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
+from hw.sim.controller.core import outputs_for
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
-from hw.sim.controller.settings import outputs_for
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist, Vector
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 

@@ -12,9 +12,8 @@ from enum import Enum
 
 from hw.lite6.codes import AXES, LITE6_TYPE
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, Matrix, rotation_vector, rpy_from_matrix
-from hw.sim.controller.core import ControllerCore
+from hw.sim.controller.core import ControllerCore, ControllerSettings
 from hw.sim.controller.joint_servo import MAX_JOINT_ACCELERATION
-from hw.sim.controller.settings import ControllerSettings
 
 _WHOLE_BRAKES = 0xFF
 _TEACH_SENSITIVITY = 3

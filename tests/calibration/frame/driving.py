@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel
@@ -12,7 +11,7 @@ from hw.sim.layout import draw_layout
 from hw.sim.operator.demo import demo_controller
 from hw.sim.world.world import World
 from tams_app.config import Config
-from tams_app.records import Outcome
+from tams_app.records import Outcome, ServoMode
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
