@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from types import TracebackType
 
@@ -79,16 +78,8 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         stack.callback(guard.close)
         # what was pushed last is undone first: the arm must stand before the guard lets go
         stack.push(_closing(arm))
-        executor = stack.enter_context(ThreadPoolExecutor(1, thread_name_prefix="arm-homing"))
         run = HomeRun(
-            config,
-            clock,
-            arm,
-            guard,
-            executor,
-            dialogue.read_keys,
-            dialogue.say,
-            dialogue.all_shown,
+            config, clock, arm, guard, dialogue.read_keys, dialogue.say, dialogue.all_shown
         )
         dialogue.discard_keys()
         return 0 if run.run() is HomingState.DONE else 1

@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from hw.arm import GripperDrive, PlantState
+from hw.arm import PlantState
 from hw.sim.gripper import FINGER_TRAVEL_M
 from hw.sim.layout import Layout
 from hw.sim.world.lite6_model import GRIP_FORCE_N, JOINTS
@@ -25,9 +25,9 @@ COLLISION_TIME_NS = 12_000_000
 _XYZW = [1, 2, 3, 0]  # MuJoCo puts the quaternion's w first
 
 _DRIVE_FORCE_N = {
-    GripperDrive.OFF: 0.0,
-    GripperDrive.OPEN: -GRIP_FORCE_N,
-    GripperDrive.CLOSE: GRIP_FORCE_N,
+    None: 0.0,
+    False: -GRIP_FORCE_N,
+    True: GRIP_FORCE_N,
 }
 
 
@@ -67,7 +67,7 @@ class World:
         qpos: Vector = self._data.qpos.copy()
         return qpos
 
-    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
         """Advance by `duration_ns`, whole milliseconds, towards `joints_target` [rad]."""
         steps, rest = divmod(duration_ns, STEP_NS)
         if rest or steps <= 0:
@@ -76,7 +76,7 @@ class World:
         start, self._last_target = self._last_target, np.asarray(joints_target, float).copy()
         # The servo damps the joint's speed; a lead on the target makes it damp the speed's error.
         lead = self._lead_s * (self._last_target - start) / (duration_ns / 1e9)
-        data.ctrl[count] = _DRIVE_FORCE_N[gripper]
+        data.ctrl[count] = _DRIVE_FORCE_N[closing]
         for done in range(1, steps + 1):
             data.ctrl[:count] = start + (self._last_target - start) * (done / steps) + lead
             mujoco.mj_step(self._model, data)

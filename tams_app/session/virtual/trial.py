@@ -24,7 +24,7 @@ from tams_app.session import build
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.engine import Engine
-from tams_app.session.folder import save_config
+from tams_app.session.folder import furnish_session_folder
 from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ
 from tams_app.session.recorded_hand import recorded_hand
@@ -49,7 +49,7 @@ def run_virtual_trial(
     `wall_start_ns`: when it began by the wall's clock, for the log's header. The same arguments
     leave the same bytes on the same machine.
     """
-    save_config(config, folder)
+    furnish_session_folder(config, folder)
     trial = VirtualTrial(config, participant_seed, folder, wall_start_ns)
     try:
         outcome = trial.run()
