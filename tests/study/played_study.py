@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import signal
 import sys
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
 
 RUNNING = "running"
+RUN_TAMS = Path(__file__).parents[2] / "run_tams.py"
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,4 @@ def main(stuck: str) -> None:
     """The command line, of which trial `stuck` never ends."""
     sys.modules["tams_app.session.virtual"] = played_virtual(StuckRunner(stuck))
     sys.argv[0] = "run_tams.py"
-    from tams_app.cli import main as run_tams
-
-    run_tams()
+    runpy.run_path(str(RUN_TAMS), run_name="__main__")
