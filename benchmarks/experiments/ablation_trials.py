@@ -75,8 +75,8 @@ def run(
             for job, failure in pool.wait():
                 running -= 1
                 if failure:
-                    raise TamsError(f"{trials[job.spec.trial_id].cell.name} failed: {failure}")
-                found[job.spec.trial_id] = figures(job.folder)
+                    raise TamsError(f"{trials[job.trial.id].cell.name} failed: {failure}")
+                found[job.trial.id] = figures(job.folder)
                 bar.advance()
     return {name: found[name] for name in trials}
 

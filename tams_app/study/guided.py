@@ -18,7 +18,7 @@ from tams_app.errors import ConfigError, TamsError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.machine import mark_ended
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan, PlannedTrial, void
-from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.runner import TrialRunner
 from tams_app.study.verdict import ask_verdict
 
 MeasureTime = Callable[[Path], float | None]
@@ -99,7 +99,7 @@ class GuidedRun:
         self._plan, attempt = self._study.new_attempt(self._plan, trial.id)
         folder = self._study.path / attempt.folder
         try:
-            self._runner.run(TrialSpec.of(trial), folder)
+            self._runner.run(trial, folder)
             mark_ended(folder)
             if not self._study.has_ended(attempt):
                 raise TamsError("the trial left no whole summary")

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tams_app.config import Config
 from tams_app.config.section import NonNegative, Section
 from tams_app.errors import ConfigError
 
@@ -63,7 +64,9 @@ class Attempt(Section):
 class PlannedTrial(Section):
     """One trial; `order` counts from 1 within its participant, repetitions from 1.
 
-    Practice trials have repetition 0 and are never analysed.
+    Practice trials have repetition 0 and are never analysed. `seed`: of scene, noise and losses,
+    shared by the strategies of one participant, network and repetition; `participant_seed`: who the
+    simulated participant is, the same in all their trials.
     """
 
     id: str
@@ -95,6 +98,16 @@ class PlannedTrial(Section):
     @property
     def is_done(self) -> bool:
         return self.state in (TrialState.DONE, TrialState.RETAKEN)
+
+    def configure(self, config: Config) -> Config:
+        """The study's configuration with this trial's name, seed, strategy and network."""
+        changes = {
+            "name": self.id,
+            "seed": self.seed,
+            "strategy": self.strategy,
+            "network": self.network,
+        }
+        return config.model_copy(update=changes)
 
 
 class Participant(Section):

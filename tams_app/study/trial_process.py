@@ -17,7 +17,8 @@ from typing import Protocol
 
 from tams_app.errors import TamsError
 from tams_app.study.machine import mark_ended
-from tams_app.study.runner import SUMMARY_NAME, TrialRunner, TrialSpec
+from tams_app.study.plan import PlannedTrial
+from tams_app.study.runner import SUMMARY_NAME, TrialRunner
 
 LOG_NAME = "trial.log"
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
@@ -31,7 +32,7 @@ _POLL_S = 0.05
 class Job:
     """A trial, and the folder that is made for it."""
 
-    spec: TrialSpec
+    trial: PlannedTrial
     folder: Path
 
 
@@ -160,7 +161,7 @@ def _main() -> int:
     if core is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})
     try:
-        runner.run(job.spec, job.folder)
+        runner.run(job.trial, job.folder)
     except TamsError as error:
         print(error, file=sys.stderr)  # noqa: T201  the log of this process
         return 1

@@ -20,7 +20,6 @@ from rich.progress import (
 
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState, Plan, PlannedTrial
-from tams_app.study.runner import TrialSpec
 from tams_app.study.trial_process import Job, TrialPool
 
 _SPEED_OVER_S = 3600.0  # the time left is judged by the trials of the last hour
@@ -79,11 +78,11 @@ class _Run:
     def start(self, trial: PlannedTrial) -> None:
         self.plan, attempt = self._study.new_attempt(self.plan, trial.id)
         self.attempts[trial.id] = attempt
-        self._pool.start(Job(TrialSpec.of(trial), self._study.path / attempt.folder))
+        self._pool.start(Job(trial, self._study.path / attempt.folder))
 
     def settle(self, ended: Sequence[tuple[Job, str]]) -> None:
         for job, failure in ended:
-            trial_id = job.spec.trial_id
+            trial_id = job.trial.id
             attempt = self.attempts.pop(trial_id)
             if not failure and not self._study.has_ended(attempt):
                 failure = "its summary is not whole"

@@ -13,7 +13,8 @@ from typing import Any
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.study.machine import mark_ended
-from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.plan import PlannedTrial
+from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
 
@@ -27,12 +28,12 @@ class StuckRunner:
 
     stuck: str
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
-        if spec.trial_id == self.stuck:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        if trial.id == self.stuck:
             (folder / RUNNING).touch()
             while True:
                 signal.pause()
-        PlantedRunner().run(spec, folder)
+        PlantedRunner().run(trial, folder)
 
 
 class PlayedPool:
@@ -46,7 +47,7 @@ class PlayedPool:
 
     def start(self, job: Job) -> None:
         try:
-            self._runner.run(job.spec, job.folder)
+            self._runner.run(job.trial, job.folder)
         except TamsError as error:
             self._ended.append((job, str(error)))
         else:

@@ -10,8 +10,8 @@ import pytest
 from tams_app.errors import ConfigError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.plan import AttemptState, TrialState, Verdict
-from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.plan import AttemptState, PlannedTrial, TrialState, Verdict
+from tams_app.study.runner import TrialRunner
 from tests.study.experimenter import Experimenter
 from tests.study.synthetic_study import PlantedRunner, make_study
 
@@ -117,7 +117,7 @@ def test_a_trial_that_cannot_be_run_is_retried_on_request(tmp_path: Path) -> Non
 
 
 class Interrupted:
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         raise KeyboardInterrupt
 
 
