@@ -24,7 +24,7 @@ from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.runtime.clock import NS_PER_S
 from tams_app.study.trial_process import LocalPool
-from tams_app.study.unattended import RichProgress
+from tams_app.study.unattended import TrialsProgress
 
 _LATER_S = 5.0  # a replay may end so long after its recording
 
@@ -61,7 +61,7 @@ def record_hands(seeds: int, out: Path) -> dict[int, Path]:
 
 
 def run(
-    trials: Mapping[str, Trial], out: Path, processes: int, bar: RichProgress
+    trials: Mapping[str, Trial], out: Path, processes: int, bar: TrialsProgress
 ) -> dict[str, Figures]:
     """Every trial's figures by its id; TamsError if one fails."""
     runs = VirtualRuns({name: trial.config for name, trial in trials.items()})
@@ -77,7 +77,7 @@ def run(
                 if failure:
                     raise TamsError(f"{trials[job.trial.id].cell.name} failed: {failure}")
                 found[job.trial.id] = figures(job.folder)
-                bar.advance()
+                bar.trial_ended()
     return {name: found[name] for name in trials}
 
 

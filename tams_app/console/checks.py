@@ -20,7 +20,7 @@ from packaging.requirements import Requirement
 from tams_app import gst
 from tams_app.config import Config
 from tams_app.console import device_checks
-from tams_app.console.findings import Check, Finding
+from tams_app.console.doctor import Check, Finding
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tams_app.config import CameraConfig, Config
-from tams_app.console.findings import Finding
+from tams_app.console.doctor import Finding
 from tams_app.errors import TamsError
 
 

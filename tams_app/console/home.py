@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from types import TracebackType
 
 from rich.console import Console
 
@@ -24,8 +23,6 @@ from tams_app.session.build import check_ready_pose
 from tams_app.session.guarding import SILENCE_NS
 from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
-
-_Exit = Callable[[type[BaseException] | None, BaseException | None, TracebackType | None], None]
 
 
 class _EndRequest:
@@ -108,12 +105,10 @@ def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
         arm.connect()
 
 
-def _closing(arm: Arm) -> _Exit:
+def _closing(arm: Arm) -> Callable[[object, BaseException | None, object], None]:
     """Closes the arm; that its stop was not acknowledged must not hide what happened before."""
 
-    def close(
-        _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
+    def close(_kind: object, error: BaseException | None, _trace: object) -> None:
         try:
             arm.close()
         except DeviceError as unstopped:

@@ -20,7 +20,7 @@ from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
-from tams_app.study.unattended import RichProgress, run_unattended
+from tams_app.study.unattended import TrialsProgress, run_unattended
 from tams_app.study.verdict import measured_time_s
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def run_simulated(
             return 0
         pool = _pool(runner, workers, dask)
         try:
-            with RichProgress(console, len(plan.left)) as display:
+            with TrialsProgress(console, len(plan.left)) as display:
                 tally = run_unattended(study, pool, display)
         except KeyboardInterrupt:
             _tell_how_to_go_on(study, console)

@@ -26,15 +26,6 @@ class AttemptState(StrEnum):
     INTERRUPTED = "interrupted"  # the study was stopped while it ran
 
 
-class TrialState(StrEnum):
-    """How a trial of the plan stands."""
-
-    PLANNED = "planned"
-    DONE = "done"
-    VOID = "void"  # to be taken again
-    RETAKEN = "retaken"  # done, after a void attempt
-
-
 class ParticipantState(StrEnum):
     """Whether a participant's data are here."""
 
@@ -89,15 +80,8 @@ class PlannedTrial(Section):
         return self.attempts[-1] if self.attempts else None
 
     @property
-    def state(self) -> TrialState:
-        states = [attempt.state for attempt in self.attempts]
-        if states and states[-1] is AttemptState.DONE:
-            return TrialState.RETAKEN if AttemptState.VOID in states else TrialState.DONE
-        return TrialState.VOID if AttemptState.VOID in states else TrialState.PLANNED
-
-    @property
     def is_done(self) -> bool:
-        return self.state in (TrialState.DONE, TrialState.RETAKEN)
+        return self.last is not None and self.last.state is AttemptState.DONE
 
     def configure(self, config: Config) -> Config:
         """The study's configuration with this trial's name, seed, strategy and network."""

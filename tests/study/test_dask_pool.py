@@ -12,7 +12,6 @@ import pytest
 
 from tams_app.errors import LogError, SetupError
 from tams_app.study.dask_pool import DaskPool, pack, run_and_pack, unpack
-from tams_app.study.plan import TrialState
 from tams_app.study.unattended import run_unattended
 from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
 from tests.study.test_unattended import SMALL, Display
@@ -47,7 +46,7 @@ def test_trials_come_back_from_the_cluster_and_a_failed_one_is_reported(
     for trial in study.load().trials:
         folder = tmp_path / trial.attempts[0].folder
         assert (folder / "trial.log").is_file()
-        assert (folder / "machine.json").is_file() == (trial.state is TrialState.DONE)
+        assert (folder / "machine.json").is_file() == trial.is_done
 
 
 def test_no_scheduler_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:

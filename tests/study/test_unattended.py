@@ -17,9 +17,9 @@ from rich.console import Console
 from tams_app.errors import ConfigError
 from tams_app.study.commands import ensure_planned, run_simulated
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import AttemptState, PlannedTrial, TrialState
+from tams_app.study.plan import AttemptState, PlannedTrial
 from tams_app.study.trial_process import Job, LocalPool, TrialProcess
-from tams_app.study.unattended import RichProgress, run_unattended
+from tams_app.study.unattended import TrialsProgress, run_unattended
 from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial, small_config
 
 pytestmark = pytest.mark.untimed
@@ -35,7 +35,7 @@ class Display:
     def say(self, text: str) -> None:
         self.said.append(text)
 
-    def advance(self) -> None:
+    def trial_ended(self) -> None:
         self.ended += 1
 
 
@@ -84,7 +84,7 @@ def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_nam
     plan = study.load()
     states = [attempt.state for attempt in plan.trial("P01-02").attempts]
     assert states == [AttemptState.FAILED, AttemptState.DONE]
-    assert all(trial.state is TrialState.DONE for trial in plan.trials)
+    assert all(trial.is_done for trial in plan.trials)
     assert {path: path.read_bytes() for path in before} == before
     assert (tmp_path / plan.trial("P01-02").attempts[0].folder / "trial.log").is_file()
 
@@ -161,8 +161,8 @@ def test_the_command_plans_runs_resumes_and_refuses_another_design(tmp_path: Pat
 def test_the_bar_shows_trials_and_time_left() -> None:
     output = io.StringIO()
     console = Console(file=output, width=120, force_terminal=True)
-    with RichProgress(console, 3) as display:
-        display.advance()
+    with TrialsProgress(console, 3) as display:
+        display.trial_ended()
         display.say("P01-01 failed: [bold]no markup[/]")
     assert "1/3" in output.getvalue()
     assert "left" in output.getvalue()
@@ -171,8 +171,8 @@ def test_the_bar_shows_trials_and_time_left() -> None:
 
 def test_in_a_log_file_each_trial_is_a_line() -> None:
     output = io.StringIO()
-    with RichProgress(Console(file=output, width=120), 3) as display:
-        display.advance()
-        display.advance()
+    with TrialsProgress(Console(file=output, width=120), 3) as display:
+        display.trial_ended()
+        display.trial_ended()
     assert re.search(r"^1 of 3 trials$", output.getvalue(), re.MULTILINE)
     assert re.search(r"^2 of 3 trials, .* left$", output.getvalue(), re.MULTILINE)
