@@ -14,7 +14,7 @@ from rich.text import Text
 from tams_app.errors import LogError, UnreadableLogError
 from tams_app.recording import read_log
 from tams_app.session.recorders import LOG_NAME
-from tams_app.summary.file import save_summary
+from tams_app.summary.summarise import save_summary
 
 FIGURE_NAME = "bitrates.png"
 _NOTHING = "–"

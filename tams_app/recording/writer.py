@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
@@ -25,6 +26,7 @@ from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
 
+T = TypeVar("T")
 CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each
 SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
@@ -33,7 +35,42 @@ FLUSH_NS = 500 * NS_PER_MS
 SPACE_CHECK_NS = NS_PER_S
 
 
-class Recorder:
+class QueuedWriter(Generic[T]):
+    """A queue that any thread fills without blocking, and the thread that writes what is in it."""
+
+    def __init__(
+        self, name: str, capacity: int, on_failure: Callable[[str, BaseException], None]
+    ) -> None:
+        self._queue: BoundedQueue[T] = BoundedQueue(capacity)
+        self._worker = Worker(name, self._run, on_failure)
+
+    def start(self) -> None:
+        self._worker.start()
+
+    @property
+    def dropped(self) -> int:
+        """Records that found the queue full."""
+        return self._queue.dropped
+
+    @property
+    def failure(self) -> BaseException | None:
+        """Why recording ended early, None while all is well."""
+        return self._worker.failure
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write what is queued and finish the file; may be called twice."""
+        if self._worker.alive:
+            self._worker.stop(timeout_s)
+        self._finish()  # done by the thread already, unless it never ran
+
+    def _run(self, stop: threading.Event) -> None:
+        raise NotImplementedError
+
+    def _finish(self) -> None:
+        raise NotImplementedError
+
+
+class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
     """Writes one session log.
 
     `record` may be called from any thread and never blocks: what finds the queue full is dropped
@@ -54,16 +91,12 @@ class Recorder:
 
         `bitstream`: keep the encoded frames themselves, not only when they were sent.
         """
+        super().__init__("recorder", CAPACITY, on_failure)
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._queue: BoundedQueue[Recordable | FrameCaptured | FrameShown] = BoundedQueue(CAPACITY)
         self._log = McapLog(path, header, bitstream)
-        self._worker = Worker("recorder", self._run, on_failure)
-
-    def start(self) -> None:
-        self._worker.start()
 
     def record(self, item: Recordable) -> None:
         """Queue one record; a frame's pixels are let go at once."""
@@ -78,22 +111,6 @@ class Recorder:
         """Queue several records, for example one batch of packet fates."""
         for item in items:
             self.record(item)
-
-    @property
-    def dropped(self) -> int:
-        """Records that found the queue full."""
-        return self._queue.dropped
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Why recording ended early, None while all is well."""
-        return self._worker.failure
-
-    def close(self, timeout_s: float = 10.0) -> None:
-        """Write what is queued and finish the file; may be called twice."""
-        if self._worker.alive:
-            self._worker.stop(timeout_s)
-        self._log.close()  # closed by the thread already, unless it never ran
 
     def _run(self, stop: threading.Event) -> None:
         try:
@@ -111,7 +128,10 @@ class Recorder:
             self._note_dropped()
             self._log.flush()
         finally:
-            self._log.close()
+            self._finish()
+
+    def _finish(self) -> None:
+        self._log.close()
 
     def _write_queued(self) -> None:
         packets: list[PacketRecord] = []

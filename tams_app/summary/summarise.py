@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import os
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tams_app.errors import LogError
 from tams_app.recording import Gap, SessionLog
 from tams_app.records import Outcome
 from tams_app.runtime.clock import NS_PER_S
@@ -20,6 +23,8 @@ from tams_app.summary.uplink import uplink
 from tams_app.summary.views import view_summary
 
 SCHEMA = 1
+SUMMARY_NAME = "summary.json"
+BEFORE_NAME = "summary.json.before"
 
 
 def summarise(log: SessionLog) -> dict[str, Any]:
@@ -55,6 +60,24 @@ def summarise(log: SessionLog) -> dict[str, Any]:
     }
 
 
+def save_summary(log: SessionLog, folder: Path) -> dict[str, Any]:
+    """Compute the summary of `log`, write it into `folder` and return it; LogError if it cannot.
+
+    A complete summary is not lost to one of a log that has since been damaged: it is kept beside
+    as `summary.json.before`.
+    """
+    summary = summarise(log)
+    text = json.dumps(summary, indent=2) + "\n"
+    path = folder / SUMMARY_NAME
+    try:
+        if not log.complete and _is_complete(path):
+            os.replace(path, folder / BEFORE_NAME)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise LogError(f"{folder}: the summary cannot be written: {error.strerror}") from error
+    return summary
+
+
 def _missing(log: SessionLog) -> list[dict[str, Any]]:
     """From when to when the log has no records; `end_s` null: to the end, wherever that was."""
     gaps = [*log.gaps, *([Gap(log.ended_ns, None)] if log.truncated else [])]
@@ -74,12 +97,19 @@ def _outcome(log: SessionLog) -> dict[str, Any]:
 def _system(log: SessionLog) -> dict[str, Any]:
     """CPU in percent of one core, helpers summed."""
     app = np.array([sample.app_cpu_percent for sample in log.system], dtype=np.float64)
-    helpers = np.array([_total(sample.helper_cpu_percent) for sample in log.system], dtype=float)
+    helpers = np.array(
+        [sum(sample.helper_cpu_percent.values()) for sample in log.system], dtype=float
+    )
     return {
         "cpu_percent": {"app": mean(app), "helpers": mean(helpers)},
         "peak_rss_mb": max((sample.rss_mb for sample in log.system), default=None),
     }
 
 
-def _total(percent: Mapping[str, float]) -> float:
-    return sum(percent.values())
+def _is_complete(path: Path) -> bool:
+    """Whether a summary is there that says nothing else; up to 0.1 they did not say."""
+    try:
+        former = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(former, dict) and former.get("complete", True) is True

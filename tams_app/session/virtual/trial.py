@@ -30,7 +30,7 @@ from tams_app.session.virtual.hand import make_hand
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.study.plan import PlannedTrial
-from tams_app.summary.file import save_summary
+from tams_app.summary.summarise import save_summary
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 START_NS = NS_PER_S
