@@ -34,7 +34,8 @@ def test_it_keeps_what_the_live_recorder_keeps(tmp_path):
     items = list(live_records(2.0))
     live = Recorder(tmp_path / "live.mcap", header(), MonotonicClock(), 0, never)
     live.start()
-    live.record_all(items)
+    for item in items:
+        live.record(item)
     live.close()
     expected = read_log(tmp_path / "live.mcap")
     found = read_log(write(tmp_path / "direct.mcap", items))

@@ -25,7 +25,7 @@ from rich.table import Table
 from benchmarks.experiments.ablation_cells import Cell, product_cell
 from benchmarks.experiments.ablation_table import FactorRange, Figures, Row, ranges, rows
 from benchmarks.experiments.ablation_trials import Trial, plan, record_hands, run
-from tams_app.study.machine import machine
+from tams_app.study.runner import machine
 from tams_app.study.unattended import TrialsProgress
 
 RESULTS = Path(__file__).parent / "results" / "ablation.json"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
@@ -49,11 +48,6 @@ class DirectRecorder:
             require_reserve(self._directory, self._reserve_mb)
         kept = without_pixels(item) if isinstance(item, Frame | ShownFrame) else item
         self._log.write(kept, now_ns)
-
-    def record_all(self, items: Iterable[Recordable]) -> None:
-        """Write several records, for example one batch of packet fates."""
-        for item in items:
-            self.record(item)
 
     def close(self) -> None:
         """Write what is left and finish the file; may be called twice."""

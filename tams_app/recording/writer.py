@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -106,11 +106,6 @@ class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
             self._queue.put(without_pixels(item))
         else:
             self._queue.put(item)
-
-    def record_all(self, items: Iterable[Recordable]) -> None:
-        """Queue several records, for example one batch of packet fates."""
-        for item in items:
-            self.record(item)
 
     def _run(self, stop: threading.Event) -> None:
         try:

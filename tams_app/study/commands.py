@@ -15,13 +15,12 @@ from rich.table import Table
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
-from tams_app.study.guided import GuidedRun
+from tams_app.study.guided import GuidedRun, measured_time_s
 from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
 from tams_app.study.unattended import TrialsProgress, run_unattended
-from tams_app.study.verdict import measured_time_s
 
 if TYPE_CHECKING:
     from tams_app.study.results import StudyData

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.errors import LogError, SetupError, TamsError
-from tams_app.study.machine import MACHINE_NAME
 from tams_app.study.plan import PlannedTrial
-from tams_app.study.runner import TrialRunner
+from tams_app.study.runner import MACHINE_NAME, TrialRunner
 from tams_app.study.trial_process import Job, TrialProcess
 
 CONNECT_TIMEOUT_S = 20.0

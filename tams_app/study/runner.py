@@ -1,7 +1,9 @@
-"""The interface between a study and what runs its trials, live or simulated."""
+"""What runs a study's trials, live or simulated, and what a trial leaves in its folder."""
 
 from __future__ import annotations
 
+import json
+import platform
 from pathlib import Path
 from typing import Protocol
 
@@ -9,6 +11,7 @@ from tams_app.study.plan import PlannedTrial
 
 SUMMARY_NAME = "summary.json"
 LOG_NAME = "session.mcap"
+MACHINE_NAME = "machine.json"  # written last: it also marks a trial that ran to its end
 
 
 class TrialRunner(Protocol):
@@ -19,3 +22,28 @@ class TrialRunner(Protocol):
 
         Raises TamsError, a sentence, where the trial cannot be run.
         """
+
+
+def mark_ended(folder: Path) -> None:
+    """Write machine.json into a trial's folder, after everything else."""
+    text = json.dumps(machine(), indent=1) + "\n"
+    (folder / MACHINE_NAME).write_text(text, encoding="utf-8")
+
+
+def machine() -> dict[str, str]:
+    """What a result may depend on: processor, system, Python."""
+    return {
+        "processor": _processor(),
+        "architecture": platform.machine(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor()

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Protocol
 
 from tams_app.errors import TamsError
-from tams_app.study.machine import mark_ended
 from tams_app.study.plan import PlannedTrial
-from tams_app.study.runner import SUMMARY_NAME, TrialRunner
+from tams_app.study.runner import SUMMARY_NAME, TrialRunner, mark_ended
 
 LOG_NAME = "trial.log"
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h

@@ -12,9 +12,8 @@ from typing import Any
 
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.study.machine import mark_ended
 from tams_app.study.plan import PlannedTrial
-from tams_app.study.runner import TrialRunner
+from tams_app.study.runner import TrialRunner, mark_ended
 from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
 

@@ -13,9 +13,9 @@ from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
-from tams_app.study.machine import mark_ended
 from tams_app.study.plan import Attempt, AttemptState, PlannedTrial
 from tams_app.study.planning import make_plan
+from tams_app.study.runner import mark_ended
 from tams_app.study.tables import phase_rows, trial_row
 
 if TYPE_CHECKING:

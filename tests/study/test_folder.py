@@ -10,9 +10,9 @@ import tams_app.study.folder as folder_module
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.study.folder import StudyFolder, write_atomically
-from tams_app.study.machine import mark_ended
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import make_plan
+from tams_app.study.runner import mark_ended
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
 
 pytestmark = pytest.mark.untimed
