@@ -26,7 +26,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import load_config
-from tams_app.recording.direct import DirectRecorder
+from tams_app.recording.writer import DirectRecorder
 from tams_app.session.control import ControlLoop
 from tams_app.session.observers import TRIAL_RATE_HZ, TrialObserver
 from tams_app.session.virtual import trial as trial_module

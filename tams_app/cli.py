@@ -20,7 +20,7 @@ from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, SetupError, TamsError
-from tams_app.study.cli import study_app
+from tams_app.study.cli import ConfigOption, study_app
 
 if TYPE_CHECKING:
     from tams_app.study.runner import TrialRunner
@@ -48,11 +48,6 @@ def _kbps(text: str) -> float:
         name = "NaN" if math.isnan(rate) else "infinity" if math.isinf(rate) else text
         raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0f} kbit/s")
     return rate
-
-
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
-]
 
 
 def main() -> None:

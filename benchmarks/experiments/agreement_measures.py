@@ -12,9 +12,9 @@ from tams_app.recording import FrameSent
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S
 from tams_app.summary.numbers import step_mean
+from tams_app.summary.summarise import FREEZE_NS
 from tams_app.summary.tables import PacketTable, Targets
 from tams_app.summary.uplink import rate_kbps
-from tams_app.summary.views import FREEZE_NS
 
 KINDS = ("received", "delivered", "live")
 PRIMARY = "primary"

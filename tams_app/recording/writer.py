@@ -1,4 +1,4 @@
-"""The recorder: takes records from any thread without blocking, writes them in its own.
+"""The recorders: one takes records from any thread and writes them in its own, one at once.
 
 Chunks go to the system at least every `FLUSH_NS`, so that a killed session loses less than a
 second.
@@ -33,6 +33,7 @@ SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
 PAUSE_S = 0.0002  # ... for this long: a control tick never waits longer for it
 FLUSH_NS = 500 * NS_PER_MS
 SPACE_CHECK_NS = NS_PER_S
+BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
 
 class QueuedWriter(Generic[T]):
@@ -147,6 +148,54 @@ class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
             now_ns = self._clock.now_ns()
             text = f"The recorder was too slow: {self.dropped} records are missing from this log."
             self._log.write(Note(now_ns, "warning", text), now_ns)
+
+
+class DirectRecorder:
+    """Writes a session log at once, in the thread that records: for virtual time.
+
+    Keeps what a `Recorder` keeps, without thread, queue or loss.
+
+    The same records at the same times make the same file, byte by byte. Not thread safe.
+    """
+
+    def __init__(
+        self, path: Path, header: Header, clock: Clock, min_free_mb: float, bitstream: bool = True
+    ) -> None:
+        """Create the file and write the header; LogError if there is no space or no folder."""
+        require_free_space(path.parent, min_free_mb)
+        self._clock = clock
+        self._directory = path.parent
+        self._reserve_mb = min_free_mb * RESERVE_FRACTION
+        self._log = McapLog(path, header, bitstream)
+        self._packets: list[PacketRecord] = []
+        self._next_batch_ns = clock.now_ns() + BATCH_NS
+        self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS
+
+    def record(self, item: Recordable) -> None:
+        """Write one record; LogError if the disk is full or fails."""
+        if isinstance(item, PacketRecord):
+            self._packets.append(item)
+            return
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._next_batch_ns:
+            self._next_batch_ns = now_ns + BATCH_NS
+            self._write_packets()
+        if now_ns >= self._next_check_ns:
+            self._next_check_ns = now_ns + SPACE_CHECK_NS
+            self._log.flush()
+            require_reserve(self._directory, self._reserve_mb)
+        kept = without_pixels(item) if isinstance(item, Frame | ShownFrame) else item
+        self._log.write(kept, now_ns)
+
+    def close(self) -> None:
+        """Write what is left and finish the file; may be called twice."""
+        self._write_packets()
+        self._log.close()
+
+    def _write_packets(self) -> None:
+        if self._packets:
+            packets, self._packets = self._packets, []
+            self._log.write(PacketBatch.of(packets), self._clock.now_ns())
 
 
 def without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:

@@ -118,15 +118,11 @@ class LocalPool:
 
     def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
         cores = _usable_cores()
-        self._slots = workers or len(cores)
+        self.slots = workers or len(cores)
         self._runner = runner
-        pinned = self._slots <= len(cores)  # more than cores: the system shares them out
-        self._free: list[int | None] = list(cores) if pinned else [None] * self._slots
+        pinned = self.slots <= len(cores)  # more than cores: the system shares them out
+        self._free: list[int | None] = list(cores) if pinned else [None] * self.slots
         self._running: dict[TrialProcess, int | None] = {}
-
-    @property
-    def slots(self) -> int:
-        return self._slots
 
     def start(self, job: Job) -> None:
         core = self._free.pop(0)

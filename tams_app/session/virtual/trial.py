@@ -15,7 +15,7 @@ import cv2
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.recording import read_log
-from tams_app.recording.direct import DirectRecorder
+from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, PhaseChange, ShownFrame
 from tams_app.runtime.clock import NS_PER_S, VirtualClock
 from tams_app.session import build
