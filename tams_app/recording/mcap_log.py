@@ -12,13 +12,7 @@ from typing import Any
 from foxglove import Context, Schema, open_mcap
 from foxglove.channels import CompressedVideoChannel, FrameTransformChannel
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
-from foxglove.messages import (
-    CompressedVideo,
-    FrameTransform,
-    Quaternion,
-    Timestamp,
-    Vector3,
-)
+from foxglove.messages import CompressedVideo, FrameTransform, Quaternion, Timestamp, Vector3
 
 from tams_app.recording.disk import LogFile
 from tams_app.recording.topics import (

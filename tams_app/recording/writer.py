@@ -14,13 +14,7 @@ from typing import Generic, TypeVar
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.topics import (
-    FrameCaptured,
-    FrameShown,
-    Header,
-    PacketBatch,
-    Recordable,
-)
+from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, Recordable
 from tams_app.records import Frame, Note, PacketRecord, ShownFrame
 from tams_app.runtime.clock import NS_PER_MS, NS_PER_S, Clock
 from tams_app.runtime.mailbox import BoundedQueue

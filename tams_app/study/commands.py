@@ -101,7 +101,8 @@ def run_guided(
 def void_trial(folder: Path, trial_id: str, reason: str, console: Console) -> int:
     """`study void`: the trial's last attempt does not count; its data and the reason stay."""
     study = StudyFolder(folder)
-    with _existing(study).locked():
+    study.load()  # a folder without a study is not locked
+    with study.locked():
         study.save(void(study.recover(study.load()), trial_id, reason))
     console.print(f"{trial_id} is void and will be taken again.", highlight=False)
     return 0
@@ -113,7 +114,8 @@ def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool
     Asks first unless `yes`; ConfigError where there is no terminal to ask at.
     """
     study = StudyFolder(folder)
-    with _existing(study).locked():
+    study.load()  # a folder without a study is not locked
+    with study.locked():
         plan = study.recover(study.load())
         plan.participant(pseudonym)
         removed = [one for one in plan.trials if one.participant == pseudonym and one.attempts]
@@ -218,11 +220,6 @@ def _tell_how_to_go_on(study: StudyFolder, console: Console) -> None:
         highlight=False,
         soft_wrap=True,
     )
-
-
-def _existing(study: StudyFolder) -> StudyFolder:
-    study.load()
-    return study
 
 
 def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPool:

@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.study.statistics.differences import (
+from tams_app.study.statistics.estimates import (
     FEWEST_TO_TEST,
     PairedDifference,
     cohens_d,
+    mean_interval,
     paired_difference,
     welch,
+    wilson_interval,
 )
-from tams_app.study.statistics.intervals import mean_interval, wilson_interval
 from tams_app.study.statistics.mixed_model import (
     MixedModel,
     NotFitted,
