@@ -32,7 +32,7 @@ def examine(*findings: Finding) -> tuple[int, list[str]]:
         yield from findings
 
     output = io.StringIO()
-    code = run_doctor(config(), Console(file=output, width=80), [check])
+    code = run_doctor(config(), [check], Console(file=output, width=80))
     return code, output.getvalue().splitlines()
 
 

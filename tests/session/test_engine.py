@@ -34,9 +34,6 @@ class ListLog:
     def record(self, item):
         self.items.append(item)
 
-    def record_all(self, items):
-        self.items.extend(items)
-
     def of(self, kind):
         return [item for item in self.items if isinstance(item, kind)]
 
