@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from hw.sim.layout import Layout
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX
-from hw.sim.world.lite6_model import MOVING_GROUP
 from hw.sim.world.scene import build_model
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
 
 _MAX_GEOMS = 200
+_MOVING_GROUP = 1  # the geoms that move, in rig.xml
 _OFF = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
     mujoco.mjtRndFlag.mjRND_REFLECTION,
@@ -122,7 +122,7 @@ def _everything() -> mujoco.MjvOption:
 def _only(*, moving: bool) -> mujoco.MjvOption:
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
-    option.geomgroup[MOVING_GROUP if moving else 0] = 1
+    option.geomgroup[_MOVING_GROUP if moving else 0] = 1
     return option
 
 
