@@ -11,9 +11,8 @@ import numpy as np
 from hw.arm import PlantState
 from hw.sim.gripper import FINGER_TRAVEL_M
 from hw.sim.layout import Layout
-from hw.sim.world.lite6_model import GRIP_FORCE_N, JOINTS
 from hw.sim.world.rig_memory import WorldState
-from hw.sim.world.scene import STEP_NS, build_model
+from hw.sim.world.scene import build_model
 from tams_app.records import SceneTruth, Vector
 
 # External torque on a joint [N·m] that reads as a collision, and for how long it must last.
@@ -21,6 +20,10 @@ from tams_app.records import SceneTruth, Vector
 # 0.35 m from the axis makes 12.
 COLLISION_TORQUE_NM: Vector = np.array([12.0, 12.0, 12.0, 6.0, 6.0, 6.0])
 COLLISION_TIME_NS = 12_000_000
+
+STEP_NS = 1_000_000  # of the physics
+GRIP_FORCE_N = 8.0
+JOINTS = tuple(f"joint{number}" for number in range(1, 7))
 
 _XYZW = [1, 2, 3, 0]  # MuJoCo puts the quaternion's w first
 
