@@ -13,7 +13,7 @@ from calibration.frame.rotation import Matrix
 from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
 from calibration.frame.touches import Touch
 from tams_app.config import Config
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.recording import read_log, read_ticks
 from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick, Vector
 from tams_app.session.recorders import LOG_NAME
@@ -107,7 +107,8 @@ MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke
 
 
 def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
-    """The strokes in a session's log, +x, +y, +z over and over; LogError or RefusedError."""
+    """The strokes in a session's log, +x, +y, +z over and over; UnreadableLogError or
+    RefusedError."""
     try:
         return find_strokes(read_ticks(_log_of(folder)), config)
     except RefusedError as error:
@@ -149,7 +150,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
 def _log_of(folder: Path) -> Path:
     path = folder / LOG_NAME if folder.is_dir() else folder
     if not path.is_file():
-        raise LogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
+        raise UnreadableLogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
     return path
 
 
