@@ -1,4 +1,4 @@
-"""From finished sessions to figures; each function measures one room."""
+"""From finished sessions to figures; each function measures one part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plain frozen records that flow between the rooms.
+"""The plain frozen records that flow between the packages.
 
 Units inside TAMS: metres, radians, seconds; `*_ns` are integer nanoseconds of one monotonic clock,
 taken where the thing happened; `*_kbps` are kbit/s of IP datagram bytes (RTP packet + 28).
@@ -261,7 +261,7 @@ class ShownFrame:
 class FrameQuality:
     """What became of one captured frame. Scores are SSIM, None where they were not computed.
 
-    `age_ns`: of what was on screen when it was captured (None: nothing, or nobody knows);
+    `age_ns`: of what was on screen when it was captured (None: nothing, or not known);
     `frozen`: that frame stayed for more than 200 ms; `concealed`: the decoder filled
     in for lost data, None where this is not known live.
     """

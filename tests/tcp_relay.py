@@ -15,7 +15,7 @@ class TcpRelay:
     """Passes every connection on to `port` of this machine.
 
     While it holds a connection, what comes from the client is swallowed, as by a cable that was
-    cut: the connection stays open, and nobody is told.
+    cut: the connection stays open, and neither end is told.
     """
 
     def __init__(self, port: int) -> None:

@@ -69,7 +69,7 @@ def test_agreement_is_the_fraction_of_glances_that_relied_most_on_the_primary_vi
     assert relied["agreement"] == 0.5
 
 
-def test_what_counts_is_what_he_was_about():
+def test_what_counts_is_what_the_operator_was_about():
     told = {"to_block": {"eih": 1.0}, "to_container": {"gs": 1.0}}
     relied = operator(log_of(glance(0.1, **told), glance(2.1, about_block=False, **told)))
     assert relied["relied_on"]["by_phase"] == {
@@ -83,13 +83,13 @@ def test_glances_that_told_nothing_or_came_before_the_first_phase_are_left_out()
     assert relied["relied_on"]["n"] == {"REACH": 1}
 
 
-def test_without_glances_nobody_claims_to_know():
+def test_without_glances_nothing_is_claimed():
     assert operator(log_of()) == {"relied_on": None, "uncertainty_mm": None}
     told = operator(log_of(glance(0.5)))
     assert told["relied_on"] == {"by_phase": {}, "n": {}, "agreement": None}
 
 
-def test_how_sure_he_was_is_told_by_stage_of_what_he_was_about():
+def test_how_sure_the_operator_was_is_told_by_stage():
     sure = [replace(glance(0.1), block_sigma=sigma) for sigma in (0.001, 0.002, 0.009)]
     carrying = replace(glance(2.5, about_block=False), stage="carry", container_sigma=0.004)
     told = operator(log_of(*sure, carrying))["uncertainty_mm"]

@@ -46,7 +46,7 @@ def labelled(
 
 
 def ignore(_part: float) -> None:
-    """Nobody watches the progress."""
+    """The progress is not shown."""
 
 
 def hidden(trials: Sequence[Trial], share: float) -> list[Trial]:

@@ -163,7 +163,7 @@ def test_without_a_terminal_only_yes_writes(store):
 
 
 class Leaving(ScriptedUI):
-    """Somebody who presses Ctrl-C, or closes the terminal, instead of answering."""
+    """A person who presses Ctrl-C, or closes the terminal, instead of answering."""
 
     def __init__(self, how):
         super().__init__(["never given"])

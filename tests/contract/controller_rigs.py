@@ -68,7 +68,7 @@ class ControllerRig(ABC):
 
 
 class _Holding:
-    """In place of an operator: somebody who holds the trigger and otherwise keeps still."""
+    """In place of an operator: a person who holds the trigger and otherwise keeps still."""
 
     def __init__(self) -> None:
         self.hand = Hand(np.random.default_rng(0), 0.5)

@@ -141,7 +141,7 @@ def test_pulses_reach_the_hand(held: ControllerRig, haptic: Haptic) -> None:
     held.until(lambda _: held.felt() > 0)
 
 
-def test_pulses_reach_nobody_before_the_start(rig: ControllerRig) -> None:
+def test_pulses_before_the_start_go_nowhere(rig: ControllerRig) -> None:
     rig.controller.pulse(Haptic.FAULT)
     rig.controller.start()
     rig.until(is_in_use)

@@ -54,7 +54,7 @@ def until(condition: Callable[[], bool], what: str, within_s: float = PATIENCE_S
 
 
 class Witness:
-    """Somebody else with a connection to the arm's controller, who only ever asks."""
+    """Another client with a connection to the arm's controller, who only ever asks."""
 
     def __init__(self, control_port: int) -> None:
         self._socket = socket.create_connection(("127.0.0.1", control_port), _SOCKET_TIMEOUT_S)
@@ -109,7 +109,7 @@ class Witness:
 class Observed:
     """A session in this process: what its control loop did, and whether its arm stopped.
 
-    `moving` is set as soon as the operator moves the arm; until then somebody at the console
+    `moving` is set as soon as the operator moves the arm; until then a person at the console
     confirms whatever this machine's load may have stopped. Whether the arm has stopped in the end
     is asked of its controller, just before the driver lets go of it.
     """
@@ -227,7 +227,7 @@ class Application:
         assert all(child.status() == psutil.STATUS_ZOMBIE for child in alive), alive
 
     def engaged(self) -> Witness:
-        """Wait until the operator moves the arm; somebody who looks at it."""
+        """Wait until the operator moves the arm; returns a witness who looks at it."""
         self.says("engaged")
         self._note_children()
         words = {child: child.cmdline() for child in self._children}

@@ -82,7 +82,7 @@ class NoQuality:
 
 
 def _forget(packets: list[PacketRecord]) -> None:
-    """Nobody asks for the packets' fates."""
+    """The packets' fates are not kept."""
 
 
 class Chain:

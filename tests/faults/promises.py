@@ -86,7 +86,7 @@ def recovers_from_fault(bench: Bench, cause_gone: Callable[[], object] = lambda:
     assert bench.outputs[-1].arming is ArmingState.FAULT, "not while the trigger is held"
     bench.hand.trigger = 0.0
     bench.run_ticks(3)
-    assert bench.outputs[-1].arming is ArmingState.FAULT, "not before somebody confirms"
+    assert bench.outputs[-1].arming is ArmingState.FAULT, "not before a confirmation"
     bench.signals.confirm()
     bench.run_until_state(ArmingState.DISARMED)
     stands(bench)

@@ -79,7 +79,7 @@ def test_without_replies_the_arm_holds_and_then_is_stopped_until_it_answers(
     assert held - since <= STALE_TICKS
     seen = bench.run_until_state(ArmingState.FAULT)
     assert seen == bench.first_seen(lost, since)
-    bench.run_until(lambda output: len(only_stops(bench, seen)) >= 3)  # nobody acknowledges
+    bench.run_until(lambda output: len(only_stops(bench, seen)) >= 3)  # none is acknowledged
     is_stopped(bench, seen, Reason.ARM_LINK_LOST, "does not answer")
     brakes(bench, held)
     recovers_from_fault(bench, lambda: answer_again(bench))

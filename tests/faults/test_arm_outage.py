@@ -33,7 +33,7 @@ pytestmark = pytest.mark.waiting
 WITHIN_S = 20.0  # generous: the machine may be busy
 SENDING_PERIOD_S = 1 / 120
 ACROSS = Twist(np.array([0.0, 0.1, 0.0]), np.zeros(3))
-NOWHERE = "02:00:00:00:00:99"  # nobody's address on the cable
+NOWHERE = "02:00:00:00:00:99"  # an address that is not on the cable
 HERE_IP, THERE_IP = "10.213.8.1", "10.213.8.2"
 
 

@@ -74,7 +74,7 @@ def test_buttons_that_are_not_read_any_more_release_the_deadman_after_100_ms(
     bench.engage_and_move()
     stale = bench.next
     bench.hand.distortion = distortions.frozen_buttons
-    bench.hand.trigger = 0.0  # which nobody sees
+    bench.hand.trigger = 0.0  # which is not seen
     bench.run(0.5)  # the pose stays alive and goes on
     assert holds(bench, stale + STALE_TICKS, Reason.BUTTONS_STALE) <= TICKS_TO_REST
     stands(bench)

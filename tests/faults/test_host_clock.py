@@ -1,4 +1,4 @@
-"""Wall time may jump: nothing moves differently, for nobody asks what time it is."""
+"""Wall time may jump: nothing moves differently, because nothing reads it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.faults.virtual_bench import VirtualBench
 pytestmark = pytest.mark.waiting
 
 HOUR_S = 3600
-ROOMS = ("tams_app", "hw")
+PACKAGES = ("tams_app", "hw")
 # Who may ask for wall time: the log's header, and the name of a session's folder.
 MAY_ASK = {
     "tams_app/session/recorders.py",
@@ -115,8 +115,8 @@ def wall_time_calls(tree: ast.Module) -> Iterator[str]:
 def test_only_the_logs_header_and_the_folders_name_ask_for_wall_time() -> None:
     asking = {
         str(path.relative_to(PROJECT_DIRECTORY))
-        for room in ROOMS
-        for path in sorted((PROJECT_DIRECTORY / room).rglob("*.py"))
+        for package in PACKAGES
+        for path in sorted((PROJECT_DIRECTORY / package).rglob("*.py"))
         if any(wall_time_calls(ast.parse(path.read_text(encoding="utf-8"))))
     }
     assert asking == MAY_ASK

@@ -63,7 +63,7 @@ class Request:
 
 
 class TappedModel(ControllerModel):
-    """The controller model with a tap on its wire; `tick` is set by whoever counts ticks.
+    """The controller model with a tap on its wire; `tick` is set by the bench that counts ticks.
 
     `interpose(register, payload)` may answer in the model's place (status byte and data), which
     then never hears of the request; None lets the model answer.

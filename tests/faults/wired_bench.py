@@ -36,7 +36,7 @@ _FRESH_TICKS = 6
 
 
 class TickClock:
-    """Goes on by one control period per tick, and by a nanosecond whenever somebody looks."""
+    """Goes on by one control period per tick, and by a nanosecond whenever it is read."""
 
     def __init__(self) -> None:
         self._ticks_ns = NS_PER_S

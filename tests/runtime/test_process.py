@@ -66,7 +66,7 @@ def test_a_helper_survives_ctrl_c_and_leaves_the_stopping_to_the_session(tmp_pat
 
 
 def gone_within_s(patience_s, pid):
-    """Whether process `pid`, nobody's child by now, ends; a zombie has ended too."""
+    """Whether process `pid`, an orphan by now, ends; a zombie has ended too."""
     give_up_s = time.monotonic() + patience_s
     while time.monotonic() < give_up_s:
         try:

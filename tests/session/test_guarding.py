@@ -31,7 +31,7 @@ class ScriptedLink:
 
 def guarding(tmp_path, signals):
     made = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
-    made._link = GuardLink(9, SILENCE_NS)  # the discard port: nobody answers
+    made._link = GuardLink(9, SILENCE_NS)  # the discard port, which does not answer
     return made
 
 

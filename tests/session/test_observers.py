@@ -65,7 +65,7 @@ def test_a_confirmation_that_does_not_count_is_answered_every_time(notes):
     assert notes == ["not confirmed: release the trigger first."] * 2
 
 
-def test_nobody_is_told_where_nobody_confirmed(notes):
+def test_a_refusal_without_a_confirmation_is_not_noted(notes):
     refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
     observer(notes, arm_at_once=True).on_output(0, refused, None)
     assert notes == []

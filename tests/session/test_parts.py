@@ -178,7 +178,7 @@ def test_releasing_the_trigger_is_no_stop():
     assert records == []
 
 
-def test_a_stop_whose_end_nobody_saw_is_recorded_as_such():
+def test_a_stop_whose_end_was_not_seen_is_recorded_as_such():
     records = []
     watch = StopWatch(records.append)
     watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))

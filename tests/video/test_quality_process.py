@@ -199,7 +199,7 @@ def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
     assert client.process.exit_code == 0
 
 
-def test_a_helper_that_is_killed_is_told_and_hurts_nobody(tmp_path: Path) -> None:
+def test_a_helper_that_is_killed_is_told_and_hurts_nothing_else(tmp_path: Path) -> None:
     told = Told()
     client = client_of(told, tmp_path)
     client.start()

@@ -96,7 +96,7 @@ def test_a_setting_that_does_not_come_back_is_refused(
     arm.close()
 
 
-def test_connecting_stops_what_somebody_left_moving(rig: ControllerRig) -> None:
+def test_connecting_stops_what_was_left_moving(rig: ControllerRig) -> None:
     with rig.server.lock:
         rig.model.enable(True)
         rig.model.set_state(0)
@@ -122,7 +122,7 @@ def test_connecting_never_makes_the_arm_ready(rig: ControllerRig) -> None:
     arm.close()
 
 
-def test_nobody_at_the_address_is_one_sentence_with_the_address() -> None:
+def test_an_empty_address_is_one_sentence_with_the_address() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]
@@ -660,7 +660,7 @@ def test_a_boundary_that_does_not_come_back_is_refused(
     arm.close()
 
 
-def test_an_arm_whose_boundary_somebody_took_away_is_not_enabled(rig: ControllerRig) -> None:
+def test_an_arm_whose_boundary_was_removed_is_not_enabled(rig: ControllerRig) -> None:
     arm = make_bounded_arm(rig)
     arm.connect()
     with rig.server.lock:

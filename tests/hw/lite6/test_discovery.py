@@ -94,7 +94,7 @@ def test_another_arm_is_told_from_a_lite6(
     assert "7 axes" in info.description
 
 
-def test_nobody_there_is_one_sentence() -> None:
+def test_no_arm_at_the_address_is_one_sentence() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         info = find_arm(ArmConfig(control_port=unused.getsockname()[1]), 0.5)

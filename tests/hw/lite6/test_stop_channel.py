@@ -235,7 +235,7 @@ def test_a_peer_that_is_no_arm_is_a_connection_error(answer: bytes) -> None:
             client.request(Register.GET_STATE, b"", 5.0)
 
 
-def test_nobody_there_is_one_sentence() -> None:
+def test_no_arm_at_the_address_is_one_sentence() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         client = UxbusClient("127.0.0.1", unused.getsockname()[1])

@@ -61,7 +61,7 @@ def test_a_sample_is_there_as_soon_as_it_is_started(controller):
     assert min(sample.pose_ns, sample.buttons_ns) >= before_ns
 
 
-def test_a_runtime_that_hangs_holds_up_nobody_and_lets_the_times_grow_old(controller, fake):
+def test_a_runtime_that_hangs_holds_nothing_up_and_lets_the_times_grow_old(controller, fake):
     controller.start()
     fake.press("trigger")
     until(controller, lambda sample: sample.trigger == 1.0)

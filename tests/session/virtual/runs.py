@@ -21,7 +21,7 @@ from tams_app.session.virtual.trial import VirtualTrial
 
 WALL_NS = 1_800_000_000_000_000_000
 PARTICIPANT = 3
-LONG_ENOUGH = {"network": "s3", "seconds": 4.0}  # until he has engaged the arm
+LONG_ENOUGH = {"network": "s3", "seconds": 4.0}  # until the operator has engaged the arm
 
 
 def short(**changes: Any) -> Config:

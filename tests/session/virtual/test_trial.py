@@ -130,7 +130,7 @@ def test_phases_allocations_and_capacity_are_recorded_as_live(log, summary):
     assert fates >= {PacketFate.DELIVERED, PacketFate.LOST}
 
 
-def test_which_view_he_relied_on_is_told_by_phase(log, summary):
+def test_which_view_the_operator_relied_on_is_told_by_phase(log, summary):
     relied = summary["operator"]["relied_on"]
     assert set(relied["by_phase"]) <= {phase.value for phase in Phase}
     for phase, shares in relied["by_phase"].items():
@@ -163,15 +163,17 @@ def test_the_bitstream_is_in_the_log_and_can_be_left_out(whole, log, lean):
     assert list(read_video(lean, "gt")) == []
 
 
-def test_frames_are_not_scored_where_nobody_wants_their_quality(lean):
+def test_frames_are_not_scored_where_quality_is_off(lean):
     found = read_log(lean)
     assert found.quality == []
     assert found.shown != []
     assert summarise(found)["primary_view"]["received_ssim"] is None
 
 
-def test_without_frames_he_knows_nothing_and_touches_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(trial_module, "ENGAGED_WITHIN_S", 2.5)  # longer than he needs to begin
+def test_without_frames_the_operator_knows_nothing_and_touches_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        trial_module, "ENGAGED_WITHIN_S", 2.5
+    )  # longer than the operator needs to begin
     dark = {"networks.dark": {"loss": 1.0, "rate_kbps": 3000}, "network": "dark"}
     outcome = run(short(**dark), tmp_path)
     log = read_log(tmp_path / LOG_NAME)
