@@ -20,6 +20,7 @@ from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.policy.allocation import STRATEGIES, make_strategy
 from tams_app.study.cli import ConfigOption, study_app
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ app = typer.Typer(
 app.add_typer(calibrate, name="calibrate")
 
 MAX_KBPS = 1e9
+STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
 
 
 def _kbps(text: str) -> float:
@@ -115,7 +117,7 @@ def run(
     sim: Annotated[
         bool, typer.Option("--sim", help="The rig's devices, not the config's.")
     ] = False,
-    strategy: Annotated[str | None, typer.Option(help="equal, static or tams.")] = None,
+    strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
     network: Annotated[str | None, typer.Option(help="s1, s2, s3, none or a trace file.")] = None,
     budget: Annotated[str | None, typer.Option(help="oracle or sender.")] = None,
     seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
@@ -260,13 +262,12 @@ def allocate(
         float | None,
         typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
     ] = None,
-    strategy: Annotated[str | None, typer.Option(help="equal, static or tams.")] = None,
+    strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
     as_json: Annotated[bool, typer.Option("--json")] = False,
     config: ConfigOption = None,
 ) -> None:
     """The targets the allocation rule gives each view."""
     from tams_app.policy.allocation import allocate as allocation_rule
-    from tams_app.policy.allocation import make_strategy
     from tams_app.records import Phase
 
     settings = load_config(config, {"policy.allocation.floor_kbps": floor_kbps})

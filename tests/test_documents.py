@@ -1,21 +1,31 @@
 """What the documents point at exists."""
 
+import pkgutil
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 import yaml
 
 import tams_app
+from tams_app.recording.topics import TOPICS
 
 pytestmark = pytest.mark.untimed
 
 ROOT = Path(__file__).parent.parent
+MADE = "CONFIGURATION.md"  # from the models; tests/test_config.py holds it to them
 NAMES = [
     "README.md",
+    "CHANGELOG.md",
     "CONTRIBUTING.md",
     "examples/README.md",
-    *(f"docs/{name}.md" for name in ("ARCHITECTURE", "FINDINGS", "GLOSSARY", "OPERATOR", "SAFETY")),
+    *(
+        str(path.relative_to(ROOT))
+        for folder in ("docs", "config")
+        for path in sorted((ROOT / folder).rglob("*.md"))
+        if path.name != MADE
+    ),
 ]
 OURS = ("tams_app", "hw", "calibration", "config", "docs", "tests", "benchmarks", "examples")
 CODE = re.compile(r"`((?:" + "|".join(OURS) + r")/[\w./*-]*)")
@@ -41,8 +51,7 @@ def test_every_file_and_module_that_is_named_exists(name):
     for path in CODE.findall(text(name)):
         assert list(ROOT.glob(path.rstrip("/."))), path
     for module in MODULE.findall(text(name)):
-        path = ROOT / module.replace(".", "/")
-        assert path.with_suffix(".py").exists() or path.is_dir(), module
+        pkgutil.resolve_name(module)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -61,6 +70,13 @@ def test_a_newcomer_reads_at_most_eight_files_from_controller_to_pixel():
     section = text("docs/ARCHITECTURE.md").split("## From controller to pixel")[1].split("\n## ")[0]
     steps = re.findall(r"^\| \d+ +\| `([\w/]+\.py)`", section, re.MULTILINE)
     assert 1 < len(steps) <= 8
+
+
+def test_every_topic_and_field_of_the_log_is_in_its_reference():
+    rows = dict(re.findall(r"^\| `(/[\w/]+)` \|(.*)$", text("docs/LOG.md"), re.MULTILINE))
+    for topic in TOPICS.values():
+        for field in fields(topic.codec.record_type):
+            assert f"`{field.name}`" in rows[topic.name], topic.name
 
 
 def test_every_citation_of_a_finding_has_its_section():

@@ -107,7 +107,8 @@ MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke
 
 
 def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
-    """The strokes in a session's log, +x, +y, +z over and over; LogError or RefusedError."""
+    """The strokes in a session's log, +x, +y, +z over and over; UnreadableLogError or
+    RefusedError."""
     try:
         return find_strokes(read_ticks(_log_of(folder)), config)
     except RefusedError as error:

@@ -93,7 +93,7 @@ class CameraConfig(Section):
     @model_validator(mode="after")
     def _says_nothing_that_would_not_count(self) -> Self:
         foreign = {"v4l2": ("file",), "file": _V4L2_ONLY, "pattern": (*_V4L2_ONLY, "file")}
-        for key in foreign[self.source]:
+        for key in foreign.get(self.source, ()):
             field = type(self).model_fields[key]
             if getattr(self, key) != field.get_default(call_default_factory=True):
                 raise ValueError(f"{key} means nothing to a {self.source} camera: take it out")

@@ -79,6 +79,6 @@ def test_the_primary_views_are_those_of_table_one():
 
 
 def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
-    with pytest.raises(ConfigError, match=r"'best' is none of equal, static, tams"):
+    with pytest.raises(ConfigError) as refused:
         make_strategy("best", POLICY)
-    assert list(STRATEGIES) == ["equal", "static", "tams"]
+    assert str(refused.value).endswith(f"'best' is none of {', '.join(STRATEGIES)}")
