@@ -15,13 +15,13 @@ from calibration.cameras.binding import bind_views
 from calibration.cameras.findings import Findings
 from calibration.cameras.image_steps import measure_latency
 from calibration.cameras.simulated_bench import SimulatedBench
-from calibration.ui import TerminalUI
+from calibration.ui import WizardUI
 from tams_app.config import Config, load_config
 
 
 def measure(config: Config, seed: int, errors: dict[str, list[float]]) -> None:
     """Add what one seed's cameras were mistaken by: [ms], and latencies over their stated error."""
-    bench, ui = SimulatedBench(config, seed), TerminalUI(Console(file=io.StringIO()))
+    bench, ui = SimulatedBench(config, seed), WizardUI(Console(file=io.StringIO()))
     cameras = bind_views(ui, bench, config.video.views)
     errors["wrong view"] += [float(bench.truth[c].view != view) for view, c in cameras.items()]
     found = [Findings(view, camera) for view, camera in cameras.items()]

@@ -14,12 +14,19 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.controller import Controller
 from hw.lite6.arm import Lite6
 from tams_app.config import Config, load_config
-from tams_app.records import ArmState, ControllerSample, ControllerStatus, Haptic, Pose, Vector
+from tams_app.records import (
+    ArmState,
+    ControllerSample,
+    ControllerStatus,
+    Haptic,
+    Pose,
+    ServoMode,
+    Vector,
+)
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
@@ -110,7 +117,7 @@ class Application(Listener):
             use_fifo(priority)
             loop.run(stop)  # type: ignore[arg-type]
 
-        workers = [Worker("control", control), Worker("arm-supervisor", self.gate.run)]
+        workers = [Worker("control", control), Worker("arm-gate", self.gate.run)]
         for worker in reversed(workers):
             worker.start()
         return workers

@@ -16,13 +16,12 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.asking import fit_moves
-from calibration.frame.fit import fit_strokes
+from calibration.frame.fit import Matrix, fit_strokes, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.rotation import Matrix, turn_deg
 from calibration.frame.simulated import SimulatedSetup
 from calibration.frame.stroke import RefusedError, Stroke
 from calibration.frame.touches import Touch, fit_touches
-from calibration.ui import TerminalUI
+from calibration.ui import WizardUI
 from tams_app.config import load_config
 
 Errors = tuple[float, float]  # of the rotation, and what the fit says it may be [deg]
@@ -54,7 +53,7 @@ def simulated_person(truth: Matrix, seed: int) -> Errors:
     turned = [list(row) for row in rows(truth)]
     config = load_config(None, {"rig.hand_rotation": turned})
     with SimulatedSetup(config, seed).hand(config.controller) as source:
-        fit = fit_moves(TerminalUI(Console(file=io.StringIO())), source, config, rounds=2)
+        fit = fit_moves(WizardUI(Console(file=io.StringIO())), source, config, rounds=2)
     return turn_deg(fit.rotation, truth), fit.error_bound_deg
 
 

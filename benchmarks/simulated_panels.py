@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.weights.agreement import assess
+from calibration.weights.fit import assess
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from tams_app.config import load_config
 from tams_app.records import Phase

@@ -53,33 +53,33 @@ def _command(
 def cameras(options: CameraOptions) -> int:
     """Which camera is which, focus, light, frame rate; and their latency if wanted."""
     from calibration.cameras.wizard import CameraWizard
-    from calibration.ui import TerminalUI
+    from calibration.ui import WizardUI
 
-    return CameraWizard(TerminalUI(), options).run()
+    return CameraWizard(WizardUI(), options).run()
 
 
 @_command(FrameOptions)
 def frame(options: FrameOptions) -> int:
     """The controller's frame and buttons, from moving along the robot's axes."""
     from calibration.frame.wizard import FrameWizard
-    from calibration.ui import TerminalUI
+    from calibration.ui import WizardUI
 
-    return FrameWizard(TerminalUI(), options).run()
+    return FrameWizard(WizardUI(), options).run()
 
 
 @_command(PhaseOptions)
 def phases(options: PhaseOptions) -> int:
     """The thresholds by which Algorithm 1 tells the phases, from trials whose phases are known."""
     from calibration.phases.wizard import PhaseWizard
-    from calibration.ui import TerminalUI
+    from calibration.ui import WizardUI
 
-    return PhaseWizard(TerminalUI(), options).run()
+    return PhaseWizard(WizardUI(), options).run()
 
 
 @_command(WeightOptions)
 def weights(options: WeightOptions) -> int:
     """The view weights W from people's ratings of clips of recorded sessions."""
-    from calibration.ui import TerminalUI
+    from calibration.ui import WizardUI
     from calibration.weights.wizard import WeightWizard
 
-    return WeightWizard(TerminalUI(), options).run()
+    return WeightWizard(WizardUI(), options).run()

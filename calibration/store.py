@@ -18,6 +18,7 @@ from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_ke
 from tams_app.config.places import DEFAULT_CONFIG
 from tams_app.config.reader import read_yaml
 from tams_app.errors import ConfigError, TamsError
+from tams_app.study.folder import write_atomically
 
 _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
@@ -31,6 +32,15 @@ Draw = Callable[[Path], None]  # the figure of a calibration, to a file
 def utc_now() -> datetime:
     """The wall time of this moment."""
     return datetime.now(UTC)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole file or none, and its folder if need be; TamsError if the disk refuses."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise TamsError(f"{path}: cannot be written: {error.strerror}") from error
+    write_atomically(path, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,13 +149,14 @@ class CalibrationSet:
         """
         path = self._new(calibration, draw)
         before = files_in_force(self.folder, read_yaml)
+        names = {kind: file.name for kind, file in before.items()}
+        self._replace_index(names | {calibration.kind: path.name})
         try:
-            self._replace_index(
-                {kind: file.name for kind, file in before.items()} | {calibration.kind: path.name}
-            )
-        except OSError as error:
-            raise self._unwritable(error) from error
-        self._check(path, before)
+            load_config(self._config_path)
+        except ConfigError as error:  # what counted before counts again
+            self._replace_index(names)
+            path.unlink()
+            raise ConfigError(f"{path.name}: does not fit the configuration: {error}") from error
         return path
 
     def _new(self, calibration: Calibration, draw: Draw | None) -> Path:
@@ -171,7 +182,7 @@ class CalibrationSet:
             self.folder.mkdir(parents=True, exist_ok=True)
             path = self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
         except OSError as error:
-            raise self._unwritable(error) from error
+            raise TamsError(f"{self.folder}: cannot be written: {error.strerror}") from error
         if draw is not None:
             try:
                 draw(path.with_suffix(".png"))
@@ -179,9 +190,6 @@ class CalibrationSet:
                 path.unlink(missing_ok=True)
                 raise
         return path
-
-    def _unwritable(self, error: OSError) -> TamsError:
-        return TamsError(f"{self.folder}: cannot be written: {error.strerror}")
 
     def _refuse_simulated(self, simulated: bool) -> None:
         """A real arm does not move by what a simulated hand did."""
@@ -210,20 +218,9 @@ class CalibrationSet:
         raise TamsError(f"{self.folder}: holds a thousand calibrations of this second")
 
     def _replace_index(self, names: Mapping[str, str]) -> None:
-        temporary = self.folder / f".{IN_FORCE}.new"
         # a line for each: people edit them
         lines = yaml.safe_dump(dict(names), default_flow_style=False)
-        temporary.write_text(_INDEX_HEADER + lines, encoding="utf-8")
-        os.replace(temporary, self.folder / IN_FORCE)
-
-    def _check(self, path: Path, before: Mapping[str, Path]) -> None:
-        """What was written must read back; else it goes, and what counted before counts again."""
-        try:
-            load_config(self._config_path)
-        except ConfigError as error:
-            self._replace_index({kind: file.name for kind, file in before.items()})
-            path.unlink()
-            raise ConfigError(f"{path.name}: does not fit the configuration: {error}") from error
+        write_atomically(self.folder / IN_FORCE, _INDEX_HEADER + lines)
 
 
 def _dump(content: Mapping[str, Any]) -> str:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 from io import StringIO
-from types import TracebackType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from rich.console import Console, RenderableType
 from rich.live import Live
@@ -18,59 +17,6 @@ from tams_app.errors import ConfigError
 
 T = TypeVar("T")
 _TEXT_WIDTH = 100
-
-
-class Questions(Protocol):
-    """What a guided procedure says to a person and asks of them."""
-
-    def say(self, text: str) -> None:
-        """Print one or more sentences."""
-
-    def yes(self, question: str) -> bool:
-        """Ask until the answer is yes or no."""
-
-    def choice(self, question: str, options: dict[str, str]) -> str:
-        """Ask until the answer is a key of `options`, which say what each means."""
-
-    def text(self, question: str) -> str:
-        """Ask until there is an answer."""
-
-
-class TerminalQuestions:
-    """Questions at a console; EOFError once its input is closed."""
-
-    def __init__(self, console: Console) -> None:
-        self.console = console
-
-    def say(self, text: str) -> None:
-        # as Text nothing in it is markup
-        self.console.print(Text(text), soft_wrap=True)
-
-    def yes(self, question: str) -> bool:
-        return self._ask(_YesOrNo, question)
-
-    def choice(self, question: str, options: dict[str, str]) -> str:
-        listed = ", ".join(f"{key} = {meaning}" for key, meaning in options.items())
-        return self._ask(
-            _Line,
-            f"{question} ({listed})",
-            choices=list(options),
-            show_choices=False,
-            case_sensitive=False,
-        )
-
-    def text(self, question: str) -> str:
-        while not (answer := self.line(question)):
-            self.say("Please say something: it is kept with the data.")
-        return answer
-
-    def line(self, question: str) -> str:
-        """One line, stripped; it may be empty."""
-        return self._ask(_Line, question)
-
-    def _ask(self, prompt: type[PromptBase[T]], question: str, **how: Any) -> T:
-        answer: T = prompt.ask(Text(question), console=self.console, **how)
-        return answer
 
 
 class _Line(Prompt):
@@ -86,46 +32,56 @@ class _YesOrNo(Confirm):
         return super().process_response({"yes": "y", "no": "n"}.get(answer, answer))
 
 
-class WizardUI(Questions, Protocol):
-    """A context manager; leaving it restores the terminal."""
+class WizardUI:
+    """The terminal that the command was started from, or the file or pipe in its place.
 
-    @property
-    def attended(self) -> bool:
-        """Whether there is a person who can be asked; if not, questions raise ConfigError."""
-
-    def line(self, question: str) -> str:
-        """Ask for one line, which may be empty."""
-
-    def show(self, live: RenderableType) -> None:
-        """Display the current measurement in place of what was shown before."""
-
-    def pressed(self) -> bool:
-        """Whether Enter was pressed since the last call; False without a terminal."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
-
-
-class TerminalUI(TerminalQuestions):
-    """The terminal that the command was started from, or the file or pipe in its place."""
+    A context manager; leaving it restores the terminal. Unless it is `attended`, every question
+    raises ConfigError.
+    """
 
     def __init__(self, console: Console | None = None) -> None:
-        super().__init__(console or Console())
+        self.console = console or Console()
         self._keys = TerminalKeys()
         self._live: Live | None = None
 
     @property
     def attended(self) -> bool:
+        """Whether there is a person who can be asked."""
         # a process may be started without any standard input
         return sys.stdin is not None and sys.stdin.isatty() and self.console.is_terminal
 
+    def say(self, text: str) -> None:
+        """Print one or more sentences."""
+        # as Text nothing in it is markup
+        self.console.print(Text(text), soft_wrap=True)
+
+    def yes(self, question: str) -> bool:
+        """Ask until the answer is yes or no."""
+        return self._ask(_YesOrNo, question)
+
+    def choice(self, question: str, options: dict[str, str]) -> str:
+        """Ask until the answer is a key of `options`, which say what each means."""
+        listed = ", ".join(f"{key} = {meaning}" for key, meaning in options.items())
+        return self._ask(
+            _Line,
+            f"{question} ({listed})",
+            choices=list(options),
+            show_choices=False,
+            case_sensitive=False,
+        )
+
+    def text(self, question: str) -> str:
+        """Ask until there is an answer."""
+        while not (answer := self.line(question)):
+            self.say("Please say something: it is kept with the data.")
+        return answer
+
+    def line(self, question: str) -> str:
+        """Ask for one line, stripped; it may be empty."""
+        return self._ask(_Line, question)
+
     def show(self, live: RenderableType) -> None:
+        """Display the current measurement in place of what was shown before."""
         if not self.console.is_terminal:
             return  # a file would get every state of it
         if self._live is None:
@@ -141,6 +97,7 @@ class TerminalUI(TerminalQuestions):
         self._live.update(live, refresh=True)
 
     def pressed(self) -> bool:
+        """Whether Enter was pressed since the last call; False without a terminal."""
         if not self._keys.active:
             self._keys.open()
         return self._keys.active and Key.CONFIRM in self._keys.read(0.0)
@@ -153,9 +110,10 @@ class TerminalUI(TerminalQuestions):
                 "--help for how to run it unattended"
             )
         try:
-            return super()._ask(prompt, question, **how)
+            answer: T = prompt.ask(Text(question), console=self.console, **how)
         except EOFError as error:
             raise ConfigError("the terminal was closed before the question was answered") from error
+        return answer
 
     def _restore(self) -> None:
         """Remove the live area and let the terminal read whole lines."""
@@ -169,18 +127,19 @@ class TerminalUI(TerminalQuestions):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self._restore()
 
 
-def plain_table(first: str, *others: str, gap: int = 2) -> Table:
+def bar(share: float, width: int = 20) -> str:
+    """A bar that is full at 1."""
+    full = min(width, max(0, round(share * width)))
+    return "█" * full + "░" * (width - full)
+
+
+def plain_table(first: str, *others: str, title: str | None = None, gap: int = 2) -> Table:
     """A table without lines, its first column left and the others right."""
-    table = Table(box=None, padding=(0, gap))
+    table = Table(box=None, padding=(0, gap), title=title, title_justify="left")
     table.add_column(first)
     for name in others:
         table.add_column(name, justify="right")

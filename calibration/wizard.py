@@ -13,7 +13,7 @@ from calibration.options import WizardOptions
 from calibration.store import Calibration, CalibrationSet, utc_now
 from calibration.ui import WizardUI
 from tams_app.config import Config, load_config
-from tams_app.errors import TamsError
+from tams_app.errors import ConfigError, TamsError
 
 Options = TypeVar("Options", bound=WizardOptions)
 
@@ -98,6 +98,13 @@ class Wizard(ABC, Generic[Options]):
     def simulated(self) -> bool:
         """Whether anything simulated has a part in the result."""
         return self.options.sim
+
+    def require_person(self) -> None:
+        """ConfigError if there is no person to do what is asked."""
+        if not self.ui.attended:
+            raise ConfigError(
+                "there is no terminal: start it from one, or give --sim or --from LOG"
+            )
 
     def _measured(self) -> Calibration | None:
         try:

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from hw.arm import ServoMode
 from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.config import load_config
-from tams_app.records import Twist
+from tams_app.records import ServoMode, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS
 

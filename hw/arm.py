@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -19,21 +18,6 @@ from tams_app.records import ArmState, CommandLink, Pose, ServoMode, Twist, Vect
 if TYPE_CHECKING:
     from tams_app.config import ArmConfig
     from tams_app.runtime.clock import Clock
-
-__all__ = [
-    "Arm",
-    "ArmKind",
-    "ArmKinematics",
-    "ArmLimits",
-    "FoundArm",
-    "GripperDrive",
-    "Plant",
-    "PlantState",
-    "ServoMode",
-    "SimulatedArm",
-    "StopChannel",
-    "TcpBoundary",
-]
 
 
 class Arm(ABC):
@@ -151,14 +135,6 @@ class SimulatedArm(Arm):
         """Leave out what is more than `longest_ns` behind the clock: the process stood still."""
 
 
-class GripperDrive(Enum):
-    """What a simulated arm drives its gripper to."""
-
-    OFF = 0
-    OPEN = 1
-    CLOSE = 2
-
-
 @dataclass(frozen=True, slots=True)
 class PlantState:
     """Measured joints [rad], shape (6,), and whether a joint met more force than it may."""
@@ -170,8 +146,11 @@ class PlantState:
 class Plant(Protocol):
     """Joints and gripper of a simulated arm; its controller calls `step` once per cycle."""
 
-    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
-        """Advance by `duration_ns` towards `joints_target` [rad], shape (6,)."""
+    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
+        """Advance by `duration_ns` towards `joints_target` [rad], shape (6,).
+
+        `closing`: whether the gripper is driven closed or open; None: not driven.
+        """
 
 
 class ArmKinematics(Protocol):
@@ -244,16 +223,12 @@ class StopChannel(Protocol):
         """Disconnect; may be called twice."""
 
 
-class FoundArm(Protocol):
+@dataclass(frozen=True, slots=True)
+class FoundArm:
     """What answers at an arm's address."""
 
-    @property
-    def problem(self) -> str:
-        """Why it cannot be used, in one sentence; "" if it can."""
-
-    @property
-    def description(self) -> str:
-        """What it is, in one line."""
+    problem: str  # why it cannot be used, in one sentence; "" if it can
+    description: str  # what it is, in one line
 
 
 class ArmKind(ABC):

@@ -23,9 +23,6 @@ class Capacity(Protocol):
     def rate_kbps(self, t_ns: int) -> float:
         """The rate at one instant [kbit/s]; infinite without a bottleneck."""
 
-    def bits_between(self, start_ns: int, end_ns: int) -> float:
-        """What fits through from `start_ns` to `end_ns` >= `start_ns` [bit]."""
-
     def finish_ns(self, start_ns: int, bits: int) -> int:
         """The first instant at which `bits` have passed that began at `start_ns`."""
 
@@ -38,9 +35,6 @@ class UnlimitedCapacity:
 
     def rate_kbps(self, t_ns: int) -> float:
         return math.inf
-
-    def bits_between(self, start_ns: int, end_ns: int) -> float:
-        return math.inf if end_ns > start_ns else 0.0
 
     def finish_ns(self, start_ns: int, bits: int) -> int:
         return start_ns
@@ -59,9 +53,6 @@ class ConstantCapacity:
 
     def rate_kbps(self, t_ns: int) -> float:
         return self._kbps
-
-    def bits_between(self, start_ns: int, end_ns: int) -> float:
-        return self._kbps * _BITS_PER_NS_PER_KBPS * (end_ns - start_ns)
 
     def finish_ns(self, start_ns: int, bits: int) -> int:
         return start_ns + math.ceil(bits / (self._kbps * _BITS_PER_NS_PER_KBPS))
@@ -113,11 +104,6 @@ class TraceCapacity:
     def rate_kbps(self, t_ns: int) -> float:
         return self._trace.kbps[self._segment(max(0, t_ns - self._epoch_ns))]
 
-    def bits_between(self, start_ns: int, end_ns: int) -> float:
-        return self._bits_until(end_ns - self._epoch_ns) - self._bits_until(
-            start_ns - self._epoch_ns
-        )
-
     def finish_ns(self, start_ns: int, bits: int) -> int:
         target_bits = self._bits_until(start_ns - self._epoch_ns) + bits
         if bits == 0:
@@ -128,7 +114,8 @@ class TraceCapacity:
     def mean_kbps(self, start_ns: int, end_ns: int) -> float:
         if end_ns <= start_ns:
             return self.rate_kbps(end_ns)
-        return self.bits_between(start_ns, end_ns) / _BITS_PER_NS_PER_KBPS / (end_ns - start_ns)
+        start_bits, end_bits = (self._bits_until(t - self._epoch_ns) for t in (start_ns, end_ns))
+        return (end_bits - start_bits) / _BITS_PER_NS_PER_KBPS / (end_ns - start_ns)
 
     def _segment(self, t_ns: int) -> int:
         return bisect_right(self._trace.starts_ns, t_ns % self._trace.period_ns) - 1

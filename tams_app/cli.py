@@ -11,7 +11,7 @@ import math
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer.exceptions import TyperException
@@ -21,7 +21,7 @@ from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, SetupError, TamsError
 from tams_app.policy.allocation import STRATEGIES, make_strategy
-from tams_app.study.cli import study_app
+from tams_app.study.cli import ConfigOption, study_app
 
 if TYPE_CHECKING:
     from tams_app.study.runner import TrialRunner
@@ -50,11 +50,6 @@ def _kbps(text: str) -> float:
         name = "NaN" if math.isnan(rate) else "infinity" if math.isinf(rate) else text
         raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0f} kbit/s")
     return rate
-
-
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
-]
 
 
 def main() -> None:
@@ -142,19 +137,17 @@ def run(
     """Teleoperate: on the simulated rig, one pick-and-place by a scripted operator."""
     settings = load_config(
         config,
-        _given(
-            {
-                "rig.enabled": True if sim else None,
-                "strategy": strategy,
-                "network": network,
-                "policy.budget.mode": budget,
-                "seconds": seconds,
-                "seed": seed,
-                "headless": True if headless else None,
-                "recording.record_reference": True if record_reference else None,
-                "recording.directory": str(out) if out else None,
-            }
-        ),
+        {
+            "rig.enabled": True if sim else None,
+            "strategy": strategy,
+            "network": network,
+            "policy.budget.mode": budget,
+            "seconds": seconds,
+            "seed": seed,
+            "headless": True if headless else None,
+            "recording.record_reference": True if record_reference else None,
+            "recording.directory": str(out) if out else None,
+        },
     )
     if arm and not settings.rig.enabled:
         raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
@@ -184,9 +177,10 @@ def doctor(
         from tams_app.console.devices import show_devices
 
         raise typer.Exit(show_devices(settings))
+    from tams_app.console.checks import CHECKS
     from tams_app.console.doctor import run_doctor
 
-    raise typer.Exit(run_doctor(settings))
+    raise typer.Exit(run_doctor(settings, CHECKS))
 
 
 @app.command()
@@ -238,14 +232,12 @@ def phases(
 
     settings = load_config(
         config,
-        _given(
-            {
-                "policy.phases.v_eps_mm_s": v_eps_mm_s,
-                "policy.phases.vz_min_mm_s": vz_min_mm_s,
-                "policy.phases.align_dwell_s": align_dwell_s,
-                "policy.phases.pre_release_dwell_s": pre_release_dwell_s,
-            }
-        ),
+        {
+            "policy.phases.v_eps_mm_s": v_eps_mm_s,
+            "policy.phases.vz_min_mm_s": vz_min_mm_s,
+            "policy.phases.align_dwell_s": align_dwell_s,
+            "policy.phases.pre_release_dwell_s": pre_release_dwell_s,
+        },
     ).policy.phases
     if out is not None and out.exists() and file.exists() and out.samefile(file):
         raise ConfigError(f"--out: {out} is the table that is read: give another file")
@@ -278,7 +270,7 @@ def allocate(
     from tams_app.policy.allocation import allocate as allocation_rule
     from tams_app.records import Phase
 
-    settings = load_config(config, _given({"policy.allocation.floor_kbps": floor_kbps}))
+    settings = load_config(config, {"policy.allocation.floor_kbps": floor_kbps})
     name = phase.strip().upper().replace("-", "_").replace(" ", "_")
     if name not in Phase.__members__:
         raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")
@@ -313,11 +305,6 @@ def _trials_with_people(settings: Config) -> TrialRunner:
 
 
 app.add_typer(study_app(_simulated_trials, _trials_with_people), name="study")
-
-
-def _given(options: dict[str, Any]) -> dict[str, Any]:
-    """The options that were given, as configuration overrides."""
-    return {key: value for key, value in options.items() if value is not None}
 
 
 def _read(path: Path) -> str:

@@ -17,7 +17,7 @@ _BASE = "gstreamer1.0-plugins-base"
 _GOOD = "gstreamer1.0-plugins-good"
 _BAD = "gstreamer1.0-plugins-bad"
 _UGLY = "gstreamer1.0-plugins-ugly"
-ELEMENT_PACKAGES = {
+_STREAMING = {
     "appsrc": _BASE,
     "appsink": _BASE,
     "videoconvert": _BASE,
@@ -34,6 +34,8 @@ ELEMENT_PACKAGES = {
     "udpsrc": _GOOD,
     "udpsink": _GOOD,
     "avdec_h264": "gstreamer1.0-libav",
+}
+ELEMENT_PACKAGES = _STREAMING | {
     "nvh264dec": _BAD,
     "vah264dec": _BAD,
     "v4l2src": _GOOD,
@@ -46,14 +48,7 @@ ELEMENT_PACKAGES = {
     "mp4mux": _GOOD,
     "qtdemux": _GOOD,
 }
-CAPTURE_ELEMENTS = ("v4l2src", "jpegdec", "videoscale", "videotestsrc", "decodebin")
-CLIP_ELEMENTS = ("mp4mux", "qtdemux")
-_OPTIONAL = (
-    *("nvh264dec", "vah264dec", "autovideosink", "ximagesink"),
-    *CAPTURE_ELEMENTS,
-    *CLIP_ELEMENTS,
-)
-STREAMING_ELEMENTS = tuple(name for name in ELEMENT_PACKAGES if name not in _OPTIONAL)
+STREAMING_ELEMENTS = tuple(_STREAMING)
 DECODERS_BY_PREFERENCE = ("nvh264dec", "vah264dec", "avdec_h264")
 
 
@@ -65,14 +60,6 @@ class GStreamer:
     GstVideo: Any
     GLib: Any
     Gio: Any
-
-
-@dataclass(frozen=True, slots=True)
-class MissingElement:
-    """A GStreamer element this machine lacks and the Debian package that brings it."""
-
-    name: str
-    package: str
 
 
 def _keep_exceptions_working() -> None:
@@ -106,23 +93,21 @@ def load() -> GStreamer:
     return GStreamer(Gst, GstVideo, GLib, Gio)
 
 
-def missing_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> list[MissingElement]:
-    """Which of `names` cannot be made here, each with the package to install."""
+def missing_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> dict[str, str]:
+    """Which of `names` cannot be made here, each with the Debian package to install."""
     find = load().Gst.ElementFactory.find
-    return [
-        MissingElement(name, ELEMENT_PACKAGES.get(name, "the plugin that provides it"))
+    return {
+        name: ELEMENT_PACKAGES.get(name, "the plugin that provides it")
         for name in names
         if find(name) is None
-    ]
+    }
 
 
 def require_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> None:
     """SetupError in one sentence if any of `names` is missing."""
-    missing = missing_elements(names)
-    if missing:
-        elements = ", ".join(element.name for element in missing)
-        packages = " ".join(sorted({element.package for element in missing}))
-        raise SetupError(f"GStreamer lacks {elements}; install {packages}")
+    if missing := missing_elements(names):
+        packages = " ".join(sorted(set(missing.values())))
+        raise SetupError(f"GStreamer lacks {', '.join(missing)}; install {packages}")
 
 
 def choose_decoder(name: str) -> str:

@@ -6,7 +6,7 @@ import io
 
 from rich.console import Console, RenderableType
 
-from calibration.ui import TerminalUI
+from calibration.ui import WizardUI
 
 CTRL_C = "\x03"
 
@@ -36,7 +36,7 @@ class ScriptedConsole(Console):
         return answer
 
 
-class ScriptedUI(TerminalUI):
+class ScriptedUI(WizardUI):
     """Attended as long as there are answers left."""
 
     def __init__(self, answers: list[str] | None = None, presses: int = 0) -> None:

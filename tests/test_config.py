@@ -18,9 +18,9 @@ from tams_app.config import (
     stop_time_s,
 )
 from tams_app.config.places import find_config_directory, writable_directory
-from tams_app.config.reference import all_sections, meaning, reference
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
+from tests.configuration_reference import all_sections, meaning, reference
 
 pytestmark = pytest.mark.untimed
 
@@ -194,7 +194,7 @@ def test_every_key_says_what_it_means_and_the_reference_is_up_to_date():
     assert unsaid == []
     written = (CONFIG_DIRECTORY.parent / "docs" / "CONFIGURATION.md").read_text(encoding="utf-8")
     assert written == reference(), (
-        "python -m tams_app.config.reference > docs/CONFIGURATION.md makes it anew"
+        "python -m tests.configuration_reference > docs/CONFIGURATION.md makes it anew"
     )
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from tams_app.errors import LogError
 from tams_app.recording import Recorder, read_log, read_video
-from tams_app.recording import direct as direct_module
-from tams_app.recording.direct import DirectRecorder
+from tams_app.recording import writer as writer_module
+from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS, header, live_records
@@ -35,7 +35,8 @@ def test_it_keeps_what_the_live_recorder_keeps(tmp_path):
     items = list(live_records(2.0))
     live = Recorder(tmp_path / "live.mcap", header(), MonotonicClock(), 0, never)
     live.start()
-    live.record_all(items)
+    for item in items:
+        live.record(item)
     live.close()
     expected = read_log(tmp_path / "live.mcap")
     found = read_log(write(tmp_path / "direct.mcap", items))
@@ -64,7 +65,7 @@ def test_a_disk_that_fills_up_ends_it_in_one_sentence(tmp_path, monkeypatch):
     clock = VirtualClock(START_NS)
     item = next(iter(live_records(2.0)))
     with closing(DirectRecorder(tmp_path / "session.mcap", header(), clock, 0)) as log:
-        monkeypatch.setattr(direct_module, "require_reserve", full)
+        monkeypatch.setattr(writer_module, "require_reserve", full)
         clock.advance_ns(2 * NS_PER_S)
         with pytest.raises(LogError, match="nearly full"):
             log.record(item)

@@ -185,6 +185,7 @@ def test_quality_survives_the_log(tmp_path: Path) -> None:
     records = [quality("gt", 0, None, None, 0.25), quality("eih", 1, 0.5, 0.5)]
     recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never)
     recorder.start()
-    recorder.record_all(records)
+    for record in records:
+        recorder.record(record)
     recorder.close()
     assert read_log(tmp_path / "session.mcap").quality == records

@@ -25,8 +25,8 @@ from rich.table import Table
 from benchmarks.experiments.ablation_cells import Cell, product_cell
 from benchmarks.experiments.ablation_table import FactorRange, Figures, Row, ranges, rows
 from benchmarks.experiments.ablation_trials import Trial, plan, record_hands, run
-from tams_app.study.machine import machine
-from tams_app.study.unattended import RichProgress
+from tams_app.study.runner import machine
+from tams_app.study.unattended import TrialsProgress
 
 RESULTS = Path(__file__).parent / "results" / "ablation.json"
 SEEDS, NETWORKS, PROCESSES = 5, ("s1", "s2", "s3"), 2
@@ -101,7 +101,7 @@ def report(
     with tempfile.TemporaryDirectory(prefix="tams-ablation-") as folder:
         console.print(f"recording a hand for each of {seeds} seeds")
         trials = plan(networks, record_hands(seeds, Path(folder)), full)
-        with RichProgress(console, len(trials)) as bar:
+        with TrialsProgress(console, len(trials)) as bar:
             found = run(trials, Path(folder), processes, bar)
     told = collect(trials, found)
     moved = [

@@ -23,7 +23,7 @@ from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.study.trial_process import LocalPool
-from tams_app.study.unattended import RichProgress
+from tams_app.study.unattended import TrialsProgress
 from tams_app.units import NS_PER_S
 
 _LATER_S = 5.0  # a replay may end so long after its recording
@@ -61,7 +61,7 @@ def record_hands(seeds: int, out: Path) -> dict[int, Path]:
 
 
 def run(
-    trials: Mapping[str, Trial], out: Path, processes: int, bar: RichProgress
+    trials: Mapping[str, Trial], out: Path, processes: int, bar: TrialsProgress
 ) -> dict[str, Figures]:
     """Every trial's figures by its id; TamsError if one fails."""
     runs = VirtualRuns({name: trial.config for name, trial in trials.items()})
@@ -75,9 +75,9 @@ def run(
             for job, failure in pool.wait():
                 running -= 1
                 if failure:
-                    raise TamsError(f"{trials[job.spec.trial_id].cell.name} failed: {failure}")
-                found[job.spec.trial_id] = figures(job.folder)
-                bar.advance()
+                    raise TamsError(f"{trials[job.trial.id].cell.name} failed: {failure}")
+                found[job.trial.id] = figures(job.folder)
+                bar.trial_ended()
     return {name: found[name] for name in trials}
 
 

@@ -34,7 +34,7 @@ from benchmarks.experiments.agreement_verdicts import (
     compare,
     overall,
 )
-from tams_app.study.machine import machine
+from tams_app.study.runner import machine
 
 RESULTS = Path(__file__).parent / "results" / "agreement.json"
 COUNT = "_n"  # ends the measures that count another one's frames

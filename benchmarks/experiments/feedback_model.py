@@ -25,11 +25,13 @@ from benchmarks.experiments.moving_frames import image
 from benchmarks.experiments.rtpsession_views import RtpSessionView
 from tams_app import gst
 from tams_app.config import Config, Network, load_config
-from tams_app.records import Frame, PacketRecord
+from tams_app.records import EncodedFrame, Frame, PacketKind, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule, repair_rule
+from tams_app.video.view_decoder import ViewDecoder
 from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual_time.rtcp_sessions import Feedback
 from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.video import VirtualVideo
@@ -130,6 +132,20 @@ def run_model(
     def note(records: list[PacketRecord]) -> None:
         for record in records:
             arrivals.note(record)
+            if record.kind is PacketKind.REPAIR:
+                counts.update(repairs_sent=1, repair_bytes=record.size_bytes)
+
+    def note_feedback(_view: str, feedback: Feedback, arrives_ns: int) -> None:
+        asked, plis = len(feedback.nacks), int(feedback.pli)
+        counts.update(nacks_sent=asked, plis_sent=plis)
+        if arrives_ns <= START_NS + seconds * NS_PER_S + AFTER_NS:
+            counts.update(nacks_arrived=asked, plis_arrived=plis)
+
+    def note_encoded(frame: EncodedFrame) -> None:
+        counts["keyframes_forced"] += frame.keyframe and frame.index > 0
+
+    def note_shown(_frame: ShownFrame) -> None:
+        counts["frames_shown"] += 1
 
     video = VirtualVideo(
         config.video,
@@ -139,15 +155,13 @@ def run_model(
         START_NS,
         _targets(config, network),
         config.policy.allocation.source_drop_below_kbps,
-        VideoRecords(_ignore, _ignore, _ignore, note),
+        VideoRecords(note_encoded, _ignore, note_shown, note, note_feedback),
         ProcessingTimes(0, 0),
     )
     with closing(video):
         _drive(config, seconds, video.push, video.advance_to)
         for view in config.video.views:
-            repair, stats = video.counts(view), video.stats(view)
-            counts.update({row: getattr(repair, row) for row in ROWS if hasattr(repair, row)})
-            counts.update(lost_after_repair=stats.packets_lost, frames_shown=stats.frames_shown)
+            counts.update(lost_after_repair=_lost(video.receivers[view].decoder))
     counts.update(arrivals.counts())
     return counts
 
@@ -158,7 +172,8 @@ def run_rtpsession(
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
     clock, events, waiter = SteppedClock(START_NS), EventQueue(), IdleWaiter()
-    clock.become_default()
+    # also of the elements that ask for the system's clock
+    gst.load().Gst.SystemClock.set_default(clock._clock)
     capacity = network_capacity(network, START_NS)
     arrivals = Arrivals(START_NS)
     link = NotingLink(arrivals, network, capacity, config.video.views, seed)
@@ -198,16 +213,21 @@ def run_rtpsession(
     counts = Counter(arrivals.counts())
     for each in views.values():
         counts.update(each.counts)
-        stats = each.stats()
         counts.update(
-            lost_after_repair=stats.packets_lost,
-            frames_shown=stats.frames_shown,
+            lost_after_repair=_lost(each.decoder),
+            frames_shown=len(each.shown),
             keyframes_forced=each.keyframes_forced(),
         )
         print(each.view, dict(each.report_bytes), file=sys.stderr)
         each.close()
     waiter.close()
     return counts
+
+
+def _lost(decoder: ViewDecoder) -> int:
+    """Packets that were given up after repair."""
+    lost: int = decoder.jitterbuffer.get_property("stats").get_value("num-lost")
+    return lost
 
 
 def _ignore(_: object) -> None:

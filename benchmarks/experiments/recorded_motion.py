@@ -16,7 +16,7 @@ from hw.sim.operator.demo import demo_controller
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
-from tams_app.recording.direct import DirectRecorder
+from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ArmState, Outcome, SceneTruth
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build

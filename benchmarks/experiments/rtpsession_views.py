@@ -26,7 +26,7 @@ from tams_app.video import pipelines
 from tams_app.video.link import Link
 from tams_app.video.packets import identify, media_ssrc
 from tams_app.video.repair import RepairRule
-from tams_app.video.view_decoder import ReceiverStats, ViewDecoder, caps_of_payload_type
+from tams_app.video.view_decoder import ViewDecoder, caps_of_payload_type
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.event_queue import EventQueue
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
@@ -57,7 +57,7 @@ class RtpSessionView:
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, 80.0, self._count_keyframe, _ignore
         )
-        self._images = ViewDecoder(view, config, rule, clock, self.shown.append)
+        self.decoder = ViewDecoder(view, config, rule, clock, self.shown.append)
         self._sender = gst.parse_pipeline(
             pipelines.session_sender(
                 config,
@@ -90,14 +90,14 @@ class RtpSessionView:
             session.set_property("ntp-time-source", 3)  # clock-time
             session.get_property("internal-session").set_property("internal-ssrc", ssrc)
             if rule.rtx:
-                payload_types = from_string(pipelines.rtx_payload_types())[0]
+                payload_types = from_string(pipelines.RTX_PAYLOAD_TYPES)[0]
                 pipeline.get_by_name("rtx").set_property("payload-type-map", payload_types)
         if rule.rtx:
             ssrcs = from_string(pipelines.rtx_ssrcs(config, self.view))[0]
             self._sender.get_by_name("rtx").set_property("ssrc-map", ssrcs)
         self._receiver.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
         self._frames.attach(self._sender)
-        self._images.attach(self._receiver)
+        self.decoder.attach(self._receiver)
 
     def start(self) -> None:
         """Let both pipelines play.
@@ -117,9 +117,6 @@ class RtpSessionView:
 
     def set_target_kbps(self, kbps: float) -> None:
         self._frames.set_target_kbps(kbps)
-
-    def stats(self) -> ReceiverStats:
-        return self._images.stats()
 
     def close(self) -> None:
         gst.shut_down(self._sender)

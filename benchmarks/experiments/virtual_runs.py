@@ -15,7 +15,8 @@ import numpy as np
 from tams_app.config import Config
 from tams_app.records import Frame
 from tams_app.session.virtual.trial import run_virtual_trial
-from tams_app.study.runner import SUMMARY_NAME, TrialSpec
+from tams_app.study.plan import PlannedTrial
+from tams_app.study.runner import SUMMARY_NAME
 from tams_app.study.trial_process import Job
 from tams_app.video.virtual_time.video import VirtualVideo
 
@@ -28,10 +29,10 @@ class VirtualRuns:
 
     configs: Mapping[str, Config]
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         cv2.setNumThreads(1)
         costs = _time_encoding()
-        run_virtual_trial(self.configs[spec.trial_id], spec.seed, folder, time.time_ns())
+        run_virtual_trial(self.configs[trial.id], trial.seed, folder, time.time_ns())
         text = json.dumps({"frames": len(costs), "cpu_ms_per_frame": float(np.median(costs))})
         (folder / ENCODING_NAME).write_text(text + "\n", encoding="utf-8")
 
@@ -39,8 +40,17 @@ class VirtualRuns:
         """The trial `trial_id` with a new folder of its name in `out`."""
         config, folder = self.configs[trial_id], out / trial_id
         folder.mkdir()
-        names = (config.strategy, config.network)
-        return Job(TrialSpec(trial_id, "", *names, 1, False, config.seed, config.seed), folder)
+        trial = PlannedTrial(
+            id=trial_id,
+            participant="P01",
+            order=1,
+            strategy=config.strategy,
+            network=config.network,
+            repetition=1,
+            seed=config.seed,
+            participant_seed=config.seed,
+        )
+        return Job(trial, folder)
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

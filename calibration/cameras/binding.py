@@ -94,25 +94,23 @@ class Attribution:
 def attribute(moved: Mapping[str, Sequence[float]], taken: Mapping[str, str]) -> Attribution:
     """Decide from each camera's shares over one window; `taken`: view by camera, bound already."""
     shares = {name: float(np.mean(seen)) if len(seen) else 0.0 for name, seen in moved.items()}
+
+    def unclear(reason: str) -> Attribution:
+        return Attribution("", reason, shares)
+
     blind = [name for name, seen in moved.items() if len(seen) < _FEWEST_FRAMES]
     if len(blind) == len(moved):
-        return Attribution("", "no camera gave enough images: look at their cables", shares)
+        return unclear("no camera gave enough images: look at their cables")
     first, *others = sorted(shares, key=lambda name: shares[name], reverse=True)
     if shares[first] < _CLEAR_SHARE:
         best = f"{100 * shares[first]:.1f} % of the image at most"
-        return Attribution(
-            "", f"hardly anything moved ({best}): wave a hand right before the lens", shares
-        )
+        return unclear(f"hardly anything moved ({best}): wave a hand right before the lens")
     rivals = [name for name in others if shares[first] < _CLEAR_RATIO * shares[name]]
     if rivals:
         names = " and ".join([first, *rivals])
-        return Attribution(
-            "", f"{names} all saw it: stay close before one lens, out of the others' sight", shares
-        )
+        return unclear(f"{names} all saw it: stay close before one lens, out of the others' sight")
     if first in taken:
-        return Attribution(
-            "", f"that is {first}, which is {taken[first].upper()} already: go to another", shares
-        )
+        return unclear(f"that is {first}, which is {taken[first].upper()} already: go to another")
     return Attribution(first, "", shares)
 
 

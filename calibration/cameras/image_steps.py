@@ -7,10 +7,16 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from calibration.cameras.bench import Bench, Settings, Shot, Task, agreed, until_done
-from calibration.cameras.exposure import exposure_advice, measure_exposure
 from calibration.cameras.findings import Findings
 from calibration.cameras.flashes import camera_latency
-from calibration.cameras.focus import Sharpness, blur_words, focus_advice, sharpness
+from calibration.cameras.image_quality import (
+    Sharpness,
+    blur_words,
+    exposure_advice,
+    focus_advice,
+    measure_exposure,
+    sharpness,
+)
 from calibration.cameras.timing import FEWEST_FRAMES, clock_problem, measure_rate, rate_advice
 from calibration.ui import WizardUI
 from tams_app.errors import DeviceError

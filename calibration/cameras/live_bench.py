@@ -7,8 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from calibration.cameras.bench import Settings, Shot, Task
-from calibration.cameras.flashes import Flashes
-from calibration.cameras.screen import flashing_window
+from calibration.cameras.flashes import Flashes, flashing_window
 from hw.gstreamer.camera import GstCamera
 from hw.v4l2.controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -64,9 +64,7 @@ class SimulatedBench:
             name: SensorNoise(seed, truth.view, sigma, HEIGHT_PX, WIDTH_PX)
             for name, truth in self.truth.items()
         }
-        self._person = _Person(
-            {truth.view: truth.sharpest_px for truth in self.truth.values()},
-        )
+        self._person = _Person({one.view: one.sharpest_px for one in self.truth.values()})
         self._flashes: Flashes | None = None
         self.refused: Sequence[str] = ()
 
@@ -120,8 +118,13 @@ class SimulatedBench:
     def use_settings(self, camera: str, settings: Settings) -> None:
         raise AssertionError("the rig's cameras have nothing to set")
 
-    def screen(self) -> AbstractContextManager[Flashes]:
-        return self._flashing()
+    @contextmanager
+    def screen(self) -> Iterator[Flashes]:
+        self._flashes = Flashes.beginning(self._clock.now_ns())
+        try:
+            yield self._flashes
+        finally:
+            self._flashes = None
 
     def close(self) -> None:
         """Nothing is held."""
@@ -138,14 +141,6 @@ class SimulatedBench:
         late_ms = least_ms + float(self._random.exponential(mean_ms))
         frame = Frame(name, index, capture_ns, image)
         return Shot(name, frame, capture_ns + round(late_ms * NS_PER_MS))
-
-    @contextmanager
-    def _flashing(self) -> Iterator[Flashes]:
-        self._flashes = Flashes.beginning(self._clock.now_ns())
-        try:
-            yield self._flashes
-        finally:
-            self._flashes = None
 
 
 class _Person:

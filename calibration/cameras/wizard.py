@@ -10,10 +10,9 @@ from typing import Any
 from calibration.cameras import image_steps
 from calibration.cameras.bench import Bench, agreed
 from calibration.cameras.binding import bind_views
-from calibration.cameras.findings import Findings, draw_findings
+from calibration.cameras.findings import Findings, draw_findings, findings_of_log
+from calibration.cameras.flashes import check_display
 from calibration.cameras.image_steps import EXPOSURE, FOCUS, RATE
-from calibration.cameras.recorded import findings_of_log
-from calibration.cameras.screen import check_display
 from calibration.options import CameraOptions
 from calibration.store import Calibration
 from calibration.ui import WizardUI
@@ -70,11 +69,9 @@ class CameraWizard(Wizard[CameraOptions]):
             return None
         with closing(self._make_bench(self.config, self.options)) as bench:
             self._bench = bench
-            if bench.attended and not self.ui.attended:
-                raise ConfigError(
-                    "there is no terminal: start it from one, or give --sim or --from LOG"
-                )
-            if not bench.attended:
+            if bench.attended:
+                self.require_person()
+            else:
                 self.ui.say("A simulated person does what is asked for here.")
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)

@@ -1,24 +1,38 @@
-"""The parts of the conversation: press, move, touch. Each repeats what did not go well."""
+"""Strokes, touches and the six directions, as the person is asked for them.
+
+What did not go well is repeated. No arm is connected: the six directions show where teleoperation
+would send it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
+from rich.table import Table
+from rich.text import Text
 
-from calibration.frame import display
-from calibration.frame.buttons import ButtonFinding, PressWatch, settle
-from calibration.frame.capture import Capture, Held, touch_of
+from calibration.frame.capture import MIN_TRAVEL_M, Capture, Held, touch_of, travel_m
 from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
-from calibration.frame.sources import SHOW_EVERY, ButtonSource, HandSource, Move, Press, Reach
-from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke, check_line, fit_line
+from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Reach
+from calibration.frame.stroke import (
+    ASKED_LENGTH_M,
+    AXES,
+    MIN_SAMPLES,
+    Reason,
+    RefusedError,
+    Stroke,
+    check_line,
+    fit_line,
+)
 from calibration.frame.touches import Touch, TouchFit, fit_touches
-from calibration.ui import WizardUI
-from hw.openvr.components import ROLES, configured_role_map
-from tams_app.config import Config
+from calibration.ui import WizardUI, as_text, bar
+from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Vector
+from tams_app.teleop.motion import HandMotion
 
 ATTEMPTS = 5  # of one stroke, touch or button
 MOST_ROUNDS = 4
@@ -29,27 +43,13 @@ Fit = TypeVar("Fit", FrameFit, TouchFit)
 Show = Callable[[Held | None, ControllerSample], None]
 
 
-def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
-    """Every part pressed once; begun anew when a component comes for two of them."""
-    for attempt in range(ATTEMPTS):
-        try:
-            return _press_all(ui, source, config)
-        except RefusedError as error:
-            if attempt == ATTEMPTS - 1 or error.reason is not Reason.WRONG_BUTTON:
-                raise
-            ui.say(f"{error} All the buttons once more.")
-    raise AssertionError("the last attempt returns or raises")
-
-
 def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> Stroke:
     """One good stroke along the robot's axis."""
     move = Move(axis)
-    ui.say(
-        f"Hold the trigger, move along the robot's {move.name} ({display.meaning(move)}), let go."
-    )
+    ui.say(f"Hold the trigger, move along the robot's {move.name} ({move.meaning}), let go.")
 
     def show(held: Held | None, sample: ControllerSample) -> None:
-        ui.show(display.stroke_line(axis, held, sample))
+        ui.show(_stroke_table(axis, held, sample))
 
     def once() -> Stroke:
         source.ask(move)
@@ -57,7 +57,7 @@ def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> S
         check_line(fit_line(stroke))
         return stroke
 
-    return _repeated(ui, once)
+    return ask_again(ui, once)
 
 
 def ask_touches(
@@ -70,50 +70,18 @@ def ask_touches(
     ]
 
 
-def wait_for_a_steady_frame(source: HandSource) -> None:
-    """Until the controller no longer says that its tracking frame has changed."""
-    while source.next()[1].status is ControllerStatus.TRACKING_FRAME_CHANGED:
-        pass
-
-
-def _press_all(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
-    found: dict[str, str] = {}
-    kind = ""
-
-    def once(role: str) -> str:
-        nonlocal kind
-        source.ask(Press(role))
-        watch = PressWatch(role, {path: taken for taken, path in found.items()})
-        path, count = None, 0
-        while path is None:
-            now_ns, reading = source.next()
-            kind = reading.controller_type if reading else kind
-            path = watch.take(reading, now_ns)
-            count += 1
-            if count % SHOW_EVERY == 0:
-                ui.show(display.button_table(reading, role, found))
-        return path
-
-    for role in ROLES:
-        ui.say(f"Press and let go {display.PARTS[role]}.")
-        found[role] = _repeated(ui, partial(once, role))
-    hand = config.controller.hand
-    mapped = configured_role_map(kind, hand, config.controller)
-    return settle(kind, hand, found, {role: mapped[role].path for role in ROLES})
-
-
 def _ask_touch(ui: WizardUI, source: HandSource, config: Config, point: Reach) -> Touch:
     place = ", ".join(f"{1000 * value:.0f}" for value in point.robot)
     ui.say(f"Touch point {point.number} ({place} mm), squeeze the trigger, wait, let go.")
 
     def show(held: Held | None, sample: ControllerSample) -> None:
-        ui.show(display.touch_line(point.number, held, sample))
+        ui.show(_touch_table(point.number, held, sample))
 
     def once() -> Touch:
         source.ask(point)
         return touch_of(_hold(source, config, show), point.robot, point.number)
 
-    return _repeated(ui, once)
+    return ask_again(ui, once)
 
 
 def _hold(source: HandSource, config: Config, show: Show) -> Held:
@@ -129,16 +97,34 @@ def _hold(source: HandSource, config: Config, show: Show) -> Held:
             show(capture.so_far, sample)
 
 
-def _repeated(ui: WizardUI, once: Callable[[], Result]) -> Result:
-    """Until it goes well; what no repetition mends, and the last failure, is raised."""
-    for left in reversed(range(ATTEMPTS)):
+def repeated(
+    once: Callable[[], Result],
+    attempts: int,
+    mended_by: Callable[[Reason], bool],
+    again: Callable[[RefusedError], None],
+) -> Result:
+    """Until it goes well, with `again` before each repetition.
+
+    RefusedError: The last one, or one whose reason is not `mended_by` another attempt.
+    """
+    for left in reversed(range(attempts)):
         try:
             return once()
         except RefusedError as error:
-            if left == 0 or error.reason in (Reason.FRAME_CHANGED, Reason.WRONG_BUTTON):
+            if left == 0 or not mended_by(error.reason):
                 raise
-            ui.say(str(error))
+            again(error)
     raise AssertionError("the last attempt returns or raises")
+
+
+def ask_again(ui: WizardUI, once: Callable[[], Result]) -> Result:
+    """One measurement, repeated until it goes well."""
+    return repeated(
+        once,
+        ATTEMPTS,
+        lambda reason: reason not in (Reason.FRAME_CHANGED, Reason.WRONG_BUTTON),
+        lambda error: ui.say(str(error)),
+    )
 
 
 def fit_moves(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
@@ -154,15 +140,12 @@ def fit_touched(
 
 
 def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Fit]) -> Fit:
-    for beginning in range(_BEGINNINGS):
-        try:
-            return once()
-        except RefusedError as error:
-            if beginning == _BEGINNINGS - 1 or error.reason is Reason.IMPOSSIBLE_SCALE:
-                raise
-            ui.say(f"{error}\nFrom the beginning, then.")
-            wait_for_a_steady_frame(source)
-    raise AssertionError("the last beginning returns or raises")
+    def again(error: RefusedError) -> None:
+        ui.say(f"{error}\nFrom the beginning, then.")
+        while source.next()[1].status is ControllerStatus.TRACKING_FRAME_CHANGED:
+            pass  # until the new frame is steady
+
+    return repeated(once, _BEGINNINGS, lambda reason: reason is not Reason.IMPOSSIBLE_SCALE, again)
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
@@ -178,3 +161,143 @@ def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -
             return fit
         ui.say(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")
     raise AssertionError("the last round returns or raises")
+
+
+def _stroke_table(axis: int, held: Held | None, sample: ControllerSample) -> Table:
+    """Travel, straightness and number of samples of the stroke under way."""
+    table = Table(box=None, show_header=False)
+    table.add_row("controller", sample.status.value)
+    if held is None:
+        table.add_row("trigger", "up: squeeze it to begin")
+        return table
+    try:
+        line = fit_line(Stroke(axis, held.positions))
+    except RefusedError:  # too few samples to say anything yet
+        table.add_row("trigger", "held: move")
+        return table
+    table.add_row("travel", f"{bar(line.length_m / ASKED_LENGTH_M)} {1000 * line.length_m:.0f} mm")
+    table.add_row("straightness", f"{bar(line.straightness)} {line.straightness:.0%}")
+    table.add_row("samples", f"{bar(line.samples / MIN_SAMPLES)} {line.samples}")
+    return table
+
+
+def _touch_table(number: int, held: Held | None, sample: ControllerSample) -> Table:
+    """Whether the touch is under way."""
+    table = Table(box=None, show_header=False)
+    table.add_row("controller", sample.status.value)
+    samples = 0 if held is None else len(held.poses)
+    table.add_row(f"point {number}", f"{samples} samples" if samples else "squeeze to begin")
+    return table
+
+
+_ARROWS = {"+x": "⊙", "−x": "⊗", "+y": "←", "−y": "→", "+z": "↑", "−z": "↓"}
+MIN_SPEED_M_S = 0.04  # of the hand: slower, no direction is lit
+MAX_OFF_AXIS_DEG = 30.0
+TRIES = 3  # of one direction: people take left for right
+
+
+def try_six_directions(
+    ui: WizardUI, source: HandSource, config: Config, hand: HandConfig
+) -> dict[Move, bool]:
+    """Whether each direction lit up when it was asked for; those that Enter skipped are missing."""
+    right: dict[Move, bool] = {}
+    for wanted in SIX_DIRECTIONS:
+        ui.say(f"Hold the trigger, move along {wanted.name} ({wanted.meaning}), let go.")
+        for left in reversed(range(TRIES)):
+            wrong = _try_direction(ui, source, config, hand, wanted, right)
+            if wrong is None:
+                right.pop(wanted, None)
+                break
+            right[wanted] = not wrong
+            if not wrong:
+                break
+            ui.say(wrong + (" Once more." if left else ""))
+    ui.say(as_text(_compass_table(None, None, right)))
+    return right
+
+
+def _try_direction(
+    ui: WizardUI,
+    source: HandSource,
+    config: Config,
+    hand: HandConfig,
+    wanted: Move,
+    right: Mapping[Move, bool],
+) -> str | None:
+    """What was wrong with one try of a direction, "" for nothing; None if Enter skipped it."""
+    capture, compass = Capture(config), Compass(config, hand)
+    source.ask(wanted)
+    count, done = 0, None
+    while done is None or travel_m(done) < MIN_TRAVEL_M:
+        now_ns, sample = source.next()
+        try:
+            done = capture.take(sample, now_ns)
+        except RefusedError as error:
+            if error.reason is Reason.FRAME_CHANGED:
+                raise
+            return str(error)
+        compass.update(sample, now_ns, held=capture.so_far is not None)
+        count += 1
+        if count % SHOW_EVERY == 0:
+            ui.show(_compass_table(wanted, compass.lit, right))
+            if ui.pressed():
+                return None
+    lit = compass.mostly()
+    if lit is None:
+        return f"Nothing lit up when {wanted.name} was asked for: move faster, and straight."
+    return "" if lit == wanted else f"{lit.name} lit up when {wanted.name} was asked for."
+
+
+def _compass_table(asked: Move | None, lit: Move | None, right: Mapping[Move, bool]) -> Table:
+    """The six directions: which one is asked for, which one the arm would take now."""
+    table = Table(box=None, show_header=False)
+    for move in SIX_DIRECTIONS:
+        style = "bold black on green" if move == lit else "" if move == asked else "dim"
+        table.add_row(
+            "▶" if move == asked else " ",
+            Text(f" {_ARROWS[move.name]} {move.name} ", style),
+            move.meaning,
+            {True: "✓", False: "✗", None: ""}[right.get(move)],
+        )
+    return table
+
+
+class Compass:
+    """Lights the direction that teleoperation would send the arm in."""
+
+    def __init__(self, config: Config, hand: HandConfig) -> None:
+        """`hand`: the mapping to be tried."""
+        self._motion = HandMotion(hand, config.freshness.pose_frozen_ms * 1e6)
+        self._scale = hand.translation_scale
+        self._last_ns: int | None = None
+        self.lit: Move | None = None
+        self._seen: Counter[Move] = Counter()
+
+    def update(self, sample: ControllerSample, now_ns: int, held: bool) -> Move | None:
+        """The direction that is lit now; those lit while the trigger is `held` are counted."""
+        if self._last_ns is None:
+            self._motion.anchor(sample)
+            self._last_ns = now_ns
+        interval_s = (now_ns - self._last_ns) / 1e9
+        self._last_ns = now_ns
+        twist = self._motion.update(sample, now_ns, interval_s)
+        self.lit = direction_of(twist.linear / self._scale)
+        if held and self.lit is not None:
+            self._seen[self.lit] += 1
+        return self.lit
+
+    def mostly(self) -> Move | None:
+        """The direction that was lit longest since this was last asked."""
+        most = self._seen.most_common(1)
+        self._seen.clear()
+        return most[0][0] if most else None
+
+
+def direction_of(velocity: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Move | None:
+    """The robot's axis that a velocity [m/s] goes along within 30°, None for none."""
+    speed = float(np.linalg.norm(velocity))
+    if speed < MIN_SPEED_M_S:
+        return None
+    best = max(SIX_DIRECTIONS, key=lambda wanted: float(wanted.direction @ velocity))
+    share = float(best.direction @ velocity) / speed
+    return best if share >= math.cos(math.radians(MAX_OFF_AXIS_DEG)) else None

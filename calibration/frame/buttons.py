@@ -4,15 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
+from rich.table import Table
+
+from calibration.frame.asking import ATTEMPTS, ask_again, repeated
+from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
 from calibration.frame.stroke import Reason, RefusedError
-from hw.openvr.components import ROLES, ComponentReading, role_map
+from calibration.ui import WizardUI, bar, plain_table
+from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
+from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_S
 
 PRESSED = 0.6  # of the way, as the clutch has it
 FREE = 0.3
 TIMEOUT_NS = 10 * NS_PER_S
+PARTS = {
+    "trigger": "the trigger (deadman and clutch)",
+    "grip": "the grip (translation or orientation)",
+    "a": "A (closes the gripper; X on a left Focus 3, the pad's near edge on a wand)",
+    "b": "B (opens the gripper; Y on a left Focus 3, the pad's far edge on a wand)",
+    "menu": "the menu (confirms, stops; on a Focus 3 or an Index press the stick)",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,3 +110,59 @@ def settle(
     except ConfigError as error:
         raise RefusedError(Reason.WRONG_BUTTON, str(error)) from error
     return ButtonFinding(controller_type, dict(paths), dict(believed))
+
+
+def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
+    """Every part pressed once; begun anew when a component comes for two of them."""
+    return repeated(
+        lambda: _press_all(ui, source, config),
+        ATTEMPTS,
+        lambda reason: reason is Reason.WRONG_BUTTON,
+        lambda error: ui.say(f"{error} All the buttons once more."),
+    )
+
+
+def _press_all(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
+    found: dict[str, str] = {}
+    kind = ""
+
+    def once(role: str) -> str:
+        nonlocal kind
+        source.ask(Press(role))
+        watch = PressWatch(role, {path: taken for taken, path in found.items()})
+        path, count = None, 0
+        while path is None:
+            now_ns, reading = source.next()
+            kind = reading.controller_type if reading else kind
+            path = watch.take(reading, now_ns)
+            count += 1
+            if count % SHOW_EVERY == 0:
+                ui.show(_button_table(reading, role, found))
+        return path
+
+    for role in ROLES:
+        ui.say(f"Press and let go {PARTS[role]}.")
+        found[role] = ask_again(ui, partial(once, role))
+    hand = config.controller.hand
+    mapped = configured_role_map(kind, hand, config.controller)
+    return settle(kind, hand, found, {role: mapped[role].path for role in ROLES})
+
+
+def _button_table(reading: ComponentReading | None, role: str, found: Mapping[str, str]) -> Table:
+    """Every component with how far it is pressed, and the part it was found to play."""
+    table = plain_table("component", "pressed", "plays", title=f"Press and let go {PARTS[role]}")
+    roles = {path: role for role, path in found.items()}
+    for path, value in (reading.values if reading else {}).items():
+        table.add_row(path, bar(value), roles.get(path, ""))
+    return table
+
+
+def finding_table(finding: ButtonFinding) -> Table:
+    """What each part moves, and what was believed."""
+    table = plain_table(
+        "part", "found", "in force", "", title=f"Buttons of {finding.controller_type}"
+    )
+    for role in ROLES:
+        verdict = "put right" if role in finding.wrong else "as it was"
+        table.add_row(role, finding.paths[role], finding.believed[role], verdict)
+    return table

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.rotation import Matrix
+from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
 from calibration.frame.touches import Touch
 from tams_app.config import Config

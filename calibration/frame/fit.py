@@ -11,13 +11,62 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.spatial.transform import Rotation
 
-from calibration.frame.diagnosis import diagnose
-from calibration.frame.rotation import Matrix, angles_deg, bound_rad, condition, kabsch
 from calibration.frame.stroke import AXES, Line, Reason, RefusedError, Stroke, check_line, fit_line
+
+Matrix = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+
+
+def kabsch(measured: Matrix, wanted: Matrix) -> Matrix:
+    """The proper rotation R, shape (3, 3), that minimises Σ|R m - w|² over rows m, w.
+
+    Kabsch (1976), by singular values; never a mirror (Umeyama 1991).
+    """
+    u, _, vt = np.linalg.svd(wanted.T @ measured)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    return np.asarray(u @ flip @ vt)
+
+
+def angles_deg(rotation: Matrix, measured: Matrix, wanted: Matrix) -> NDArray[np.float64]:
+    """Between each R m and w [deg], shape (n,); rows are unit vectors."""
+    turned = measured @ rotation.T
+    sine = np.linalg.norm(np.cross(turned, wanted), axis=1)
+    cosine = (turned * wanted).sum(axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, cosine)))
+
+
+def turn_deg(one: Matrix, other: Matrix) -> float:
+    """The angle between two rotations [deg]."""
+    return math.degrees(Rotation.from_matrix(one @ other.T).magnitude())
+
+
+def bound_rad(information: Matrix, variance: float, freedom: int) -> float:
+    """How far the rotation may be off [rad], with 95 % confidence, about its worst axis.
+
+    `information`: Σ(I - d dᵀ) over unit directions (Shuster and Oh 1981), or Σ(|q|² I - q qᵀ) over
+    points. `variance`: of one component of a residual, estimated with `freedom` degrees; its own
+    uncertainty is counted by the F distribution. Infinite if something is not determined.
+    """
+    weakest = float(np.linalg.eigvalsh(information)[0])
+    if weakest <= 1e-12 or freedom < 1:
+        return math.inf
+    spread = 3 * float(stats.f.ppf(CONFIDENCE, 3, freedom))
+    return math.sqrt(spread * variance / weakest)
+
+
+def condition(directions: Matrix) -> float:
+    """Largest over smallest singular value of unit rows: 1 when they span space evenly."""
+    values = np.linalg.svd(directions, compute_uv=False)
+    return float(values[0] / values[2]) if values[2] > 1e-9 else math.inf
+
 
 OUTLIER_DEG = 10.0
 GOOD_DEG = 2.0  # an error bound up to here needs no second thought
@@ -140,3 +189,80 @@ def _remark(line: Line, angle: float) -> str:
     if angle > _REVERSED_DEG:
         return f"one {line.name} stroke went the other way and is left out"
     return f"one {line.name} stroke was {angle:.0f}° from the others and is left out"
+
+
+PARALLEL_DEG = 45.0
+_UP = np.array([0.0, 1.0, 0.0])  # of the tracking frame: OpenVR's standing universe
+_UPRIGHT_DEG = 25.0
+_SQUARE_DEG = 10.0
+_NEAR_DEG = 30.0  # of the rotation in force
+
+
+def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
+    """Why `directions` (rows: of the +x, +y, +z strokes, unit) make no frame.
+
+    A mirrored triple does not say which of its strokes was wrong: any one reversed, or any two
+    taken for one another, gives the same. What decides is the rotation in force, where one of these
+    mistakes explains the difference from it, and else that robots mostly stand upright; where
+    neither decides, all that is possible is said.
+    """
+    pairs = list(combinations(range(3), 2))
+    cosines = [
+        np.clip(directions[first] @ directions[second], -1.0, 1.0) for first, second in pairs
+    ]
+    angles = [math.degrees(math.acos(cosine)) for cosine in cosines]
+    names = [f"The +{AXES[first]} and +{AXES[second]} strokes" for first, second in pairs]
+    for pair, angle in zip(names, angles, strict=True):
+        if not PARALLEL_DEG <= angle <= 180 - PARALLEL_DEG:
+            ways = "nearly the same way" if angle < 90 else "nearly opposite ways"
+            return RefusedError(
+                Reason.NOT_INDEPENDENT,
+                f"{pair} went {ways} ({angle:.0f}° apart, and it should be 90): "
+                "make both again, each along its own axis of the robot.",
+            )
+    if np.linalg.det(directions) < 0:
+        return RefusedError(Reason.MIRRORED, _mirrored(directions, present))
+    worst, pair = max((abs(90 - angle), pair) for pair, angle in zip(names, angles, strict=True))
+    if worst < _SQUARE_DEG:
+        return RefusedError(
+            Reason.CONTRADICTORY,
+            "Strokes along the same axis went different ways: make them all again, as prompted.",
+        )
+    return RefusedError(
+        Reason.SKEWED,
+        f"{pair} are {worst:.0f}° from a right angle: "
+        "make both again, along edges that are square to each other.",
+    )
+
+
+def stands_upright(rotation: Matrix) -> bool:
+    """Whether the robot's z axis points up in a tracking frame whose y axis does."""
+    return bool(rotation[2] @ _UP > math.cos(math.radians(_UPRIGHT_DEG)))
+
+
+def _mirrored(directions: Matrix, present: Matrix | None) -> str:
+    mistakes = _mistakes(directions)
+    near = present is not None and [
+        said for said, rotation in mistakes if turn_deg(rotation, present) < _NEAR_DEG
+    ]
+    upright = [said for said, rotation in mistakes if stands_upright(rotation)]
+    likely = near or upright or [said for said, _ in mistakes]
+    said = " or ".join(likely)
+    if len(likely) == 1:
+        return f"The strokes make a mirrored frame: most likely {said}; make it again."
+    return f"The strokes make a mirrored frame: {said}; make them all again, each as prompted."
+
+
+def _mistakes(directions: Matrix) -> list[tuple[str, Matrix]]:
+    """What turns a frame into a mirrored one, in words, and the frame without it."""
+    found = []
+    for axis, name in enumerate(AXES):
+        mended = directions.copy()
+        mended[axis] = -mended[axis]
+        found.append((f"the +{name} stroke was reversed", kabsch(mended, np.eye(3))))
+    for first, second in combinations(range(3), 2):
+        mended = directions.copy()
+        mended[[first, second]] = mended[[second, first]]
+        sentence = f"+{AXES[first]} and +{AXES[second]} were taken for one another"
+        found.append((sentence, kabsch(mended, np.eye(3))))
+    return found

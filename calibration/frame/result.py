@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from rich.table import Table
 
 from calibration.figures import new_figure, save_figure
 from calibration.frame.buttons import ButtonFinding
-from calibration.frame.diagnosis import stands_upright
-from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit
-from calibration.frame.rotation import Matrix, turn_deg
+from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit, Matrix, stands_upright, turn_deg
 from calibration.frame.sources import SIX_DIRECTIONS, Move
 from calibration.frame.stroke import AXES, Reason, RefusedError
 from calibration.frame.touches import TouchFit
 from calibration.store import Calibration
+from calibration.ui import plain_table
 from tams_app.config import Config, HandConfig, MappingConfig
 from tams_app.config.calibrated import read_calibrated
 from tams_app.config.reader import read_yaml
@@ -39,10 +39,6 @@ class Outcome:
     buttons: ButtonFinding | None = None
     lit: Mapping[Move, bool] | None = None  # None: not tried
     true_rotation: Matrix | None = None
-
-    def with_directions(self, lit: Mapping[Move, bool]) -> Outcome:
-        """The same after the six directions were tried."""
-        return replace(self, lit=lit)
 
 
 def rows(rotation: Matrix) -> tuple[tuple[float, float, float], ...]:
@@ -67,6 +63,30 @@ def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
     mapping[buttons.controller_type] = MappingConfig(**buttons.paths)
     controller = config.controller.model_copy(update={"mapping": mapping})
     return config.model_copy(update={"controller": controller})
+
+
+def result_table(fit: FrameFit | TouchFit) -> Table:
+    """How each stroke or touch fits the frame."""
+    if isinstance(fit, TouchFit):
+        table = plain_table("point", "missed by the others, mm", "", title="The touches")
+        for number, miss in enumerate(fit.misses_mm):
+            left_out = "left out" if number in fit.left_out else ""
+            table.add_row(str(number + 1), f"{miss:.1f}", left_out)
+        return table
+    columns = ("length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
+    table = plain_table("stroke", *columns, title="The strokes")
+    for stroke in fit.strokes:
+        line = stroke.line
+        table.add_row(
+            line.name,
+            f"{1000 * line.length_m:.0f}",
+            str(line.samples),
+            f"{line.straightness:.1%}",
+            f"{1000 * line.scatter_m:.1f}",
+            f"{stroke.angle_deg:.1f}",
+            "" if stroke.used else "left out",
+        )
+    return table
 
 
 def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:

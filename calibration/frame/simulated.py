@@ -14,7 +14,7 @@ from typing import Generic
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.rotation import Matrix
+from calibration.frame.fit import Matrix
 from calibration.frame.sources import (
     SAMPLE_RATE_HZ,
     ButtonSource,
@@ -123,13 +123,11 @@ class PromptedPerson:
         yield from self._wait(_PAUSE_NS)
 
     def _press(self, prompt: Press) -> Routine:
-        wishes: dict[str, Callable[[], HandCommand]] = {
-            "trigger": lambda: HandCommand.still(trigger=True),
-            "grip": lambda: HandCommand.still(grip=True),
-        }
-        pressed = wishes.get(prompt.role, lambda: HandCommand.still(button=Button(prompt.role)))
+        role = prompt.role
+        button = None if role in ("trigger", "grip") else Button(role)
+        pressed = HandCommand.still(trigger=role == "trigger", grip=role == "grip", button=button)
         yield from self._wait(_PAUSE_NS)
-        yield from self._wait(_HOLD_NS, pressed())
+        yield from self._wait(_HOLD_NS, pressed)
         yield from self._wait(_PAUSE_NS)
 
     def _go_to(self, offset: Vector) -> Routine:

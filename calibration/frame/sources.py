@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from calibration.frame.rotation import Matrix
+from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
@@ -21,7 +21,15 @@ from tams_app.runtime.clock import Clock, FixedRate
 
 SAMPLE_RATE_HZ = 120.0
 SHOW_EVERY = 12  # samples: ten times a second
-Reading = TypeVar("Reading")
+_MEANING = {
+    "+x": "away from the robot's base",
+    "−x": "towards the robot's base",
+    "+y": "to the robot's left",
+    "−y": "to the robot's right",
+    "+z": "up",
+    "−z": "down",
+}
+Reading = TypeVar("Reading", covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +42,11 @@ class Move:
     @property
     def name(self) -> str:
         return f"{'+' if self.sign > 0 else '−'}{AXES[self.axis]}"
+
+    @property
+    def meaning(self) -> str:
+        """The direction in words, as seen from the robot."""
+        return _MEANING[self.name]
 
     @property
     def direction(self) -> Vector:
@@ -60,50 +73,32 @@ Prompt: TypeAlias = Move | Reach | Press
 SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 
-class HandSource(Protocol):
-    """The controller's pose and trigger."""
+class Source(Protocol[Reading]):
+    """What is read of the controller while a person does what they are asked."""
 
     def ask(self, prompt: Prompt) -> None:
         """What the person has just been asked to do."""
 
-    def next(self) -> tuple[int, ControllerSample]:
-        """The time [ns] and the newest sample, at `SAMPLE_RATE_HZ`."""
+    def next(self) -> tuple[int, Reading]:
+        """The time [ns] and the newest reading, at `SAMPLE_RATE_HZ`."""
 
 
-class ButtonSource(Protocol):
-    """All components of the controller."""
-
-    def ask(self, prompt: Prompt) -> None:
-        """What the person has just been asked to do."""
-
-    def next(self) -> tuple[int, ComponentReading | None]:
-        """The time [ns] and the newest reading, None while there is none."""
-
-
-class Setup(Protocol):
-    """What is to be calibrated."""
-
-    description: str
-    true_rotation: Matrix | None  # where it is known, which is in simulation only
-
-    def buttons(self) -> AbstractContextManager[ButtonSource]:
-        """The components; closed before `hand` is opened."""
-
-    def hand(self, controller: ControllerConfig) -> AbstractContextManager[HandSource]:
-        """The hand, with the buttons mapped as `controller` says."""
+HandSource: TypeAlias = Source[ControllerSample]  # pose and trigger
+ButtonSource: TypeAlias = Source[ComponentReading | None]  # all components; None: not there yet
 
 
 class LiveSetup:
     """The configured controller over OpenVR, in a person's hand. No arm is connected."""
 
     description = "a person with the controller"
-    true_rotation: Matrix | None = None
+    true_rotation: Matrix | None = None  # known in simulation only
 
     def __init__(self, config: Config, clock: Clock, note: Callable[[str, str], None]) -> None:
         self._config, self._clock, self._note = config, clock, note
 
     @contextmanager
     def buttons(self) -> Iterator[ButtonSource]:
+        """The components; closed before `hand` is opened."""
         components = ComponentReader(self._config.controller)
         try:
             yield _Live(self._clock, lambda _: components.read())
@@ -112,6 +107,7 @@ class LiveSetup:
 
     @contextmanager
     def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
+        """The hand, with the buttons mapped as `controller` says."""
         device = OpenVrController(controller, self._clock, self._note)
         device.start()
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.rotation import Matrix, bound_rad, kabsch
+from calibration.frame.fit import Matrix, bound_rad, kabsch
 from calibration.frame.stroke import Reason, RefusedError
 from tams_app.errors import ConfigError
 from tams_app.records import Vector

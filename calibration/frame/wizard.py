@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from calibration.frame import display, result
-from calibration.frame.asking import ask_buttons, fit_moves, fit_touched
+from calibration.frame import result
+from calibration.frame.asking import fit_moves, fit_touched, try_six_directions
+from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
-from calibration.frame.directions import try_six_directions
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, Outcome, save_fit
-from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup, Setup
+from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.touches import TouchFit, read_points
 from calibration.options import FrameOptions
@@ -24,6 +25,9 @@ from calibration.wizard import Wizard
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
 from tams_app.runtime.clock import MonotonicClock
+
+if TYPE_CHECKING:
+    from calibration.frame.simulated import SimulatedSetup
 
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its
@@ -95,7 +99,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self._tell(frame)
         self.ui.say("A recording cannot be tried out: watch the directions in `run --dry-run`.")
 
-    def _setup(self) -> Setup:
+    def _setup(self) -> LiveSetup | SimulatedSetup:
         if self.options.sim:
             from calibration.frame.simulated import SimulatedSetup  # only this needs MuJoCo
 
@@ -105,13 +109,10 @@ class FrameWizard(Wizard[FrameOptions]):
                 "this configuration has the simulated rig: add --sim, or give --config with "
                 "hardware"
             )
-        if not self.ui.attended:
-            raise ConfigError(
-                "there is no terminal: start it from one, or give --sim or --from LOG"
-            )
+        self.require_person()
         return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.say(text))
 
-    def _measure(self, setup: Setup, stack: ExitStack) -> None:
+    def _measure(self, setup: LiveSetup | SimulatedSetup, stack: ExitStack) -> None:
         options, points = self.options, self._points
         tasks = (_BUTTONS if options.buttons else "") + (_TOUCHES if points else _STROKES)
         self.ui.say(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))
@@ -121,7 +122,7 @@ class FrameWizard(Wizard[FrameOptions]):
         if options.buttons:
             with setup.buttons() as components:
                 buttons = ask_buttons(self.ui, components, self.config)
-            self.ui.say(as_text(display.finding_table(buttons)))
+            self.ui.say(as_text(finding_table(buttons)))
         config = result.mapped(self.config, buttons)
         source = stack.enter_context(setup.hand(config.controller))
         frame: FrameFit | TouchFit
@@ -136,7 +137,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self._try(source, self._outcome)
 
     def _tell(self, frame: FrameFit | TouchFit) -> None:
-        self.ui.say(as_text(display.result_table(frame)))
+        self.ui.say(as_text(result.result_table(frame)))
         for remark in result.remarks(self.config, frame):
             self.ui.say(remark)
 
@@ -150,7 +151,7 @@ class FrameWizard(Wizard[FrameOptions]):
         hand = result.hand_with(config.hand, outcome.frame, self.options.keep_scale)
         lit = try_six_directions(self.ui, source, config, hand)
         self.ui.say(f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for.")
-        self._outcome = outcome.with_directions(lit)
+        self._outcome = replace(outcome, lit=lit)
         if wrong := [one.name for one, is_right in lit.items() if not is_right]:
             self._outcome = None
             raise RefusedError(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.records import Phase, SceneTruth, Tick, Vector
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.safety import ArmingState
@@ -147,7 +147,9 @@ def true_labels(
     start = _first_engaged(ticks)
     if start is None or not scene:
         missing = "an engagement of the arm" if scene else "where the block was"
-        raise LogError(f"{name}: has no record of {missing}: its phases cannot be told from it")
+        raise UnreadableLogError(
+            f"{name}: has no record of {missing}: its phases cannot be told from it"
+        )
     labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes), rules)
     return labels
 

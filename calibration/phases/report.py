@@ -11,8 +11,7 @@ from rich.table import Table
 
 from calibration.figures import new_figure, save_figure
 from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
-from calibration.phases.scores import Scores
-from calibration.phases.trials import PHASES
+from calibration.phases.trials import PHASES, Scores
 from calibration.ui import plain_table
 from tams_app.config import PhasesConfig
 from tams_app.records import Phase
@@ -32,7 +31,7 @@ def thresholds_table(found: PhaseFit) -> Table:
     """Chosen against default, and how far they moved as each trial was left out."""
     table = plain_table("", "chosen", "default", "with one trial left out")
     for name in SEARCHED:
-        folds = [getattr(fold.thresholds, name) for fold in found.folds]
+        folds = [getattr(fold, name) for fold in found.folds]
         table.add_row(
             name,
             f"{getattr(found.thresholds, name):g}",

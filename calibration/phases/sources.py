@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -10,8 +11,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from calibration.phases.labels import LabelRules, true_labels
-from calibration.phases.marking import Replay, replay_of
-from calibration.phases.marks import FILE_NAME, labels_from, read_marks
+from calibration.phases.marking import FILE_NAME, Replay, labels_from, read_marks, replay_of
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
@@ -20,19 +20,8 @@ from tams_app.session.build import task_geometry
 from tams_app.session.recorders import LOG_NAME
 
 Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
+_MARKED = " (marked)"
 _USUAL_S = 30.0  # of a trial; for the progress only
-
-
-@dataclass(frozen=True, slots=True)
-class LoggedTrial:
-    """A recorded trial. `marked`: its phases are a person's marks, else they are geometry.
-
-    `simulated`: it was recorded on the simulated rig.
-    """
-
-    trial: Trial
-    marked: bool
-    simulated: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +36,24 @@ class Material:
 
 def logged_trials(
     folders: Sequence[Path], smoothing_ms: float, rules: LabelRules, progress: Progress
-) -> list[LoggedTrial]:
+) -> Material:
     """The trials of recorded sessions: by the marks beside each log, else by where things were.
 
     ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
     """
     check_folders(folders)
-    logged = []
+    trials, names, simulated = [], [], False
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
-        logged.append(_logged_trial(folder, smoothing_ms, rules))
-    for (one, a), (other, b) in combinations(zip(folders, logged, strict=True), 2):
-        if a.trial.motion.inputs == b.trial.motion.inputs:
+        log, marked = _read(folder), (folder / FILE_NAME).is_file()
+        trials.append(_logged_trial(folder, log, smoothing_ms, rules))
+        names.append(folder.name + (_MARKED if marked else ""))
+        simulated |= bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
+    for (one, a), (other, b) in combinations(zip(folders, trials, strict=True), 2):
+        if a.motion.inputs == b.motion.inputs:
             raise ConfigError(f"{other}: is a copy of {one}: a trial left out must be unseen")
-    return logged
+    said = "" if all(name.endswith(_MARKED) for name in names) else _in_words(rules)
+    return Material(trials, [], f"recorded trials: {', '.join(names)}{said}", simulated)
 
 
 def logged_replay(folder: Path, smoothing_ms: float) -> Replay:
@@ -71,9 +64,12 @@ def logged_replay(folder: Path, smoothing_ms: float) -> Replay:
 
 
 def virtual_trials(
-    config: Config, seeds: Sequence[int], rules: LabelRules, progress: Progress
-) -> list[Trial]:
-    """One trial for each seed of scene and participant, made now; SetupError without MuJoCo."""
+    config: Config, seeds: Sequence[int], unseen: int, rules: LabelRules, progress: Progress
+) -> Material:
+    """One trial for each seed of scene and participant, made now, the last `unseen` held out.
+
+    SetupError without MuJoCo.
+    """
     if find_spec("mujoco") is None:
         raise SetupError("simulated trials need MuJoCo: pip install mujoco")
     from calibration.phases.virtual_trial import VideolessTrial  # logs are read without MuJoCo
@@ -89,7 +85,16 @@ def virtual_trials(
         motion = motion_of(name, made.ticks, made.ticks[0].started_ns, smoothing_ms)
         labels = true_labels(name, made.ticks, made.scene, task_geometry(), rules)
         trials.append(Trial(motion, labels))
-    return trials
+    known = len(seeds) - unseen
+    source = f"simulated trials, seed {seeds[0]} to seed {seeds[known - 1]}{_in_words(rules)}"
+    return Material(trials[:known], trials[known:], source, True)
+
+
+def _in_words(rules: LabelRules) -> str:
+    """What is to be said of labels by geometry."""
+    if rules.goal_height == math.inf:
+        return ""
+    return f"; align and pre-release only below {1000 * rules.goal_height:g} mm"
 
 
 def check_folders(folders: Sequence[Path]) -> None:
@@ -101,22 +106,19 @@ def check_folders(folders: Sequence[Path]) -> None:
         seen.add(folder.resolve())
 
 
-def _logged_trial(folder: Path, smoothing_ms: float, rules: LabelRules) -> LoggedTrial:
-    log = _read(folder)
-    simulated = bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
+def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: LabelRules) -> Trial:
     name = folder.name
     motion = motion_of(name, log.ticks, log.header.started_ns, smoothing_ms)
     marks = folder / FILE_NAME
     if marks.is_file():
-        labels = labels_from(read_marks(marks, float(motion.t_s[-1])), motion.t_s)
-        return LoggedTrial(Trial(motion, labels), True, simulated)
+        last_s = float(motion.t_s[-1])
+        return Trial(motion, labels_from(read_marks(marks, last_s), motion.t_s))
     if not log.scene:
         raise ConfigError(
             f"{folder}: its phases are not known: mark them with "
             f"`run_tams.py calibrate phases --from {folder} --mark`"
         )
-    labels = true_labels(name, log.ticks, log.scene, task_geometry(), rules)
-    return LoggedTrial(Trial(motion, labels), False, simulated)
+    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry(), rules))
 
 
 def _read(folder: Path) -> SessionLog:

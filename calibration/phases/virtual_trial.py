@@ -79,12 +79,21 @@ class VideolessTrial(Listener):
     def perform(self) -> Iterator[float]:
         """Go on until placed, out of time or given up; yields the seconds gone by now and then."""
         self._begin()
-        until_ns = START_NS
+        told_ns = START_NS
         while not self._ended:
-            until_ns += _YIELD_NS
-            self._go_on(until_ns)
-            yield (until_ns - START_NS) / NS_PER_S
+            due_ns = self._events.next_ns
+            assert due_ns is not None, "the control loop always has something to do"
+            while due_ns > told_ns + _YIELD_NS:
+                told_ns += _YIELD_NS
+                yield (told_ns - START_NS) / NS_PER_S
+            self._clock.sleep_until_ns(due_ns)
+            self._events.do_next()
         self._robot.stop()
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the block was placed by the trial's rules; once `perform` is over."""
+        return bool(self._trial.outcome("").success)
 
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
@@ -110,15 +119,6 @@ class VideolessTrial(Listener):
         repeat(self._events, START_NS, TRIAL_RATE_HZ, lambda _due_ns: self._trial.look())
         self._events.post(START_NS + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
 
-    def _go_on(self, until_ns: int) -> None:
-        while not self._ended:
-            due_ns = self._events.next_ns
-            assert due_ns is not None, "the control loop always has something to do"
-            if due_ns > until_ns:
-                return
-            self._clock.sleep_until_ns(due_ns)
-            self._events.do_next()
-
     def _tick(self, due_ns: int) -> None:
         self._hand.prepare(due_ns)
         self._control.tick(due_ns)
@@ -130,10 +130,6 @@ class VideolessTrial(Listener):
 
     def _end(self) -> None:
         self._ended = True
-
-
-def _forget(_record: object) -> None:
-    """It is not kept."""
 
 
 def _say_nothing(_level: str, _text: str) -> None:

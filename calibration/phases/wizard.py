@@ -21,10 +21,8 @@ from calibration.phases.fit import (
     sensitivity,
 )
 from calibration.phases.labels import LabelRules
-from calibration.phases.marking import mark_trial
-from calibration.phases.marks import FILE_NAME
+from calibration.phases.marking import FILE_NAME, mark_trial
 from calibration.phases.report import save_sensitivity
-from calibration.phases.scores import Scores
 from calibration.phases.sources import (
     Material,
     check_folders,
@@ -32,7 +30,7 @@ from calibration.phases.sources import (
     logged_trials,
     virtual_trials,
 )
-from calibration.phases.trials import Trial
+from calibration.phases.trials import Scores
 from calibration.store import Calibration
 from calibration.ui import as_text
 from calibration.wizard import Wizard
@@ -130,27 +128,16 @@ class PhaseWizard(Wizard[PhaseOptions]):
     def _trials(self) -> Material:
         options, height_mm = self.options, self.options.goal_height_mm
         rules = LabelRules() if height_mm is None else LabelRules(goal_height=height_mm / 1000)
-        rule = "" if height_mm is None else f"; align and pre-release only below {height_mm:g} mm"
         if options.logs:
             smoothing_ms = self.config.policy.phases.smoothing_ms
-            logged = logged_trials(options.logs, smoothing_ms, rules, self._progress)
-            rule = "" if all(log.marked for log in logged) else rule  # marks know no height
-            names = [f"{log.trial.name}{' (marked)' if log.marked else ''}" for log in logged]
-            return Material(
-                [log.trial for log in logged],
-                [],
-                f"recorded trials: {', '.join(names)}{rule}",
-                any(log.simulated for log in logged),
-            )
+            return logged_trials(options.logs, smoothing_ms, rules, self._progress)
         count = self._learn_from
         unseen = count if options.held_out is None else options.held_out
         seeds = range(options.seed, options.seed + count + unseen)
         self.ui.say(
             f"{count} simulated trials to learn from, {unseen} held out; a few seconds each."
         )
-        trials: list[Trial] = virtual_trials(self.config, seeds, rules, self._progress)
-        source = f"simulated trials, {trials[0].name} to {trials[count - 1].name}{rule}"
-        return Material(trials[:count], trials[count:], source, True)
+        return virtual_trials(self.config, seeds, unseen, rules, self._progress)
 
     def _tell(self, found: PhaseFit) -> None:
         self.ui.say(

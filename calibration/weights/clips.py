@@ -10,10 +10,14 @@ from typing import Annotated
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from calibration.store import write_text
+from tams_app import gst
 from tams_app.config.problems import describe_validation_error
 from tams_app.config.reader import read_yaml
-from tams_app.errors import ConfigError, LogError
-from tams_app.records import Phase
+from tams_app.console.windows import require_display
+from tams_app.errors import ConfigError, SetupError
+from tams_app.records import Image, Phase
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _INDEX = "clips.yaml"
 _HEADER = "# Written by `run_tams.py calibrate weights`: what each clip shows.\n"
@@ -113,14 +117,8 @@ class ClipFolder:
         if name in known:
             self._remove_outdated(name, known[name], session)
         content = _Index(sessions=known | {name: session}).model_dump(mode="json", by_alias=True)
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            temporary = self.path / f".{_INDEX}.new"
-            text = _HEADER + yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-            temporary.write_text(text, encoding="utf-8")
-            os.replace(temporary, self.path / _INDEX)
-        except OSError as error:
-            raise LogError(f"{self.path}: cannot be written: {error.strerror}") from error
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+        write_text(self.path / _INDEX, _HEADER + text)
 
     def _remove_outdated(self, name: str, before: CutSession, now: CutSession) -> None:
         if before.recorded != now.recorded:
@@ -130,3 +128,92 @@ class ClipFolder:
         for phase, times in before.clips.items():
             if now.clips.get(phase) != times or before.shows != now.shows:
                 self.file(phase, name).unlink(missing_ok=True)
+
+
+_QUANTISER = 18  # of x264: hardly to be told from the original
+_WRITING = ("appsrc", "videoconvert", "x264enc", "h264parse", "mp4mux", "filesink")
+_PLAYING = ("filesrc", "qtdemux", "h264parse", "avdec_h264", "videoconvert", "autovideosink")
+_FLUSH_NS = 60 * NS_PER_S
+_POLL_NS = 50 * NS_PER_MS
+
+
+class ClipWriter:
+    """Writes one clip; the file is there, whole, after `finish` and not before."""
+
+    def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
+        """`width` and `height` of every image [pixels]."""
+        gst.require_elements(_WRITING)
+        self._path, self._fps = path, fps
+        self._partial = path.with_suffix(".part")
+        self._count = 0
+        self._pipeline = gst.parse_pipeline(
+            "appsrc name=images format=time block=true max-buffers=4 max-bytes=0 "
+            f'caps="video/x-raw,format=BGR,width={width},height={height},framerate={fps}/1" '
+            "! videoconvert ! video/x-raw,format=I420 "
+            f"! x264enc pass=quant quantizer={_QUANTISER} speed-preset=superfast key-int-max={fps} "
+            "! video/x-h264,profile=high ! h264parse ! mp4mux faststart=true "
+            "! filesink name=file async=false"
+        )
+        self._pipeline.get_by_name("file").set_property("location", str(self._partial))
+        self._images = self._pipeline.get_by_name("images")
+        try:
+            gst.set_playing(self._pipeline, f"writing {path.name}")
+        except SetupError:
+            self.close()
+            raise
+
+    def add(self, image: Image) -> None:
+        """The next image, BGR; SetupError if it cannot be written."""
+        pts_ns = self._count * NS_PER_S // self._fps
+        buffer = gst.raw_buffer(image.tobytes(), pts_ns, NS_PER_S // self._fps)
+        self._count += 1
+        self._images.emit("push-buffer", buffer)
+        if reason := gst.poll_bus(self._pipeline):
+            raise SetupError(f"{self._path}: cannot be written: {reason}")
+
+    def finish(self) -> None:
+        """Complete the file and give it its name; SetupError if it cannot be written."""
+        kinds = gst.load().Gst.MessageType
+        self._images.emit("end-of-stream")
+        message = self._pipeline.get_bus().timed_pop_filtered(_FLUSH_NS, kinds.EOS | kinds.ERROR)
+        ended = message is not None and message.type == kinds.EOS
+        gst.shut_down(self._pipeline)
+        if not ended:
+            self.close()
+            raise SetupError(f"{self._path}: cannot be written: is the disk full?")
+        os.replace(self._partial, self._path)
+
+    def close(self) -> None:
+        """Give up what is not finished; may be called always."""
+        gst.shut_down(self._pipeline)
+        self._partial.unlink(missing_ok=True)
+
+
+def play(path: Path) -> None:
+    """Show a clip once in a window, which may be closed before its end.
+
+    SetupError if there is no display or the file cannot be played.
+    """
+    require_display()
+    gst.require_elements(_PLAYING)
+    Gst = gst.load().Gst
+    pipeline = gst.parse_pipeline(
+        "filesrc name=file ! qtdemux ! h264parse ! avdec_h264 ! videoconvert ! autovideosink"
+    )
+    pipeline.get_by_name("file").set_property("location", str(path))
+    wanted = Gst.MessageType.EOS | Gst.MessageType.ERROR
+    try:
+        gst.set_playing(pipeline, f"showing {path.name}")
+        # in short waits, so that Ctrl-C is heard between them
+        while (message := pipeline.get_bus().timed_pop_filtered(_POLL_NS, wanted)) is None:
+            pass
+        if message.type == Gst.MessageType.ERROR:
+            error, _ = message.parse_error()
+            # what every sink says of a window that was closed; a file that is gone is told before
+            if not error.matches(Gst.ResourceError.quark(), Gst.ResourceError.NOT_FOUND):
+                raise SetupError(
+                    f"{path}: cannot be shown: {error.message}; if the file is broken, delete it "
+                    "and name its session with --from again"
+                )
+    finally:
+        gst.shut_down(pipeline)

@@ -10,10 +10,9 @@ from datetime import UTC, datetime
 import cv2
 import numpy as np
 
-from calibration.weights.clip_file import ClipWriter
-from calibration.weights.clips import ClipFolder, ClipTimes, CutSession
+from calibration.weights.clips import ClipFolder, ClipTimes, ClipWriter, CutSession
 from calibration.weights.sources import RecordedSession, Segment
-from tams_app.errors import LogError
+from tams_app.errors import UnreadableLogError
 from tams_app.records import Frame, Image, Phase
 from tams_app.units import NS_PER_S
 
@@ -122,7 +121,7 @@ def cut_session(
     """
     selection = select(session.segments(context_s))
     if not selection.chosen:
-        raise LogError(f"{session.folder}: no phase lasts long enough for a clip")
+        raise UnreadableLogError(f"{session.folder}: no phase lasts long enough for a clip")
     entry = _entry(session, selection, context_s)
     folder.add(session.name, entry)
     missing = [
@@ -166,7 +165,9 @@ class _Cut:
         """The next image; after the last one the clip is finished."""
         video = self._video
         if len(images) < len(video.views):
-            raise LogError(f"{self._session.folder}: a view's frames begin too late to be cut")
+            raise UnreadableLogError(
+                f"{self._session.folder}: a view's frames begin too late to be cut"
+            )
         if self._writer is None:
             width, height = len(video.views) * video.width, video.height + STRIP_HEIGHT
             self._writer = ClipWriter(self._path, width, height, video.fps)

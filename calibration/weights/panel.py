@@ -47,7 +47,7 @@ def simulate_panel(
     rated = tuple(phases)
     return [
         Sheet(
-            f"simulated-{number:02d}",
+            rater=f"simulated-{number:02d}",
             simulated=True,
             answers=_answers(preferred, views, rated, np.random.default_rng([seed, number]), noise),
         )
@@ -72,7 +72,7 @@ def _answers(
         necessity: dict[str, int | None] = {
             view: int(point) for view, point in zip(views, points, strict=True)
         }
-        answers.append(Answer(phase, necessity, views[needed_most]))
+        answers.append(Answer(phase=phase, necessity=necessity, most_critical=views[needed_most]))
     return tuple(answers)
 
 

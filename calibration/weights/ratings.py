@@ -1,4 +1,4 @@
-"""What raters say of each view in each phase, and the YAML file that keeps it for each rater.
+"""What raters say of each view in each phase: asked at the terminal, kept in a YAML file each.
 
 rater: p01
 simulated: false
@@ -9,25 +9,28 @@ answers:
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+import zlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from calibration.store import write_text
+from calibration.ui import WizardUI
+from calibration.weights.clips import Clip
 from tams_app.config.problems import describe_validation_error
 from tams_app.config.reader import read_yaml
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
 # The paper names neither scale nor wording: five points, the usual choice.
-LEAST, MOST = 1, 5
+LEAST: Final = 1
+MOST: Final = 5
 SCALE_WORDS = {
     1: "not needed",
     2: "hardly needed",
@@ -37,22 +40,34 @@ SCALE_WORDS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
+
+
+class _Kept(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Answer(_Kept):
     """One rater on one phase: whole numbers LEAST..MOST by view, None for no answer."""
 
     phase: Phase
-    necessity: Mapping[str, int | None]
+    necessity: dict[str, Annotated[int, Field(ge=LEAST, le=MOST, strict=True)] | None]
     most_critical: str | None  # the one view to keep sharp under a severe bandwidth limit
 
 
-@dataclass(frozen=True, slots=True)
-class Sheet:
+class Sheet(_Kept):
     """All that one rater has said so far, at most one answer a phase."""
 
-    rater: str  # a pseudonym
+    rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
     simulated: bool
-    answers: tuple[Answer, ...]
+    scale: tuple[Literal[1], Literal[5]] = (LEAST, MOST)
+    answers: tuple[Answer, ...] = ()
+
+    @field_validator("answers", mode="before")
+    @classmethod
+    def _none_yet(cls, answers: object) -> object:
+        """A file written by hand may have nothing under `answers`."""
+        return () if answers is None else answers
 
     def on(self, phase: Phase) -> Answer | None:
         """The answer on `phase`, None if there is none."""
@@ -86,26 +101,8 @@ def critical_table(sheets: Sequence[Sheet], views: Sequence[str]) -> NDArray[np.
     return table
 
 
-PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _SUFFIX = ".yaml"
 _HEADER = "# The ratings of one person or simulated rater; only ever added to.\n"
-
-
-class _AnswerFile(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    phase: Phase
-    necessity: dict[str, Annotated[int, Field(ge=LEAST, le=MOST, strict=True)] | None]
-    most_critical: str | None
-
-
-class _SheetFile(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
-    simulated: bool
-    scale: tuple[Literal[1], Literal[5]]
-    answers: list[_AnswerFile] | None
 
 
 class RatingFolder:
@@ -131,7 +128,7 @@ class RatingFolder:
             )
         file = self._file(rater)
         if not file.exists():
-            sheet = Sheet(rater, simulated, ())
+            sheet = Sheet(rater=rater, simulated=simulated)
             self._write(file, sheet)
             return sheet
         sheet = self._read(file)
@@ -145,49 +142,26 @@ class RatingFolder:
         sheet = self._read(file)
         if sheet.on(answer.phase) is not None:
             raise ConfigError(f"{file}: {answer.phase.value} is answered already, and stays so")
-        self._write(file, replace(sheet, answers=(*sheet.answers, answer)))
+        self._write(file, sheet.model_copy(update={"answers": (*sheet.answers, answer)}))
 
     def _write(self, file: Path, sheet: Sheet) -> None:
         """The whole file; what was there stays until all of it is on the disk."""
-        answers = [
-            {
-                "phase": answer.phase.value,
-                "necessity": dict(answer.necessity),
-                "most_critical": answer.most_critical,
-            }
-            for answer in sheet.answers
-        ]
-        head = {"rater": sheet.rater, "simulated": sheet.simulated, "scale": [LEAST, MOST]}
-        content = head | {"answers": answers}
-        text = _HEADER + yaml.safe_dump(
-            content, sort_keys=False, default_flow_style=None, width=200
-        )
-        temporary = file.with_name(f".{file.name}.new")
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            with temporary.open("w", encoding="utf-8") as new:
-                new.write(text)
-                new.flush()
-                os.fsync(new.fileno())
-            os.replace(temporary, file)
-        except OSError as error:
-            raise LogError(f"{file}: cannot be written: {error.strerror}") from error
+        content = sheet.model_dump(mode="json")
+        text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=200)
+        write_text(file, _HEADER + text)
 
     def _file(self, rater: str) -> Path:
         return self.path / f"{rater}{_SUFFIX}"
 
     def _read(self, file: Path) -> Sheet:
         try:
-            content = _SheetFile.model_validate(read_yaml(file))
+            sheet = Sheet.model_validate(read_yaml(file))
         except ValidationError as error:
             raise ConfigError(f"{file}: {describe_validation_error(error)}") from error
-        if content.rater != file.stem:
-            raise ConfigError(f"{file}: rater: is {content.rater}; the file must bear that name")
-        answers = tuple(
-            Answer(one.phase, one.necessity, one.most_critical) for one in content.answers or ()
-        )
-        self._check(file, answers)
-        return Sheet(content.rater, content.simulated, answers)
+        if sheet.rater != file.stem:
+            raise ConfigError(f"{file}: rater: is {sheet.rater}; the file must bear that name")
+        self._check(file, sheet.answers)
+        return sheet
 
     def _check(self, file: Path, answers: Sequence[Answer]) -> None:
         """Each phase once, and all and only the configuration's views."""
@@ -200,3 +174,89 @@ class RatingFolder:
                 raise ConfigError(f"{where}: necessity must name {', '.join(self._views)}")
             if answer.most_critical not in (*self._views, None):
                 raise ConfigError(f"{where}: most_critical must be one of {', '.join(self._views)}")
+
+
+Show = Callable[[Path], None]
+
+PHASES_IN_WORDS = {
+    Phase.REACH: "the open gripper travels towards the object",
+    Phase.ALIGN: "the open gripper comes down over the object",
+    Phase.GRASP: "the gripper closes on the object",
+    Phase.TRANSPORT: "the object is carried to where it belongs",
+    Phase.PRE_RELEASE: "the object is lowered onto its place",
+    Phase.RELEASE: "the gripper opens and lets the object go",
+}
+_NO_ANSWER = "-"
+
+
+def viewing_order(clips: Sequence[Clip], rater: str, seed: int) -> list[tuple[Phase, list[Clip]]]:
+    """The phases that have clips, and each one's clips, shuffled for this rater."""
+    random = np.random.default_rng([seed, zlib.crc32(rater.encode())])
+    phases = [phase for phase in Phase if any(clip.phase is phase for clip in clips)]
+    order = []
+    for number in random.permutation(len(phases)):
+        of_phase = [clip for clip in clips if clip.phase is phases[number]]
+        order.append((phases[number], [of_phase[i] for i in random.permutation(len(of_phase))]))
+    return order
+
+
+def rate(
+    ui: WizardUI,
+    folder: RatingFolder,
+    rater: str,
+    clips: Sequence[Clip],
+    views: Sequence[str],
+    show: Show,
+    seed: int,
+) -> None:
+    """Let `rater` answer on the phases that are not answered yet; each is kept at once."""
+    sheet = folder.open(rater)
+    order = viewing_order(clips, rater, seed)
+    left = [(phase, shown) for phase, shown in order if sheet.on(phase) is None]
+    if not left:
+        ui.say(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
+        return
+    if sheet.answers:
+        before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"
+        ui.say(f"{rater} has rated {before} before and goes on from there.")
+    ui.say(
+        "\nYou will see the robot's work phase by phase, in no particular order, each time through "
+        f"all {len(views)} cameras at once, each view's name above it. After each phase, say how "
+        "necessary each view is to do that phase well, and which single one you would keep sharp "
+        "if the connection could carry only one. There is no right answer. You may stop at any "
+        "question with Ctrl-C and go on later under the same name."
+    )
+    for number, (phase, shown) in enumerate(left, 1):
+        ui.say(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
+        _watch(ui, shown, show)
+        folder.add(rater, _ask(ui, phase, views))
+    ui.say(f"\nThat was all. Thank you, {rater}.")
+
+
+def _watch(ui: WizardUI, clips: Sequence[Clip], show: Show) -> None:
+    while True:
+        for number, clip in enumerate(clips, 1):
+            ui.say(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
+            show(clip.path)
+        options = {"r": "rate it", "w": "watch again"}
+        if ui.choice("Seen?", options) == "r":
+            return
+
+
+def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
+    """Ask until the rater stands by the answer."""
+    scale = {str(point): SCALE_WORDS[point] for point in range(LEAST, MOST + 1)}
+    scale[_NO_ANSWER] = "cannot say"
+    names = {view.lower(): view for view in views}
+    while True:
+        necessity: dict[str, int | None] = {}
+        for view in views:
+            said = ui.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
+            necessity[view] = None if said == _NO_ANSWER else int(said)
+        options = {key: view.upper() for key, view in names.items()} | {_NO_ANSWER: "cannot say"}
+        named = ui.choice("Only one view can stay sharp. Which one?", options)
+        critical = names.get(named)
+        points = ", ".join(f"{view.upper()} {necessity[view] or '-'}" for view in views)
+        whole = f"{points}; most critical {critical.upper() if critical else '-'}"
+        if ui.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
+            return Answer(phase=phase, necessity=necessity, most_critical=critical)

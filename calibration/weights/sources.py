@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import ConfigError, UnreadableLogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
@@ -96,7 +96,7 @@ def decode(units: Iterator[EncodedFrame], config: VideoConfig, decoder: str) -> 
         while sample := decoded.emit("try-pull-sample", _AT_THE_END_NS):
             yield _frame(view, sample, config)
         if reason := gst.poll_bus(pipeline):
-            raise LogError(f"the recorded view {view} cannot be decoded: {reason}")
+            raise UnreadableLogError(f"the recorded view {view} cannot be decoded: {reason}")
     finally:
         gst.shut_down(pipeline)
 
@@ -162,7 +162,9 @@ class RecordedSession:
         }
         for view, captured in times.items():
             if not captured:
-                raise LogError(f"{self.folder}: has no frames of {view}; give another session")
+                raise UnreadableLogError(
+                    f"{self.folder}: has no frames of {view}; give another session"
+                )
         first_ns = max(min(captured) for captured in times.values())
         return first_ns, min(max(captured) for captured in times.values())
 
@@ -182,7 +184,7 @@ class RecordedSession:
         for view, end_ns in newest_ns.items():
             if end_ns < last_ns - _GAP_NS:
                 missing_s = (last_ns - end_ns) / NS_PER_S
-                raise LogError(
+                raise UnreadableLogError(
                     f"{self.folder}: the last {missing_s:.1f} s have no frames of {view}: give "
                     f"another session too, or move {REFERENCE_NAME} away to cut what was sent"
                 )
@@ -211,10 +213,12 @@ def open_session(given: Path, views: Sequence[str]) -> RecordedSession:
             f"{', '.join(views)}: give a session of this set-up"
         )
     if not log.phases:
-        raise LogError(f"{folder}: tells no phases; give another session")
+        raise UnreadableLogError(f"{folder}: tells no phases; give another session")
     kept = log.header.config.get("recording", {}).get("bitstream", True)
     if not kept and not (folder / REFERENCE_NAME).is_file():
-        raise LogError(f"{folder}: was recorded without frames; set recording.bitstream: true")
+        raise UnreadableLogError(
+            f"{folder}: was recorded without frames; set recording.bitstream: true"
+        )
     return RecordedSession(folder, log, _video(folder, log, views))
 
 
@@ -224,7 +228,7 @@ def _video(folder: Path, log: SessionLog, views: Sequence[str]) -> VideoConfig:
     try:
         return VideoConfig.model_validate({**made, "views": tuple(views)})
     except ValidationError as error:
-        raise LogError(
+        raise UnreadableLogError(
             f"{folder}: was recorded by another version of TAMS: video."
             f"{describe_validation_error(error)}; give another session"
         ) from error

@@ -13,19 +13,17 @@ from rich.text import Text
 
 from calibration.options import WeightOptions
 from calibration.store import Calibration
-from calibration.weights.agreement import Assessment, assess
-from calibration.weights.clip_file import play
-from calibration.weights.clips import ClipFolder
+from calibration.weights.clips import ClipFolder, play
 from calibration.weights.cutting import cut_session
-from calibration.weights.figure import save_weights
+from calibration.weights.fit import Assessment, assess
 from calibration.weights.panel import SESSIONS, check_panel, rate_by_panel, record_session
-from calibration.weights.rating import Show, rate
-from calibration.weights.ratings import RatingFolder, Sheet
+from calibration.weights.ratings import RatingFolder, Sheet, Show, rate
 from calibration.weights.report import (
     calibration_of,
     describe,
     describe_cut,
     evidence_remarks,
+    save_weights,
 )
 from calibration.weights.sources import RecordedSession, Segment, open_session
 from calibration.wizard import Wizard
@@ -168,8 +166,11 @@ class WeightWizard(Wizard[WeightOptions]):
         if not sheets:
             raise ConfigError(f"{self._ratings.path}: holds no ratings yet: let people rate first")
         sessions = self._clips.there()
-        assessment = assess(sheets, views, self.config.policy.weights.matrix).with_remarks(
-            evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled)
+        assessment = assess(
+            sheets,
+            views,
+            self.config.policy.weights.matrix,
+            evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled),
         )
         self.ui.say("\n" + describe(assessment, views))
         self._built = assessment, sheets

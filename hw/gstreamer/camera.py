@@ -63,7 +63,7 @@ class GstCamera(Camera):
         self._started = False
         self._delivered = False  # a frame since the last opening
         self._reopen_ns = 0  # not before
-        self._trouble = ""
+        self.trouble = ""  # what keeps the frames away now
         self._trouble_ns = 0
         self._complained: set[str] = set()
 
@@ -92,11 +92,6 @@ class GstCamera(Camera):
                     self._look_after(capture)
             if self._clock.now_ns() >= deadline_ns:
                 return None
-
-    @property
-    def trouble(self) -> str:
-        """What keeps the frames away now; "" while they come."""
-        return self._trouble
 
     def close(self) -> None:
         self._started = False
@@ -169,11 +164,11 @@ class GstCamera(Camera):
 
     def _tell(self, trouble: str, detail: str) -> None:
         """Note `trouble` unless it is the one there was before."""
-        if trouble == self._trouble:
+        if trouble == self.trouble:
             return
-        if not self._trouble:
+        if not self.trouble:
             self._trouble_ns = self._clock.now_ns()
-        self._trouble = trouble
+        self.trouble = trouble
         self._warn(f"{trouble}: {detail}")
 
     def _tell_recovery(self, now_ns: int) -> None:
@@ -183,9 +178,9 @@ class GstCamera(Camera):
                 if complaint not in self._complained:
                     self._complained.add(complaint)
                     self._warn(complaint)
-        if self._trouble:
+        if self.trouble:
             away_s = (now_ns - self._trouble_ns) / NS_PER_S
-            self._trouble = ""
+            self.trouble = ""
             self._note("info", f"camera {self.view} delivers again, after {away_s:.1f} s")
 
     def _warn(self, what: str) -> None:

@@ -33,7 +33,6 @@ class CaptureGrid:
         self._first_ns = 0
         self._last_ns = 0
         self._last = -1
-        self.missed = 0  # places that stayed empty
 
     def index(self, capture_ns: int) -> int | None:
         """The index of the frame captured at `capture_ns`; None if its place is taken."""
@@ -49,7 +48,6 @@ class CaptureGrid:
         self._last_ns = capture_ns  # also of a frame left out: the next one comes a period later
         if index <= self._last:
             return None
-        self.missed += index - self._last - 1
         self._last = index
         return index
 

@@ -98,7 +98,7 @@ class GuardLink:
         self._socket.connect((LOOPBACK, port))
         self._arming = 0
         self._sequence = 0
-        self._armed = False
+        self.armed = False
         self._heard_ns: int | None = None
         self._refused = False  # the guard's port is closed: its process has ended
         self._acknowledged = False
@@ -106,18 +106,14 @@ class GuardLink:
         self.arm_lost = False
 
     @property
-    def armed(self) -> bool:
-        return self._armed
-
-    @property
     def acknowledged(self) -> bool:
         """The guard has answered a beat of this arming: it watches from here on."""
-        return self._armed and self._acknowledged
+        return self.armed and self._acknowledged
 
     def arm(self) -> None:
         """Begin a new arming: the next beat arms the guard, also after it has stopped the arm."""
         self._arming += 1
-        self._armed = True
+        self.armed = True
         self._heard_ns = None
         self._acknowledged = False
         self.latched = False
@@ -128,24 +124,24 @@ class GuardLink:
             self._heard_ns = now_ns
         self._receive(now_ns)
         self._sequence += 1
-        self._send(GuardMessage.BEAT if self._armed else GuardMessage.QUERY)
+        self._send(GuardMessage.BEAT if self.armed else GuardMessage.QUERY)
 
     def disarm(self) -> None:
         """End the watch without a stop; the caller sees to it that the arm stands."""
-        if self._armed:
-            self._armed = False
+        if self.armed:
+            self.armed = False
             self._sequence += 1
             self._send(GuardMessage.DISARM)
 
     def answers(self, now_ns: int) -> bool:
         """While armed: the guard is there and its last answer is fresh. True if not armed."""
-        if not self._armed or self._heard_ns is None:
+        if not self.armed or self._heard_ns is None:
             return True
         return not self._refused and now_ns - self._heard_ns <= self._silence_ns
 
     def alive(self, now_ns: int) -> bool:
         """While armed: the guard answers and could stop the arm. True if not armed."""
-        return self.answers(now_ns) and not (self._armed and self.arm_lost)
+        return self.answers(now_ns) and not (self.armed and self.arm_lost)
 
     def close(self) -> None:
         """Disarm and let go; may be called twice."""
@@ -173,7 +169,7 @@ class GuardLink:
             if answer is None or answer.arming != self._arming:
                 continue
             self._heard_ns = now_ns
-            if self._armed:
+            if self.armed:
                 self._acknowledged = True
                 self.latched = self.latched or answer.latched  # until the next arming
             self.arm_lost = answer.arm_lost

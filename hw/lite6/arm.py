@@ -12,14 +12,14 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
-from hw.arm import Arm, ServoMode, TcpBoundary
+from hw.arm import Arm, TcpBoundary
 from hw.lite6.codes import Mode
 from hw.lite6.commands import MODES, activity_of, checked_goal, servo_of
 from hw.lite6.errors import arm_fault
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 
@@ -56,11 +56,6 @@ class Lite6(Arm):
         self._stops = 0
 
     def connect(self) -> None:
-        """Connect, stop the arm, check and configure it; DeviceError says what is wrong.
-
-        An error of the controller (an emergency stop, say) is also a DeviceError, but the
-        connection stays, for `clear_errors` and another `connect`.
-        """
         connection = self._connection
         if connection is not None and connection.broken:
             connection.close()
@@ -151,7 +146,6 @@ class Lite6(Arm):
             connection.clear_errors()
 
     def close(self) -> None:
-        """Stop the arm and disconnect; DeviceError, with all closed, if it acknowledged no stop."""
         self.stop()
         with self._stop_lock:
             connection, self._connection = self._connection, None

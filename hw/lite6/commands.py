@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from hw.arm import ArmLimits, ServoMode, TcpBoundary
+from hw.arm import ArmLimits, TcpBoundary
 from hw.lite6.codes import Mode, State
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, Pose, Twist, Vector
+from tams_app.records import Activity, Pose, ServoMode, Twist, Vector
 
 LIMITS = ArmLimits(
     joint_lower_deg=(-360.0, -150.0, -3.5, -360.0, -124.0, -360.0),

@@ -6,8 +6,7 @@ import threading
 from collections import deque
 from dataclasses import dataclass
 
-from hw.arm import ServoMode
-from tams_app.records import Pose, Twist
+from tams_app.records import Pose, ServoMode, Twist
 
 GRIPPER_QUEUE = 4  # when full, the oldest command is dropped
 
@@ -26,26 +25,21 @@ class Outbox:
 
     def __init__(self) -> None:
         self._news = threading.Condition()
-        self._servo: ServoMode | None = None
+        self.servo: ServoMode | None = None  # whose commands are taken; None while shut
         self._opening = 0
         self._motion: Twist | Pose | None = None
         self._gripper: deque[bool] = deque(maxlen=GRIPPER_QUEUE)
 
-    @property
-    def servo(self) -> ServoMode | None:
-        """The servo whose commands are taken; None while shut."""
-        return self._servo
-
     def open(self, servo: ServoMode) -> None:
         """Take commands for `servo` from now on."""
         with self._news:
-            self._servo = servo
+            self.servo = servo
             self._opening += 1
 
     def shut(self) -> None:
         """Forget what waits and take nothing until opened."""
         with self._news:
-            self._servo = None
+            self.servo = None
             self._opening += 1
             self._motion = None
             self._gripper.clear()
@@ -57,13 +51,13 @@ class Outbox:
 
     def put_motion(self, motion: Twist | Pose) -> None:
         with self._news:
-            if self._servo is not None:
+            if self.servo is not None:
                 self._motion = motion
                 self._news.notify()
 
     def put_gripper(self, closed: bool) -> None:
         with self._news:
-            if self._servo is not None:
+            if self.servo is not None:
                 self._gripper.append(closed)
                 self._news.notify()
 

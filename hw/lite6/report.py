@@ -151,8 +151,8 @@ class ReportReader:
     def __init__(self, host: str, report_port: int, clock: Clock) -> None:
         self._host, self._port, self._clock = host, report_port, clock
         self._news = threading.Condition()
-        self._motion: MotionReport | None = None
-        self._status: StatusReport | None = None
+        self.motion: MotionReport | None = None
+        self.status: StatusReport | None = None
         self._sockets: list[socket.socket] = []
         self._worker = Worker("arm-report", self._run, self._on_death)
         self.failure = ""
@@ -164,18 +164,10 @@ class ReportReader:
             self._sockets.append(_connect(self._host, self._port + offset))
         self._worker.start()
 
-    @property
-    def motion(self) -> MotionReport | None:
-        return self._motion
-
-    @property
-    def status(self) -> StatusReport | None:
-        return self._status
-
     def note_error(self, error_code: int, warning_code: int) -> None:
         """Codes learned from a reply, before the report that brings them."""
-        if self._status is not None:
-            self._status = replace(self._status, error_code=error_code, warning_code=warning_code)
+        if self.status is not None:
+            self.status = replace(self.status, error_code=error_code, warning_code=warning_code)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until `condition` holds, looking after each report; False if time is up."""
@@ -216,13 +208,13 @@ class ReportReader:
                 self._news.notify_all()
 
     def _take_motion(self, frame: bytes, received_ns: int) -> None:
-        status = self._status
+        status = self.status
         if status is None or received_ns - status.received_ns > STATUS_STALE_NS:
             return
-        self._motion = parse_motion(frame, received_ns) or self._motion
+        self.motion = parse_motion(frame, received_ns) or self.motion
 
     def _take_status(self, frame: bytes, received_ns: int) -> None:
-        self._status = parse_status(frame, received_ns)
+        self.status = parse_status(frame, received_ns)
 
     def _on_death(self, name: str, failure: BaseException) -> None:
         self.failure = f"The arm's reports ended ({failure}); check power and cable, then confirm."

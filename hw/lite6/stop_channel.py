@@ -35,8 +35,8 @@ class StopChannel:
         self._wake = threading.Condition()
         self._requested = 0
         self._acknowledged = 0
-        self._failure = ""
-        self._native_id: int | None = None
+        self.failure = ""  # why a stop would not get through at the moment, in one sentence
+        self.native_id: int | None = None  # of the thread, for real-time scheduling
         self._worker = Worker(name, self._run, self._on_death)
 
     def start(self) -> None:
@@ -51,16 +51,6 @@ class StopChannel:
                 "restart its control box."
             ) from error
         self._worker.start()
-
-    @property
-    def failure(self) -> str:
-        """Why a stop would not get through at the moment, in one sentence; "" if it would."""
-        return self._failure
-
-    @property
-    def native_id(self) -> int | None:
-        """The kernel's id of the thread, for real-time scheduling; None before it runs."""
-        return self._native_id
 
     @property
     def pending(self) -> bool:
@@ -87,7 +77,7 @@ class StopChannel:
         self._client.close()
 
     def _run(self, stop: threading.Event) -> None:
-        self._native_id = threading.get_native_id()
+        self.native_id = threading.get_native_id()
         misses = 0
         while not stop.is_set():
             with self._wake:
@@ -97,7 +87,7 @@ class StopChannel:
             elif not stop.is_set():
                 answers = self._answers(Register.GET_STATE, b"", self._reply_timeout_s)
                 misses = 0 if answers else misses + 1
-                self._failure = self._sentence() if misses >= KEEPALIVE_MISSES else ""
+                self.failure = self._sentence() if misses >= KEEPALIVE_MISSES else ""
                 if misses >= KEEPALIVE_MISSES:
                     self._client.close()
 
@@ -105,12 +95,12 @@ class StopChannel:
         requested = self._requested
         timeout_s = self._reply_timeout_s
         while not self._answers(Register.SET_STATE, bytes([StateCommand.STOP]), timeout_s):
-            self._failure = self._sentence()
+            self.failure = self._sentence()
             self._client.close()  # it may be open and dead: only a new one gets through
             timeout_s = min(2 * timeout_s, LONGEST_REPLY_TIMEOUT_S)  # or alive and slow
             if stop.wait(RETRY_PAUSE_S):
                 return
-        self._failure = ""
+        self.failure = ""
         with self._wake:
             self._acknowledged = requested
             self._wake.notify_all()
@@ -120,10 +110,10 @@ class StopChannel:
         try:
             if not self._client.connected:
                 self._client.connect(next(self._reconnect_timeouts_s))
-            reply = self._client.request(register, payload, timeout_s)
+            status, _ = self._client.request(register, payload, timeout_s)
         except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
             return False
-        return not reply.status & ReplyBit.INVALID
+        return not status & ReplyBit.INVALID
 
     def _sentence(self) -> str:
         return (
@@ -132,4 +122,4 @@ class StopChannel:
         )
 
     def _on_death(self, name: str, failure: BaseException) -> None:
-        self._failure = f"The thread {name} ended ({failure}); use the emergency stop button."
+        self.failure = f"The thread {name} ended ({failure}); use the emergency stop button."

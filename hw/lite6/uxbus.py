@@ -74,14 +74,6 @@ class FrameReader:
             yield Frame(transaction, protocol, body[0], body[1:])
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """The controller's answer: its status bits and the data of the register."""
-
-    status: int
-    data: bytes
-
-
 class UxbusClient:
     """One control connection. For one thread at a time."""
 
@@ -109,8 +101,10 @@ class UxbusClient:
                 "check its power, the network cable and arm.host in the configuration."
             ) from error
 
-    def request(self, register: int, payload: bytes, timeout_s: float) -> Reply:
-        """Send one request and wait for its reply; late replies to earlier ones are skipped.
+    def request(self, register: int, payload: bytes, timeout_s: float) -> tuple[int, bytes]:
+        """Send one request; the status bits and the data of its reply.
+
+        Late replies to earlier requests are skipped.
 
         TimeoutError if none comes within `timeout_s` (the connection stays usable),
         ConnectionError if the connection is gone.
@@ -126,7 +120,7 @@ class UxbusClient:
             while True:
                 reply = self._next_reply(self._socket, deadline)
                 if (reply.transaction, reply.register) == (request.transaction, register):
-                    return Reply(reply.payload[0], reply.payload[1:])
+                    return reply.payload[0], reply.payload[1:]
         except TimeoutError:
             raise
         except OSError as error:

@@ -36,11 +36,7 @@ class ActionButtons:
         self._actions = {name: self._input.getActionHandle(input_action(name)) for name in names}
         self._haptic = self._input.getActionHandle(HAPTIC_ACTION)
         self._device = self._input.getInputSourceHandle(f"/user/hand/{hand}")
-        self._unread: tuple[str, ...] = ()
-
-    @property
-    def unread(self) -> tuple[str, ...]:
-        return self._unread
+        self.unread: tuple[str, ...] = ()
 
     def read(self, device: int, controller_type: str) -> Buttons | None:
         try:
@@ -48,12 +44,12 @@ class ActionButtons:
         except self._lost:
             raise
         except self._refusals:  # no input for this process at the moment
-            self._unread = ROLES
+            self.unread = ROLES
             return None
         trigger, grip = self._analog("trigger"), self._grip()
         a, b, menu = (self._digital(name) for name in _DIGITAL)
         values = (trigger, grip, a, b, menu)
-        self._unread = tuple(r for r, v in zip(ROLES, values, strict=True) if v is None)
+        self.unread = tuple(r for r, v in zip(ROLES, values, strict=True) if v is None)
         if trigger is None or grip is None or a is None or b is None or menu is None:
             return None
         return Buttons(trigger, grip, a, b, menu)

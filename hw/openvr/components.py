@@ -97,10 +97,7 @@ class ButtonSource(Protocol):
     """SteamVR Input's actions, or the legacy controller state."""
 
     pulse_every_s: float | None  # how often a pulse must be repeated to vibrate on; None: never
-
-    @property
-    def unread(self) -> tuple[str, ...]:
-        """What the last `read` could not read."""
+    unread: tuple[str, ...]  # what the last `read` could not read
 
     def read(self, device: int, controller_type: str) -> Buttons | None:
         """The buttons now; None unless every one of them is there and this process may have it."""
@@ -199,7 +196,7 @@ def role_map(controller_type: str, hand: str, overrides: Mapping[str, str]) -> R
 
 def configured_role_map(controller_type: str, hand: str, config: ControllerConfig) -> RoleMap:
     """`role_map` with the overrides of `config`, which are meant for the hand it names."""
-    for known, mapping in config.mapping.items():
-        if known == controller_type and hand == config.hand:
-            return role_map(controller_type, hand, mapping.model_dump(exclude_none=True))
-    return role_map(controller_type, hand, {})
+    mapping = {str(known): mapping for known, mapping in config.mapping.items()}
+    if controller_type not in mapping or hand != config.hand:
+        return role_map(controller_type, hand, {})
+    return role_map(controller_type, hand, mapping[controller_type].model_dump(exclude_none=True))

@@ -40,7 +40,8 @@ _NOTHING = ControllerSample(
 class OpenVrController(Controller):
     """The controller of the configured hand; one per process.
 
-    `note` is called with level and text for every change, in the polling thread.
+    `note` is called with level and text for every change, in the polling thread. `failure` tells in
+    one sentence why that thread has ended; "" if it has not, or was told to.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class OpenVrController(Controller):
         self._worker: Worker | None = None
         self._manifest_folder: tempfile.TemporaryDirectory[str] | None = None
         self._native_id: int | None = None
-        self._failure = ""
+        self.failure = ""
 
     def start(self) -> None:
         """Join the running SteamVR; DeviceError if there is none, or it does not answer."""
@@ -66,7 +67,7 @@ class OpenVrController(Controller):
                 "The last connection to SteamVR is still open: close it, "
                 "or restart SteamVR if it hangs."
             )
-        self._failure = ""
+        self.failure = ""
         self._pulses.take_all()
         joined: Future[None] = Future()
         poller = OpenVrPoller(self._config, self._manifest(), self._note)
@@ -99,11 +100,6 @@ class OpenVrController(Controller):
         finally:
             self._disconnect()
             self._forget_manifest()
-
-    @property
-    def failure(self) -> str:
-        """Why the polling thread has ended, in one sentence; "" if it has not, or was told to."""
-        return self._failure
 
     @property
     def realtime_thread_ids(self) -> dict[str, int]:
@@ -146,12 +142,12 @@ class OpenVrController(Controller):
             poller.close()
 
     def _on_death(self, joined: Future[None], name: str, failure: BaseException) -> None:
-        self._failure = f"The thread {name} ended ({failure}); please report this error."
+        self.failure = f"The thread {name} ended ({failure}); please report this error."
         self._disconnect()
         if joined.done():
-            self._note("error", self._failure)
+            self._note("error", self.failure)
         else:
-            joined.set_exception(DeviceError(self._failure))
+            joined.set_exception(DeviceError(self.failure))
 
     def _disconnect(self) -> None:
         """What is read from now on: no pose, everything released, the times as they were."""

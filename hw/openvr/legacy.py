@@ -51,18 +51,14 @@ class LegacyButtons:
     def __init__(self, runtime: OpenVrRuntime, config: ControllerConfig) -> None:
         self._system = runtime.system
         self._sources = legacy_sources(config)
-        self._unread: tuple[str, ...] = ()
-
-    @property
-    def unread(self) -> tuple[str, ...]:
-        return self._unread
+        self.unread: tuple[str, ...] = ()
 
     def read(self, device: int, controller_type: str) -> Buttons | None:
         available, state = self._system.getControllerState(device)
         if not available:
-            self._unread = ROLES
+            self.unread = ROLES
             return None
-        self._unread = ()
+        self.unread = ()
         places = self._sources.get(controller_type) or self._sources[ASSUMED_TYPE]
         values = {role: component_value(state, place) for role, place in places.items()}
         return Buttons(
@@ -98,7 +94,7 @@ class ComponentReader:
         try:
             for event in runtime.events():
                 if event == runtime.vr.VREvent_Quit:
-                    runtime.acknowledge_quit()
+                    runtime.system.acknowledgeQuit_Exiting()
                     raise DeviceError("SteamVR has quit: start it, then try again.")
             return self._read(runtime)
         except binding_errors(runtime.vr) as error:

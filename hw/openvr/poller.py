@@ -137,7 +137,8 @@ class OpenVrPoller:
         if wish == "legacy":
             return LegacyButtons(runtime, self._config)
         why = "it has no SteamVR Input"
-        if runtime.provides(vr.IVRInput_Version):
+        # asking the binding for an interface that the runtime lacks would disconnect
+        if vr.isInterfaceVersionValid(vr.IVRInput_Version):
             try:
                 return ActionButtons(runtime, self._manifest, self._config.hand)
             except vr.error_code.InputError as error:
@@ -184,11 +185,11 @@ class OpenVrPoller:
         try:
             for event in runtime.events():
                 if event == runtime.vr.VREvent_Quit:
-                    runtime.acknowledge_quit()
+                    runtime.system.acknowledgeQuit_Exiting()
                     return self._lose("SteamVR has quit", now_ns)
                 if event in frame_events(runtime.vr):
                     self._frame.note_event()
-            self._frame.look(runtime.raw_to_standing())
+            self._frame.look(runtime.system.getRawZeroPoseToStandingAbsoluteTrackingPose())
             poses = runtime.poses()
             if self._is_alone(poses, now_ns):
                 return self._lose("SteamVR no longer knows any device", now_ns)

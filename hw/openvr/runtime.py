@@ -93,10 +93,6 @@ class OpenVrRuntime:
         cls(vr.VRApplication_Background).close()
         return cls(vr.VRApplication_Overlay)
 
-    def provides(self, interface_version: str) -> bool:
-        """Whether the runtime has an interface; asking the binding for one it lacks disconnects."""
-        return bool(self.vr.isInterfaceVersionValid(interface_version))
-
     def events(self) -> Iterator[int]:
         """The types of the events since the last call."""
         for _ in range(MAX_EVENTS_PER_LOOK):
@@ -122,14 +118,6 @@ class OpenVrRuntime:
         }[hand]
         index = int(self.system.getTrackedDeviceIndexForControllerRole(role))
         return index if index < vr.k_unMaxTrackedDeviceCount else None
-
-    def raw_to_standing(self) -> Any:
-        """HmdMatrix34_t from the tracking's own frame to the standing universe."""
-        return self.system.getRawZeroPoseToStandingAbsoluteTrackingPose()
-
-    def acknowledge_quit(self) -> None:
-        """Tell a runtime that quits that this process disconnects."""
-        self.system.acknowledgeQuit_Exiting()
 
     def close(self) -> None:
         """Disconnect; may be called twice. A runtime that quits ends processes that do not."""

@@ -61,10 +61,6 @@ class TriggerRelease:
     def __init__(self) -> None:
         self._up_since_ns: int | None = None
 
-    def restart(self) -> None:
-        """Forget what was seen."""
-        self._up_since_ns = None
-
     def seen(self, trigger: float | None, now_ns: int) -> bool:
         """Whether it was up for long enough; `trigger` (0 to 1) is None where it is unreadable."""
         if trigger is None or not trigger <= TRIGGER_UP:  # NaN is not up
@@ -96,7 +92,7 @@ class HandKeeper:
             return False
         if serial != self._other:
             self._other = serial
-            self._release.restart()
+            self._release = TriggerRelease()
         if not self._release.seen(trigger, now_ns):
             return True
         self._mine, self._other = serial, ""
@@ -119,7 +115,7 @@ class FrameKeeper:
     def note_event(self) -> None:
         """The runtime says that the frame was moved."""
         self._changed = True
-        self._release.restart()
+        self._release = TriggerRelease()
 
     def look(self, raw_to_standing: Any) -> None:
         """Compare an HmdMatrix34_t, from the tracking's own frame to the standing one.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hw.arm import GripperDrive, PlantState
+from hw.arm import PlantState
 from hw.sim.controller.model import ControllerModel
 from hw.sim.controller.server import ControllerServer
 from hw.sim.layout import draw_layout
@@ -42,8 +42,8 @@ class PublishedWorld:
         self._now_ns = clock.now_ns()
         writer.publish(self._now_ns, world.state())
 
-    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
-        state = self._world.step(joints_target, gripper, duration_ns)
+    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
+        state = self._world.step(joints_target, closing, duration_ns)
         wall_ns = self._clock.now_ns()
         self._now_ns = min(self._now_ns + duration_ns, wall_ns)
         if wall_ns - self._now_ns > _STANDSTILL_NS:

@@ -8,13 +8,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from tams_app.config.calibrated import (
-    Calibrated,
-    files_in_force,
-    read_calibrated,
-    set_folder,
-    sets,
-)
+from tams_app.config.calibrated import Calibrated, files_in_force, read_calibrated, set_folder, sets
 from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.config.problems import find_problems
 from tams_app.config.whole import Config
@@ -44,7 +38,7 @@ class _UniqueKeyLoader(yaml.SafeLoader):
 
 
 def load_config(path: Path | None = None, overrides: dict[str, Any] | None = None) -> Config:
-    """Read a YAML file, lay dotted-key `overrides` over it and check everything.
+    """Read a YAML file, lay dotted-key `overrides` that are not None over it and check everything.
 
     `include:` at the top of a file lists files whose keys it takes over and may replace; they are
     looked for beside it, then in CONFIG_DIRECTORY, so that a copy works anywhere. What was
@@ -55,7 +49,7 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     path = path or DEFAULT_CONFIG
     content = _read_with_includes(path, ())
     calibrated = [] if content.get("calibrated_by") else _lay_calibration_over(content, path)
-    overrides = overrides or {}
+    overrides = {key: value for key, value in (overrides or {}).items() if value is not None}
     for dotted, value in overrides.items():
         _override(content, dotted, value, path)
     try:

@@ -18,9 +18,8 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from tams_app import gst
-from tams_app.config import Config
-from tams_app.console import device_checks
-from tams_app.console.findings import Check, Finding
+from tams_app.config import CameraConfig, Config
+from tams_app.console.doctor import Check, Finding
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
@@ -55,10 +54,8 @@ def gstreamer(_: Config) -> Iterator[Finding]:
     if not missing:
         version = gst.load().Gst.version_string()
         yield Finding("GStreamer elements", True, f"{len(gst.STREAMING_ELEMENTS)}, {version}")
-    for element in missing:
-        yield Finding(
-            f"GStreamer element {element.name}", False, "", f"apt-get install {element.package}"
-        )
+    for element, package in missing.items():
+        yield Finding(f"GStreamer element {element}", False, "", f"apt-get install {package}")
 
 
 def configuration(config: Config) -> Iterator[Finding]:
@@ -155,10 +152,7 @@ def disk(config: Config) -> Iterator[Finding]:
     fix = "choose another with --out or recording.directory"
     try:
         folder = _existing(Path(config.recording.directory).expanduser())
-    except (
-        OSError,
-        RuntimeError,
-    ) as error:  # RuntimeError: ~ of an unknown user, a loop of links
+    except (OSError, RuntimeError) as error:  # ~ of an unknown user, or a loop of links
         yield Finding("Log folder", False, f"{config.recording.directory}: {error}", fix)
         return
     writable = os.access(folder, os.W_OK)
@@ -225,6 +219,47 @@ def network_emulation(_: Config) -> Iterator[Finding]:
     )
 
 
+def arm(config: Config) -> Iterator[Finding]:
+    """The arm at the configured address."""
+    if config.rig.enabled:
+        return
+    from hw.arms import arm_kind
+
+    info = arm_kind(config.arm.model).find(config.arm)
+    if info.problem:
+        yield Finding("Arm", False, config.arm.host, info.problem)
+    else:
+        yield Finding("Arm", True, info.description)
+
+
+def controller(config: Config) -> Iterator[Finding]:
+    """The controller of the operator's hand, and the mapping of its buttons."""
+    if config.rig.enabled:
+        return
+    from hw.openvr.controller import OpenVrController
+    from hw.openvr.devices import list_controllers
+    from tams_app.runtime.clock import MonotonicClock
+
+    what, hand = "Controller", config.controller.hand
+    try:
+        OpenVrController(config.controller, MonotonicClock(), lambda *_: None)
+        found = list_controllers()
+    except TamsError as error:
+        yield Finding(what, False, "", str(error))
+        return
+    mine = [info for info in found if info.role == hand and info.connected]
+    detail = mine[0].controller_type if mine else f"none for the {hand} hand"
+    yield Finding(what, bool(mine), detail, "switch it on and wake it, or set controller.hand")
+
+
+def cameras(config: Config) -> Iterator[Finding]:
+    """A camera for each view, with a mode that will do."""
+    if config.rig.enabled:
+        return
+    for view, camera in config.cameras.items():
+        yield _camera(view, camera, config)
+
+
 CHECKS: tuple[Check, ...] = (
     libraries,
     gstreamer,
@@ -237,9 +272,9 @@ CHECKS: tuple[Check, ...] = (
     realtime,
     display,
     network_emulation,
-    device_checks.arm,
-    device_checks.controller,
-    device_checks.cameras,
+    arm,
+    controller,
+    cameras,
 )
 
 
@@ -291,3 +326,23 @@ def _existing(folder: Path) -> Path:
     while not folder.exists():
         folder = folder.parent
     return folder
+
+
+def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
+    from hw.make_camera import make_camera
+    from tams_app.runtime.clock import MonotonicClock
+
+    what, warnings = f"Camera {view}", list[str]()
+
+    def note(_level: str, text: str) -> None:
+        warnings.append(text.removeprefix(f"camera {view} "))
+
+    try:
+        device = make_camera(view, camera, config.video, MonotonicClock(), note)
+        try:
+            device.start()
+        finally:
+            device.close()
+    except TamsError as error:
+        return Finding(what, False, "", str(error).removeprefix(f"camera {view}: "))
+    return Finding(what, True, "; ".join(warnings))

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 from rich.console import Console
 
 from tams_app.config import Config
-from tams_app.console.checks import CHECKS
-from tams_app.console.findings import Check, Finding
 
 
-def run_doctor(
-    config: Config, console: Console | None = None, checks: Sequence[Check] = CHECKS
-) -> int:
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing looked at: whether it is there, if TAMS runs without it, and what mends it."""
+
+    what: str
+    ok: bool
+    detail: str = ""
+    fix: str = ""
+    essential: bool = True
+
+
+Check = Callable[[Config], Iterator[Finding]]
+
+
+def run_doctor(config: Config, checks: Sequence[Check], console: Console | None = None) -> int:
     """Run every check and print one line each; 0 if all that TAMS needs is there, else 1."""
     console = console or Console()
     broken = 0

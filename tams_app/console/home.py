@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from types import TracebackType
 
 from rich.console import Console
 
@@ -14,18 +13,22 @@ from hw.arms import arm_kind
 from hw.boundary import reach_boundary
 from hw.guard.link import GuardLink, guard_specification
 from tams_app.config import Config
-from tams_app.console.dialogue import Dialogue
 from tams_app.console.signals import handled_signals
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_ready_pose
 from tams_app.session.guarding import SILENCE_NS
 from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
 
-_Exit = Callable[[type[BaseException] | None, BaseException | None, TracebackType | None], None]
+_POLL_S = 0.02
+_LAST_WORDS_S = 1.0
+_CAPACITY = 64
+_ENTER = b"\r\n"
 
 
 class _EndRequest:
@@ -79,19 +82,82 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         stack.callback(guard.close)
         # what was pushed last is undone first: the arm must stand before the guard lets go
         stack.push(_closing(arm))
-        executor = stack.enter_context(ThreadPoolExecutor(1, thread_name_prefix="arm-homing"))
         run = HomeRun(
-            config,
-            clock,
-            arm,
-            guard,
-            executor,
-            dialogue.read_keys,
-            dialogue.say,
-            dialogue.all_shown,
+            config, clock, arm, guard, dialogue.read_keys, dialogue.say, dialogue.all_shown
         )
         dialogue.discard_keys()
         return 0 if run.run() is HomingState.DONE else 1
+
+
+class Dialogue:
+    """Says things without waiting and reads keys; for one thread, between `start` and `close`.
+
+    Printing may block for any time (a terminal that is not read, a stalled remote shell):
+    it is done in a thread of its own, so that reading the deadman key goes on.
+    """
+
+    def __init__(
+        self, keys: TerminalKeys, console: Console, check: Callable[[], None] = lambda: None
+    ) -> None:
+        """`check` is called before each reading and may raise to end it."""
+        self._keys, self._console, self._check = keys, console, check
+        self._texts: BoundedQueue[str] = BoundedQueue(_CAPACITY)
+        self._said = 0
+        self._printed = 0
+        self._printer = Worker("printer", self._print, lambda _name, _failure: None)
+
+    def start(self) -> None:
+        self._printer.start()
+
+    def close(self) -> None:
+        """Print what is left, if the terminal takes it in time."""
+        self._printer.request_stop()
+        self._printer.join(_LAST_WORDS_S)
+
+    def say(self, text: str) -> None:
+        """Have `text` printed; does not wait."""
+        self._said += 1
+        self._texts.put(text)
+
+    def all_shown(self) -> bool:
+        """Whether everything that was said is on the screen; never again if a text was dropped."""
+        return self._printed == self._said
+
+    def read_keys(self, timeout_s: float) -> bytes:
+        """What was pressed within `timeout_s`; DeviceError if the terminal is gone."""
+        self._check()
+        if self._printer.failure is not None:
+            raise DeviceError("The terminal takes no text; start TAMS again from a new one.")
+        return self._keys.read_bytes(timeout_s)
+
+    def discard_keys(self) -> None:
+        """What was pressed so far was for something else."""
+        self._keys.discard()
+
+    def confirms(self, question: str) -> bool:
+        """Whether Enter, and nothing else, answers the question once it can be read."""
+        self.say(question)
+        while not self.all_shown():
+            if self.read_keys(_POLL_S).strip(_ENTER):
+                return False
+        self.discard_keys()
+        answer = b""
+        while not answer:
+            answer = self.read_keys(_POLL_S)
+        return not answer.strip(_ENTER)
+
+    def _print(self, stop: threading.Event) -> None:
+        while texts := self._wait_for_texts(stop):
+            for text in texts:
+                self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+                self._printed += 1
+
+    def _wait_for_texts(self, stop: threading.Event) -> list[str]:
+        """The next texts; none when it is to stop and nothing is left."""
+        while not stop.is_set():
+            if texts := self._texts.take_all(_POLL_S):
+                return texts
+        return self._texts.take_all()
 
 
 def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
@@ -108,12 +174,10 @@ def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
         arm.connect()
 
 
-def _closing(arm: Arm) -> _Exit:
+def _closing(arm: Arm) -> Callable[[object, BaseException | None, object], None]:
     """Closes the arm; that its stop was not acknowledged must not hide what happened before."""
 
-    def close(
-        _kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
+    def close(_kind: object, error: BaseException | None, _trace: object) -> None:
         try:
             arm.close()
         except DeviceError as unstopped:

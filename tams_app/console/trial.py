@@ -17,7 +17,7 @@ from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.session import Session
 from tams_app.session.status import StatusSnapshot
-from tams_app.study.runner import TrialSpec
+from tams_app.study.plan import PlannedTrial
 
 BEGINNING = (
     "The trial begins when the trigger is first pressed. End it with q: when the block is placed, "
@@ -37,13 +37,13 @@ class LiveTrialRunner:
         self._config = config
         self._console = console or Console()
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         """Leave log, configuration, summary and frame in `folder`.
 
         TamsError where the session cannot be run or fails; KeyboardInterrupt where a signal ends
         it, in order.
         """
-        config = spec.configure(self._config)
+        config = trial.configure(self._config)
         check_names(config)
         check_ready_pose(config)
         check_views(config, dry_run=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Protocol
 
+from tams_app.capacity import Capacity
 from tams_app.config import BudgetConfig
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -32,17 +33,10 @@ class Budget(Protocol):
         """
 
 
-class KnownCapacity(Protocol):
-    """A link whose rate is known (tams_app.capacity)."""
-
-    def mean_kbps(self, start_ns: int, end_ns: int) -> float:
-        """Mean capacity between two instants [kbit/s]."""
-
-
 class OracleBudget:
     """The link's own rate; of a trace the mean of its last window, without look-ahead."""
 
-    def __init__(self, capacity: KnownCapacity, config: BudgetConfig) -> None:
+    def __init__(self, capacity: Capacity, config: BudgetConfig) -> None:
         self._capacity = capacity
         self._max_kbps = config.max_kbps
         self._window_ns = round(config.trace_window_ms * NS_PER_MS)
@@ -83,6 +77,6 @@ class SenderBudget:
         return min(config.max_kbps, sent_kbps / config.safety_factor)
 
 
-def make_budget(config: BudgetConfig, capacity: KnownCapacity) -> Budget:
+def make_budget(config: BudgetConfig, capacity: Capacity) -> Budget:
     """The budget of `config.mode`; `capacity` is what the oracle knows."""
     return SenderBudget(config) if config.mode == "sender" else OracleBudget(capacity, config)

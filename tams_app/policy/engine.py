@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
 from tams_app.policy.allocation import Strategy, allocate, make_strategy
-from tams_app.policy.budget import Budget, KnownCapacity, make_budget
+from tams_app.policy.budget import Budget, make_budget
 from tams_app.records import Allocation, Phase
 
 
@@ -18,7 +19,7 @@ class Policy:
         self._floor_kbps = config.allocation.floor_kbps
 
     @staticmethod
-    def of(config: Config, capacity: KnownCapacity) -> Policy:
+    def of(config: Config, capacity: Capacity) -> Policy:
         """The policy that `config` names, for a link of this capacity; ConfigError if none."""
         settings = config.policy
         strategy = make_strategy(config.strategy, settings)

@@ -46,7 +46,7 @@ class LogFile:
     """A new file in the shape the MCAP writers want: `write`, `seek`, `flush`, `tell`.
 
     An error of the disk is kept and what follows goes nowhere, so that the writer on top can be
-    closed in good order; the owner asks `check`, and on an error `give_up`s before `close`.
+    closed in good order; the owner asks `check`.
     Unbuffered on purpose: what was written survives a kill of this process, and os.write releases
     the GIL, so a slow disk never holds up the control loop.
     """
@@ -91,9 +91,11 @@ class LogFile:
                 "what was written before is readable"
             )
 
-    def give_up(self) -> None:
-        """Cut off what did not fit: both writers hand over whole records, so whole ones stay."""
-        self._file.truncate(self._complete_bytes)
-
     def close(self) -> None:
+        """Close it; after an error what did not fit is cut off.
+
+        Both writers hand over whole records, so whole ones stay.
+        """
+        if self._error is not None:
+            self._file.truncate(self._complete_bytes)
         self._file.close()

@@ -12,15 +12,8 @@ from typing import Any
 from foxglove import Context, Schema, open_mcap
 from foxglove.channels import CompressedVideoChannel, FrameTransformChannel
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
-from foxglove.messages import (
-    CompressedVideo,
-    FrameTransform,
-    Quaternion,
-    Timestamp,
-    Vector3,
-)
+from foxglove.messages import CompressedVideo, FrameTransform, Quaternion, Timestamp, Vector3
 
-from tams_app.errors import LogError
 from tams_app.recording.disk import LogFile
 from tams_app.recording.topics import (
     HEADER,
@@ -96,11 +89,7 @@ class McapLog:
             return
         file, self._file = self._file, None
         self._mcap.close()
-        try:
-            file.check()
-        except LogError:
-            file.give_up()  # the owner has learned of it from `flush`
-        file.close()
+        file.close()  # of an error the owner has learned from `flush`
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         channel = self._channels.get(type(item)) or self._open_channel(type(item))

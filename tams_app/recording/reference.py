@@ -15,21 +15,19 @@ import numpy as np
 from foxglove.messages import RawImage, Timestamp
 from mcap.writer import Writer
 
-from tams_app.errors import LogError
 from tams_app.recording import wire
-from tams_app.recording.disk import RESERVE_FRACTION, LogFile, free_mb, require_free_space
+from tams_app.recording.disk import RESERVE_FRACTION, LogFile, require_free_space, require_reserve
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.topics import REFERENCE_PREFIX, REFERENCE_PROFILE
+from tams_app.recording.writer import QueuedWriter
 from tams_app.records import Frame, Image
-from tams_app.runtime.mailbox import BoundedQueue
-from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
 
 CAPACITY_FRAMES = 45  # half a second of three views, 40 MB
 _WIDTH, _HEIGHT, _DATA = 2, 3, 6  # field numbers of foxglove.RawImage
 
 
-class ReferenceRecorder:
+class ReferenceRecorder(QueuedWriter[Frame]):
     """Writes captured frames without loss; `record` never blocks, drops are counted."""
 
     def __init__(
@@ -40,42 +38,22 @@ class ReferenceRecorder:
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
         """Create the file; LogError if there is no space or no folder."""
+        super().__init__("reference-recorder", CAPACITY_FRAMES, on_failure)
         require_free_space(path.parent, min_free_mb)
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._offset_ns = wall_offset_ns
-        self._queue: BoundedQueue[Frame] = BoundedQueue(CAPACITY_FRAMES)
         self._file = LogFile(path)
         self._writer = Writer(cast(IO[bytes], self._file), chunk_size=1)
         self._writer.start(profile=REFERENCE_PROFILE, library="tams")
         self._schema_id = self._register_schema()
         self._channels: dict[str, int] = {}
         self._finished = False
-        self._worker = Worker("reference-recorder", self._run, on_failure)
-
-    def start(self) -> None:
-        self._worker.start()
 
     def record(self, frame: Frame) -> None:
         """Queue one frame; its image must not be changed afterwards."""
         if self.failure is None:
             self._queue.put(frame)
-
-    @property
-    def dropped(self) -> int:
-        """Frames that found the queue full."""
-        return self._queue.dropped
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Why recording ended early, None while all is well."""
-        return self._worker.failure
-
-    def close(self, timeout_s: float = 10.0) -> None:
-        """Write what is queued and finish the file; may be called twice."""
-        if self._worker.alive:
-            self._worker.stop(timeout_s)
-        self._finish()
 
     def _run(self, stop: threading.Event) -> None:
         try:
@@ -88,11 +66,7 @@ class ReferenceRecorder:
             self._finish()
 
     def _write(self, frame: Frame) -> None:
-        if free_mb(self._directory) < self._reserve_mb:
-            raise LogError(
-                f"{self._directory}: recording of lossless captures ended because the disk is "
-                "nearly full; delete old logs; what was written before is readable"
-            )
+        require_reserve(self._directory, self._reserve_mb)
         height, width = frame.image.shape[:2]
         seconds, nanoseconds = divmod(frame.capture_ns + self._offset_ns, NS_PER_S)
         message = RawImage(
@@ -128,11 +102,7 @@ class ReferenceRecorder:
             return
         self._finished = True
         self._writer.finish()  # type: ignore[no-untyped-call]
-        try:
-            self._file.check()
-        except LogError:
-            self._file.give_up()  # the owner has learned of it from `_write`
-        self._file.close()
+        self._file.close()  # of an error the owner has learned from `_write`
 
 
 def read_reference(path: Path, wall_offset_ns: int) -> Iterator[Frame]:

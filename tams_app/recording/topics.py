@@ -128,21 +128,10 @@ class PacketBatch:
     @staticmethod
     def of(packets: Sequence[PacketRecord]) -> PacketBatch:
         """The columns of at least one packet."""
-        rows = [
-            (
-                packet.view,
-                packet.kind.value,
-                packet.sequence,
-                packet.size_bytes,
-                packet.entered_ns,
-                packet.departed_ns,
-                packet.delivered_ns,
-                packet.fate.value,
-                packet.rtp_timestamp,
-            )
-            for packet in packets
-        ]
-        columns: list[Any] = list(zip(*rows, strict=True))
+        names = [field.name for field in fields(PacketBatch)]
+        columns: list[Any] = [tuple(getattr(one, name) for one in packets) for name in names]
+        columns[1] = tuple(kind.value for kind in columns[1])
+        columns[7] = tuple(fate.value for fate in columns[7])
         return PacketBatch(*columns)
 
     def packets(self) -> list[PacketRecord]:

@@ -1,4 +1,4 @@
-"""The recorder: takes records from any thread without blocking, writes them in its own.
+"""The recorders: one takes records from any thread and writes them in its own, one at once.
 
 Chunks go to the system at least every `FLUSH_NS`, so that a killed session loses less than a
 second.
@@ -8,33 +8,65 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.topics import (
-    FrameCaptured,
-    FrameShown,
-    Header,
-    PacketBatch,
-    Recordable,
-)
+from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, Recordable
 from tams_app.records import Frame, Note, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+T = TypeVar("T")
 CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each
 SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
 PAUSE_S = 0.0002  # ... for this long: a control tick never waits longer for it
 FLUSH_NS = 500 * NS_PER_MS
 SPACE_CHECK_NS = NS_PER_S
+BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
 
-class Recorder:
+class QueuedWriter(Generic[T]):
+    """A queue that any thread fills without blocking, and the thread that writes what is in it."""
+
+    def __init__(
+        self, name: str, capacity: int, on_failure: Callable[[str, BaseException], None]
+    ) -> None:
+        self._queue: BoundedQueue[T] = BoundedQueue(capacity)
+        self._worker = Worker(name, self._run, on_failure)
+
+    def start(self) -> None:
+        self._worker.start()
+
+    @property
+    def dropped(self) -> int:
+        """Records that found the queue full."""
+        return self._queue.dropped
+
+    @property
+    def failure(self) -> BaseException | None:
+        """Why recording ended early, None while all is well."""
+        return self._worker.failure
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write what is queued and finish the file; may be called twice."""
+        if self._worker.alive:
+            self._worker.stop(timeout_s)
+        self._finish()  # done by the thread already, unless it never ran
+
+    def _run(self, stop: threading.Event) -> None:
+        raise NotImplementedError
+
+    def _finish(self) -> None:
+        raise NotImplementedError
+
+
+class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
     """Writes one session log.
 
     `record` may be called from any thread and never blocks: what finds the queue full is dropped
@@ -55,16 +87,12 @@ class Recorder:
 
         `bitstream`: keep the encoded frames themselves, not only when they were sent.
         """
+        super().__init__("recorder", CAPACITY, on_failure)
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._queue: BoundedQueue[Recordable | FrameCaptured | FrameShown] = BoundedQueue(CAPACITY)
         self._log = McapLog(path, header, bitstream)
-        self._worker = Worker("recorder", self._run, on_failure)
-
-    def start(self) -> None:
-        self._worker.start()
 
     def record(self, item: Recordable) -> None:
         """Queue one record; a frame's pixels are let go at once."""
@@ -74,27 +102,6 @@ class Recorder:
             self._queue.put(without_pixels(item))
         else:
             self._queue.put(item)
-
-    def record_all(self, items: Iterable[Recordable]) -> None:
-        """Queue several records, for example one batch of packet fates."""
-        for item in items:
-            self.record(item)
-
-    @property
-    def dropped(self) -> int:
-        """Records that found the queue full."""
-        return self._queue.dropped
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Why recording ended early, None while all is well."""
-        return self._worker.failure
-
-    def close(self, timeout_s: float = 10.0) -> None:
-        """Write what is queued and finish the file; may be called twice."""
-        if self._worker.alive:
-            self._worker.stop(timeout_s)
-        self._log.close()  # closed by the thread already, unless it never ran
 
     def _run(self, stop: threading.Event) -> None:
         try:
@@ -112,7 +119,10 @@ class Recorder:
             self._note_dropped()
             self._log.flush()
         finally:
-            self._log.close()
+            self._finish()
+
+    def _finish(self) -> None:
+        self._log.close()
 
     def _write_queued(self) -> None:
         packets: list[PacketRecord] = []
@@ -133,6 +143,54 @@ class Recorder:
             now_ns = self._clock.now_ns()
             text = f"The recorder was too slow: {self.dropped} records are missing from this log."
             self._log.write(Note(now_ns, "warning", text), now_ns)
+
+
+class DirectRecorder:
+    """Writes a session log at once, in the thread that records: for virtual time.
+
+    Keeps what a `Recorder` keeps, without thread, queue or loss.
+
+    The same records at the same times make the same file, byte by byte. Not thread safe.
+    """
+
+    def __init__(
+        self, path: Path, header: Header, clock: Clock, min_free_mb: float, bitstream: bool = True
+    ) -> None:
+        """Create the file and write the header; LogError if there is no space or no folder."""
+        require_free_space(path.parent, min_free_mb)
+        self._clock = clock
+        self._directory = path.parent
+        self._reserve_mb = min_free_mb * RESERVE_FRACTION
+        self._log = McapLog(path, header, bitstream)
+        self._packets: list[PacketRecord] = []
+        self._next_batch_ns = clock.now_ns() + BATCH_NS
+        self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS
+
+    def record(self, item: Recordable) -> None:
+        """Write one record; LogError if the disk is full or fails."""
+        if isinstance(item, PacketRecord):
+            self._packets.append(item)
+            return
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._next_batch_ns:
+            self._next_batch_ns = now_ns + BATCH_NS
+            self._write_packets()
+        if now_ns >= self._next_check_ns:
+            self._next_check_ns = now_ns + SPACE_CHECK_NS
+            self._log.flush()
+            require_reserve(self._directory, self._reserve_mb)
+        kept = without_pixels(item) if isinstance(item, Frame | ShownFrame) else item
+        self._log.write(kept, now_ns)
+
+    def close(self) -> None:
+        """Write what is left and finish the file; may be called twice."""
+        self._write_packets()
+        self._log.close()
+
+    def _write_packets(self) -> None:
+        if self._packets:
+            packets, self._packets = self._packets, []
+            self._log.write(PacketBatch.of(packets), self._clock.now_ns())
 
 
 def without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from hw.arm import Arm, ServoMode, TcpBoundary
+from hw.arm import Arm, TcpBoundary
 from tams_app.errors import DeviceError
+from tams_app.records import ServoMode
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
 
@@ -40,12 +41,7 @@ class ArmGate:
         self._lock = threading.Lock()
         self._stops = 0
         self._pending: set[Request] = set()  # queued or under way
-        self._ready = False
-
-    @property
-    def ready(self) -> bool:
-        """The arm was enabled and nothing has stopped it since."""
-        return self._ready
+        self.ready = False  # the arm was enabled and nothing has stopped it since
 
     def request(self, request: Request) -> None:
         """Queue a request; called by the control thread, does not block."""
@@ -59,7 +55,7 @@ class ArmGate:
         """Stop the arm; it must be enabled anew before it moves. From any thread, never blocks."""
         with self._lock:
             self._stops += 1
-            self._ready = False
+            self.ready = False
         self._arm.stop()
 
     def run(self, stop: threading.Event) -> None:
@@ -92,8 +88,8 @@ class ArmGate:
         self._check_inside()
         self._arm.enable(self._servo)
         with self._lock:
-            self._ready = stops == self._stops
-        if self._ready:
+            self.ready = stops == self._stops
+        if self.ready:
             self._note("info", "arm enabled")
         else:
             self._arm.stop()

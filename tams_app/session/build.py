@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw.arm import Arm
 from hw.arms import arm_kind, check_limits
-from hw.boundary import session_boundary
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
 from tams_app.errors import ConfigError
@@ -20,7 +18,6 @@ from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
-from tams_app.units import NS_PER_MS
 from tams_app.video.networks import resolve_network
 
 # of `Workspace.excess`, in its order
@@ -86,22 +83,6 @@ def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool
     from tams_app.session.hardware import HardwareDevices
 
     return HardwareDevices(config, clock)
-
-
-def dry_run(arm: Arm, config: Config, clock: Clock) -> Arm:
-    """`arm` for everything but motion: commands go to a model of its controller."""
-    from tams_app.session.dry_run import (
-        DryRunArm,  # with the simulated controller, which only this needs
-    )
-
-    return DryRunArm(arm, config.arm, clock, session_boundary(config.arm, config.limits))
-
-
-def camera_delays_ns(config: Config) -> dict[str, int]:
-    """From the light to the capture time stamp, by view, as calibrated; the rig has no delay."""
-    if config.rig.enabled:
-        return {}  # it brings its own cameras
-    return {view: round(one.latency_ms * NS_PER_MS) for view, one in config.cameras.items()}
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:

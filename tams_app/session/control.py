@@ -19,6 +19,7 @@ from tams_app.session.arm_gate import ArmGate
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
+from tams_app.units import NS_PER_MS
 
 ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 
@@ -120,7 +121,11 @@ class ControlLoop:
         self._teleop = build.teleop(config, video.delay_ns)
         self._phases = PhaseInference(config.policy.phases)
         self._weights = WeightMatrix(config.policy.weights.matrix)
-        self._camera_delays_ns = build.camera_delays_ns(config)
+        # from the light to the capture time stamp, as calibrated; the rig's own cameras have none
+        cameras = {} if config.rig.enabled else config.cameras
+        self._camera_delays_ns = {
+            view: round(camera.latency_ms * NS_PER_MS) for view, camera in cameras.items()
+        }
 
     def run(self, stop: threading.Event) -> None:
         rate = FixedRate(self._clock, self._rate_hz)

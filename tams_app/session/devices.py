@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from hw.arm import Arm
+from hw.arms import arm_kind
+from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
-from tams_app.config import ArmConfig
+from tams_app.config import ArmConfig, Config
 from tams_app.records import SceneTruth
+from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.listener import Listener
@@ -18,16 +20,19 @@ from tams_app.session.listener import Listener
 Note = Callable[[str, str], None]  # level and sentence, for the log and the console
 
 
-class Devices(Protocol):
+class Devices:
     """Started before everything that uses them, closed after; the makers are called once each."""
 
-    @property
-    def helpers(self) -> Mapping[str, HelperProcess]:
-        """Processes whose end is the end of the session."""
+    helpers: Mapping[str, HelperProcess] = {}  # processes whose end is the end of the session
+
+    def __init__(self, config: Config, clock: Clock) -> None:
+        self._config = config
+        self._clock = clock
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None] | None:
         """Tells where things really are; None where only a person can judge the task."""
+        return None
 
     def start(self) -> None:
         """Start what takes its time, without waiting for it."""
@@ -37,15 +42,22 @@ class Devices(Protocol):
 
     def arm_config(self) -> ArmConfig:
         """The configured arm, at the address where it answers."""
+        return self._config.arm
 
     def make_arm(self) -> Arm:
         """The arm, not connected yet."""
+        config = self._config
+        boundary = session_boundary(config.arm, config.limits)
+        kind = arm_kind(config.arm.model)
+        return kind.make_arm(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
     def make_controller(self, note: Note) -> Controller:
         """The tracked controller, not started yet."""
+        raise NotImplementedError
 
-    def make_cameras(self, note: Note) -> list[Camera]:
+    def make_cameras(self, note: Note) -> Sequence[Camera]:
         """One camera for each view, not started yet."""
+        raise NotImplementedError
 
     def close(self) -> None:
         """Let go of everything; may be called after a failed start."""

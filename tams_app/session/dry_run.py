@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 
-from hw.arm import Arm, ServoMode, SimulatedArm, TcpBoundary
+from hw.arm import Arm, SimulatedArm, TcpBoundary
 from hw.arms import simulated_arm
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -90,26 +91,18 @@ class DryRunArm(Arm):
         return link
 
     def send_twist(self, twist: Twist) -> None:
-        with self._lock:
-            if (model := self._caught_up()) is not None:
-                model.send_twist(twist)
+        self._tell(lambda model: model.send_twist(twist))
 
     def send_pose(self, pose: Pose) -> None:
-        with self._lock:
-            if (model := self._caught_up()) is not None:
-                model.send_pose(pose)
+        self._tell(lambda model: model.send_pose(pose))
 
     def set_gripper(self, closed: bool) -> None:
-        with self._lock:
-            if (model := self._caught_up()) is not None:
-                model.set_gripper(closed)
+        self._tell(lambda model: model.set_gripper(closed))
 
     def stop(self) -> None:
         """Stop the model, and the real arm too, whatever program may be moving it."""
         self._real.stop()
-        with self._lock:
-            if (model := self._caught_up()) is not None:
-                model.stop()
+        self._tell(lambda model: model.stop())
 
     def clear_errors(self) -> None:
         """Clear the real arm's errors and the model's."""
@@ -128,6 +121,12 @@ class DryRunArm(Arm):
     @property
     def realtime_thread_ids(self) -> dict[str, int]:
         return self._real.realtime_thread_ids
+
+    def _tell(self, command: Callable[[SimulatedArm], None]) -> None:
+        """`command` to the model, if there is one."""
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                command(model)
 
     def _caught_up(self) -> SimulatedArm | None:
         """The model; after a standstill of the process it does not relive all of it."""

@@ -22,18 +22,13 @@ def create_session_folder(config: Config, now: time.struct_time | None = None) -
         parent.mkdir(parents=True, exist_ok=True)
         require_free_space(parent, config.recording.min_free_mb)
         folder = _make_unique(parent, f"{stamp}-{config.name}")
-        save_config(config, folder)
     except OSError as error:
         raise LogError(
             f"{parent}: no session folder can be made there ({error.strerror}): "
             "choose another one with --out"
         ) from error
+    furnish_session_folder(config, folder)
     return folder
-
-
-def save_config(config: Config, folder: Path) -> None:
-    """Write the effective configuration into a session's folder; OSError if it cannot be."""
-    (folder / "config.yaml").write_text(dump_config(config), encoding="utf-8")
 
 
 def furnish_session_folder(config: Config, folder: Path) -> None:
@@ -43,7 +38,7 @@ def furnish_session_folder(config: Config, folder: Path) -> None:
     """
     require_free_space(folder, config.recording.min_free_mb)
     try:
-        save_config(config, folder)
+        (folder / "config.yaml").write_text(dump_config(config), encoding="utf-8")
     except OSError as error:
         raise LogError(f"{folder}: cannot be written ({error.strerror})") from error
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +13,7 @@ from hw.arm import Arm
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.runtime.clock import Clock
+from tams_app.runtime.worker import Worker
 from tams_app.session.homing import (
     Action,
     Homing,
@@ -25,6 +26,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 POLL_S = 0.01  # also the period of the guard's heartbeat
 PROGRESS_NS = NS_PER_S
+START_TIMEOUT_S = 10.0  # of the replies and reports that starting waits for
 _DEADMAN = b"\r\n"
 _TOO_BUSY = "The guard stopped the arm: this computer was too busy; close other programs."
 
@@ -56,7 +58,7 @@ class HomeRun:
     """One motion to the ready pose: the loop around `Homing`, for the main thread.
 
     `read_keys(timeout_s)` returns what the terminal sent meanwhile. Starting the move may wait for
-    the arm, which the key and the heartbeat cannot: it is done in `executor`. Nor can they wait for
+    the arm, which the key and the heartbeat cannot: it is done in a thread. Nor can they wait for
     a screen: `say` must not block. `all_shown` tells when the operator can have read it, and until
     then a press starts nothing.
     """
@@ -67,19 +69,17 @@ class HomeRun:
         clock: Clock,
         arm: Arm,
         guard: Guard,
-        executor: Executor,
         read_keys: Callable[[float], bytes],
         say: Callable[[str], None],
         all_shown: Callable[[], bool],
     ) -> None:
         self._clock, self._arm, self._guard = clock, arm, guard
-        self._executor, self._read_keys = executor, read_keys
-        self._say, self._all_shown = say, all_shown
+        self._read_keys, self._say, self._all_shown = read_keys, say, all_shown
         self._config = config
         self._watch_ns = round(config.arm.guard.heartbeat_timeout_ms * NS_PER_MS)
         self._beat_ns = 0
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
-        self._starting: Future[None] | None = None
+        self._starting: Worker | None = None
         self._said: HomingState | None = None
         self._progress_ns = 0
         self._path = path_to_ready(config, self._joints())
@@ -92,9 +92,9 @@ class HomeRun:
             while not self._homing.over:
                 self._step(self._read_keys(POLL_S))
         finally:
-            if self._starting is not None:
-                self._starting.cancel()
             self._arm.stop()
+            if self._starting is not None:
+                self._starting.join(START_TIMEOUT_S)
         if self._homing.state is HomingState.FAILED:
             raise DeviceError(self._homing.reason)
         return self._homing.state
@@ -124,7 +124,8 @@ class HomeRun:
         elif action is Action.ARM:
             self._arm_guard()
         elif action is Action.START:
-            self._starting = self._executor.submit(self._begin_move)
+            self._starting = Worker("arm-homing", self._begin_move, lambda *_: None)
+            self._starting.start()
         self._tell(now_ns)
 
     def _counts(self, keys: bytes) -> bool:
@@ -151,8 +152,8 @@ class HomeRun:
         self._guard.beat(now_ns)
         self._beat_ns = now_ns
 
-    def _begin_move(self) -> None:
-        """In the executor: a guard that stopped the arm while it got ready stops it only once."""
+    def _begin_move(self, _stop: threading.Event) -> None:
+        """In the thread: a guard that stopped the arm while it got ready stops it only once."""
         self._arm.begin_move_to_joints(self._path.goal.tolist(), self._speed_rad_s)
         if self._clock.now_ns() - self._beat_ns > self._watch_ns:
             self._arm.stop()
@@ -161,13 +162,13 @@ class HomeRun:
     def _start_result(self) -> tuple[bool, str]:
         """Whether the move that was started has begun, or why not; once."""
         starting = self._starting
-        if starting is None or not starting.done():
+        if starting is None or starting.alive:
             return False, ""
         self._starting = None
-        try:
-            starting.result()
-        except DeviceError as error:
-            return False, str(error)
+        if isinstance(starting.failure, DeviceError):
+            return False, str(starting.failure)
+        if starting.failure is not None:
+            raise starting.failure
         return True, ""
 
     def _guard_problem(self, now_ns: int) -> str:

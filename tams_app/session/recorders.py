@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
@@ -40,9 +40,6 @@ class Log(Protocol):
     def record(self, item: Recordable) -> None:
         """Keep one record."""
 
-    def record_all(self, items: Iterable[Recordable]) -> None:
-        """Keep several records."""
-
 
 class SessionRecords(Listener):
     """What a session tells its log: live (`Recorders`) and in virtual time."""
@@ -68,7 +65,8 @@ class SessionRecords(Listener):
 
     def packets(self, packets: list[PacketRecord]) -> None:
         """Keep the fates of a batch of datagrams."""
-        self._log.record_all(packets)
+        for packet in packets:
+            self._log.record(packet)
 
     def capture(self, frame: Frame) -> None:
         """Keep a captured frame's time, and its pixels if that was asked for."""

@@ -6,10 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from hw.arm import Arm
 from hw.arms import arm_kind
-from hw.boundary import session_boundary
-from hw.camera import Camera
 from hw.controller import Controller
 from hw.sim.operator.demo import demo_controller
 from hw.sim.world.camera import SimCamera
@@ -20,28 +17,27 @@ from tams_app.records import SceneTruth
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_block import new_block_name
-from tams_app.session.devices import Note
+from tams_app.session.devices import Devices, Note
 from tams_app.session.recorded_hand import recorded_hand
 
 LOOPBACK = "127.0.0.1"
 
 
-class SimulatedRig:
+class SimulatedRig(Devices):
     """World and arm controller in one process, the cameras' renderer in another."""
 
     def __init__(
         self, config: Config, clock: Clock, log_directory: Path, operator_confirms: bool
     ) -> None:
         """`operator_confirms`: the scripted operator arms the arm by the menu button."""
-        self._kind = arm_kind(config.arm.model)
-        if not self._kind.rig:
+        super().__init__(config, clock)
+        kind = arm_kind(config.arm.model)
+        if not kind.rig:
             raise ConfigError(
-                f"arm.model: there is no simulated rig with a {self._kind.title}; "
+                f"arm.model: there is no simulated rig with a {kind.title}; "
                 "set rig.enabled to false"
             )
         self._operator_confirms = operator_confirms
-        self._config = config
-        self._clock = clock
         self._memory_name = new_block_name()
         self._reader: WorldReader | None = None
         self._ports: tuple[int, int] | None = None
@@ -61,36 +57,27 @@ class SimulatedRig:
             "noise_sigma": config.rig.camera_noise_sigma,
         }
         self.helpers = {
-            "rig": HelperProcess("rig", self._kind.rig, world, log_directory),
+            "rig": HelperProcess("rig", kind.rig, world, log_directory),
             "renderer": HelperProcess("renderer", "hw.sim.world.renderer", renderer, log_directory),
         }
 
     def start(self) -> None:
-        """Start the processes without waiting; see `wait_ready`."""
         WorldWriter(self._memory_name).close()  # there before any reader: no order of starting
         for helper in self.helpers.values():
             helper.start()
 
     def wait_ready(self) -> None:
-        """Wait until arm and cameras can be reached; HelperError if one could not start."""
         ready = self.helpers["rig"].wait_ready()
         self._ports = (int(ready["control_port"]), int(ready["report_port"]))
         self._reader = WorldReader(self._memory_name)
         self.helpers["renderer"].wait_ready()
 
     def arm_config(self) -> ArmConfig:
-        """The configured arm at the rig's address."""
         assert self._ports is not None, "wait until the rig is ready"
         control_port, report_port = self._ports
         return self._config.arm.model_copy(
             update={"host": LOOPBACK, "control_port": control_port, "report_port": report_port}
         )
-
-    def make_arm(self) -> Arm:
-        """The real driver; only the address is the rig's."""
-        config = self._config
-        boundary = session_boundary(config.arm, config.limits)
-        return self._kind.make_arm(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
     def make_controller(self, note: Note) -> Controller:
         """The virtual controller in the scripted operator's hand, or a recorded hand's."""
@@ -99,15 +86,13 @@ class SimulatedRig:
             return recorded_hand(Path(config.rig.hand_trajectory))
         return demo_controller(config, self._read_truth, confirms=self._operator_confirms)
 
-    def make_cameras(self, note: Note) -> list[Camera]:
-        """One camera for each view."""
+    def make_cameras(self, note: Note) -> list[SimCamera]:
         return [
             SimCamera(view, self._memory_name, self._clock) for view in self._config.video.views
         ]
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None]:
-        """Tells where things really are; None before the world's first cycle."""
         return self._read_truth
 
     def _read_truth(self) -> SceneTruth | None:

@@ -9,12 +9,12 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm
 from hw.boundary import session_boundary
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, PacketRecord, ShownFrame
+from tams_app.records import Activity, PacketRecord, ServoMode, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
@@ -23,6 +23,7 @@ from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
+from tams_app.session.dry_run import DryRunArm
 from tams_app.session.engine import Engine
 from tams_app.session.guarding import Guarding
 from tams_app.session.quality import LiveQuality
@@ -37,7 +38,7 @@ STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
 LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
 CONTROL_TIMEOUT_S = 0.1
-SUPERVISOR_TIMEOUT_S = 10.0  # enabling the arm may be under way
+GATE_TIMEOUT_S = 10.0  # enabling the arm may be under way
 
 
 class Session:
@@ -145,13 +146,13 @@ class Session:
         self._stack.callback(guard.close)
         guard.start()
         arm = self._devices.make_arm()
+        boundary = session_boundary(self.config.arm, self.config.limits)
         if self._dry_run:
-            arm = build.dry_run(arm, self.config, self._clock)
+            arm = DryRunArm(arm, self.config.arm, self._clock, boundary)
             self.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         self._stack.callback(arm.close)
         arm.connect()
         self._hurry(arm.realtime_thread_ids)
-        boundary = session_boundary(self.config.arm, self.config.limits)
         gate = ArmGate(arm, ServoMode(self.config.arm.servo), boundary, self.note)
         self._arm, self._gate = arm, gate
         guard.wait_ready()
@@ -170,7 +171,7 @@ class Session:
 
     def _start_workers(self, connected: ConnectedDevices, cameras: ExitStack) -> None:
         engine = self._engine
-        self._run("arm-supervisor", connected.gate.run, SUPERVISOR_TIMEOUT_S)
+        self._run("arm-gate", connected.gate.run, GATE_TIMEOUT_S)
         self._run("policy", engine.policy.run)
         for camera in self._devices.make_cameras(self.note):
             camera.start()

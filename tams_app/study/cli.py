@@ -210,7 +210,7 @@ def _study_to_run(
     planned = study.config()
     for key, option in _DESIGN.items():
         before = attrgetter(key)(planned)
-        if options.get(key, before) != before:
+        if options[key] not in (None, before):
             raise ConfigError(
                 f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
                 "to go on, or choose another folder with --out"
@@ -226,14 +226,13 @@ def _study_to_run(
 def _options(
     sim: bool, repetitions: int | None, practice: int | None, seed: int | None
 ) -> dict[str, Any]:
-    """The options that were given, as configuration overrides."""
-    options = {
+    """The options as configuration overrides, None where they were not given."""
+    return {
         "rig.enabled": True if sim else None,
         "study.repetitions": repetitions,
         "study.practice_trials": practice,
         "seed": seed,
     }
-    return {key: value for key, value in options.items() if value is not None}
 
 
 def _folder(given: Path | None, out: Path | None = None) -> Path:

@@ -15,13 +15,12 @@ from rich.table import Table
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
-from tams_app.study.guided import GuidedRun
+from tams_app.study.guided import GuidedRun, measured_time_s
 from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
-from tams_app.study.unattended import RichProgress, run_unattended
-from tams_app.study.verdict import measured_time_s
+from tams_app.study.unattended import TrialsProgress, run_unattended
 
 if TYPE_CHECKING:
     from tams_app.study.results import StudyData
@@ -75,7 +74,7 @@ def run_simulated(
             return 0
         pool = _pool(runner, workers, dask)
         try:
-            with RichProgress(console, len(plan.left)) as display:
+            with TrialsProgress(console, len(plan.left)) as display:
                 tally = run_unattended(study, pool, display)
         except KeyboardInterrupt:
             _tell_how_to_go_on(study, console)
@@ -102,7 +101,8 @@ def run_guided(
 def void_trial(folder: Path, trial_id: str, reason: str, console: Console) -> int:
     """`study void`: the trial's last attempt does not count; its data and the reason stay."""
     study = StudyFolder(folder)
-    with _existing(study).locked():
+    study.load()  # a folder without a study is not locked
+    with study.locked():
         study.save(void(study.recover(study.load()), trial_id, reason))
     console.print(f"{trial_id} is void and will be taken again.", highlight=False)
     return 0
@@ -114,7 +114,8 @@ def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool
     Asks first unless `yes`; ConfigError where there is no terminal to ask at.
     """
     study = StudyFolder(folder)
-    with _existing(study).locked():
+    study.load()  # a folder without a study is not locked
+    with study.locked():
         plan = study.recover(study.load())
         plan.participant(pseudonym)
         removed = [one for one in plan.trials if one.participant == pseudonym and one.attempts]
@@ -219,11 +220,6 @@ def _tell_how_to_go_on(study: StudyFolder, console: Console) -> None:
         highlight=False,
         soft_wrap=True,
     )
-
-
-def _existing(study: StudyFolder) -> StudyFolder:
-    study.load()
-    return study
 
 
 def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPool:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.errors import LogError, SetupError, TamsError
-from tams_app.study.machine import MACHINE_NAME
-from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.plan import PlannedTrial
+from tams_app.study.runner import MACHINE_NAME, TrialRunner
 from tams_app.study.trial_process import Job, TrialProcess
 
 CONNECT_TIMEOUT_S = 20.0
@@ -47,7 +47,7 @@ class DaskPool:
 
     def start(self, job: Job) -> None:
         future = self._client.submit(
-            run_and_pack, self._runner, job.spec, pure=False, key=f"tams-{job.folder.name}"
+            run_and_pack, self._runner, job.trial, pure=False, key=f"tams-{job.folder.name}"
         )
         self._running[future] = job
 
@@ -74,12 +74,12 @@ class DaskPool:
         return str(failure)
 
 
-def run_and_pack(runner: TrialRunner, spec: TrialSpec) -> tuple[str, bytes]:
+def run_and_pack(runner: TrialRunner, trial: PlannedTrial) -> tuple[str, bytes]:
     """On a worker: run one trial in a process of its own; why it failed, and what it left."""
     with tempfile.TemporaryDirectory(prefix="tams-trial-") as directory:
         folder = Path(directory)
         try:
-            failure = TrialProcess(runner, Job(spec, folder)).wait()
+            failure = TrialProcess(runner, Job(trial, folder)).wait()
         except TamsError as error:
             failure = str(error)
         return failure, pack(folder)

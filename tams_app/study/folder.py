@@ -17,9 +17,8 @@ from pydantic import ValidationError
 from tams_app.config import Config, dump_config, load_config
 from tams_app.config.problems import describe_validation_error
 from tams_app.errors import ConfigError, LogError
-from tams_app.study.machine import MACHINE_NAME
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan
-from tams_app.study.runner import SUMMARY_NAME
+from tams_app.study.runner import MACHINE_NAME, SUMMARY_NAME
 
 PLAN_NAME = "plan.json"
 CONFIG_NAME = "config.yaml"

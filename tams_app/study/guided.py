@@ -7,26 +7,30 @@ stop at any question, or be interrupted anywhere: the next call goes on from the
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import Enum
 from pathlib import Path
 
 from rich.console import Console
-from rich.prompt import Prompt
+from rich.prompt import Confirm, FloatPrompt, IntPrompt, InvalidResponse, Prompt
 
-from tams_app.config import Config
+from tams_app.config import Config, TrialConfig
 from tams_app.errors import ConfigError, TamsError
+from tams_app.recording import SessionLog, read_log
+from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
-from tams_app.study.machine import mark_ended
-from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan, PlannedTrial, void
-from tams_app.study.runner import TrialRunner, TrialSpec
-from tams_app.study.verdict import ask_verdict
+from tams_app.study.plan import (
+    Attempt,
+    AttemptState,
+    ParticipantState,
+    Plan,
+    PlannedTrial,
+    Verdict,
+    void,
+)
+from tams_app.study.runner import LOG_NAME, TrialRunner, mark_ended
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_S
 
-MeasureTime = Callable[[Path], float | None]
-
-
-class _Next(Enum):
-    GO_ON = "go on"
-    STOP = "stop"
+MAX_DROPS = 99
 
 
 class GuidedRun:
@@ -41,7 +45,7 @@ class GuidedRun:
         study: StudyFolder,
         runner: TrialRunner,
         console: Console,
-        measure_time: MeasureTime,
+        measure_time: Callable[[Path], float | None],
     ) -> None:
         self.failed = False
         self._study = study
@@ -57,7 +61,7 @@ class GuidedRun:
         ConfigError for a participant who is not, or no longer, part of the study. After Ctrl-C it
         says how to go on and raises KeyboardInterrupt.
         """
-        pseudonym = participant or self._first_with_trials_left()
+        pseudonym = participant or next((trial.participant for trial in self._plan.left), None)
         if pseudonym is None:
             self._say("All trials of this study are done.")
             return 0
@@ -66,7 +70,7 @@ class GuidedRun:
         done = 0
         try:
             while trial := self._next_of(pseudonym):
-                if self._take(trial) is _Next.STOP:
+                if not self._take(trial):
                     break
                 done += self._plan.trial(trial.id).is_done
             else:
@@ -80,26 +84,26 @@ class GuidedRun:
         self._tell_how_to_go_on(pseudonym)
         return done
 
-    def _first_with_trials_left(self) -> str | None:
-        return next((trial.participant for trial in self._plan.left), None)
-
     def _next_of(self, pseudonym: str) -> PlannedTrial | None:
         mine = (trial for trial in self._plan.left if trial.participant == pseudonym)
         return next(mine, None)
 
-    def _take(self, trial: PlannedTrial) -> _Next:
-        """One trial from the scene's reset to the verdict; or only the verdict that is due."""
+    def _take(self, trial: PlannedTrial) -> bool:
+        """One trial from the scene's reset to the verdict, or only the verdict that is due.
+
+        False if the experimenter stops.
+        """
         attempt = trial.last
         if attempt is not None and attempt.state is AttemptState.RAN:
             self._say(f"{trial.id} ran to its end before, but has no verdict.")
             self._judge(trial, attempt)
-            return _Next.GO_ON
+            return True
         if not self._prepare(trial):
-            return _Next.STOP
+            return False
         self._plan, attempt = self._study.new_attempt(self._plan, trial.id)
         folder = self._study.path / attempt.folder
         try:
-            self._runner.run(TrialSpec.of(trial), folder)
+            self._runner.run(trial, folder)
             mark_ended(folder)
             if not self._study.has_ended(attempt):
                 raise TamsError("the trial left no whole summary")
@@ -110,10 +114,10 @@ class GuidedRun:
             raise
         if trial.practice:
             self._settle(trial, attempt, AttemptState.DONE)
-            return _Next.GO_ON
+            return True
         ran = self._settle(trial, attempt, AttemptState.RAN)
         self._judge(trial, ran)
-        return _Next.GO_ON
+        return True
 
     def _prepare(self, trial: PlannedTrial) -> bool:
         """Ask for the scene to be set back; False if the experimenter wants to stop."""
@@ -142,11 +146,11 @@ class GuidedRun:
         judged = attempt.model_copy(update={"verdict": verdict})
         self._settle(trial, judged, AttemptState.DONE)
 
-    def _fail(self, trial: PlannedTrial, attempt: Attempt, reason: str) -> _Next:
+    def _fail(self, trial: PlannedTrial, attempt: Attempt, reason: str) -> bool:
         self._settle(trial, attempt, AttemptState.FAILED, reason)
         self._say(f"{trial.id} could not be run: {reason}")
         self.failed = self._choose("What now?", a="again", s="stop here") == "s"
-        return _Next.STOP if self.failed else _Next.GO_ON
+        return not self.failed
 
     def _say(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
@@ -168,3 +172,74 @@ class GuidedRun:
         self._plan = self._plan.with_attempt(trial.id, settled)
         self._study.save(self._plan)
         return settled
+
+
+def measured_time_s(folder: Path) -> float | None:
+    """The completion time that a trial's log tells, None without a log."""
+    path = folder / LOG_NAME
+    return completion_time_s(read_log(path)) if path.is_file() else None
+
+
+def completion_time_s(log: SessionLog) -> float | None:
+    """From the first engagement to the last opening of the gripper.
+
+    None where the arm was never engaged or the gripper not opened after that. Whether the block
+    was placed by that opening only a person can say.
+    """
+    engaged_ns = min(
+        (tick.finished_ns for tick in log.ticks if tick.arming == ArmingState.ENGAGED.value),
+        default=None,
+    )
+    if engaged_ns is None:
+        return None
+    opened_ns = [
+        change.t_ns
+        for change in log.phases
+        if change.phase is Phase.RELEASE and change.t_ns > engaged_ns
+    ]
+    return round((max(opened_ns) - engaged_ns) / NS_PER_S, 3) if opened_ns else None
+
+
+def ask_verdict(console: Console, rules: TrialConfig, measured_s: float | None) -> Verdict:
+    """Completed, drops, time and success, asked until the answers fit each other and the rules.
+
+    `measured_s` is the time that the log tells. A success that the rules exclude is not accepted; a
+    completion within the rules may still be no success (the block was placed wrongly), and is
+    asked for.
+    """
+    completed = Confirm.ask(f"Was the block placed within {rules.limit_s:g} s?", console=console)
+    possible = [str(number) for number in range(MAX_DROPS + 1)]
+    drops = IntPrompt.ask("How many drops?", choices=possible, show_choices=False, console=console)
+    if not completed:
+        return Verdict(completed=False, success=False, drops=drops)
+    time_s = _completion_time(console, rules, measured_s)
+    obstacle = _obstacle(rules, drops, time_s)
+    if obstacle:
+        console.print(f"Not a success by the rules: {obstacle}.", highlight=False)
+    success = not obstacle and Confirm.ask("Was it placed correctly (a success)?", console=console)
+    return Verdict(completed=True, success=success, drops=drops, completion_time_s=time_s)
+
+
+def _completion_time(console: Console, rules: TrialConfig, measured_s: float | None) -> float:
+    """The log's time if the experimenter takes it, else the one they give."""
+    if measured_s is not None and 0 < measured_s <= rules.limit_s:
+        question = f"The gripper opened last {measured_s:.1f} s after the start. Take that time?"
+        if Confirm.ask(question, console=console):
+            return measured_s
+
+    class Seconds(FloatPrompt):
+        def process_response(self, value: str) -> float:
+            seconds = super().process_response(value.replace(",", "."))
+            if not 0 < seconds <= rules.limit_s:
+                raise InvalidResponse(f"More than 0 s and at most {rules.limit_s:g} s, please.")
+            return seconds
+
+    return Seconds.ask("How many seconds from the start to the placing?", console=console)
+
+
+def _obstacle(rules: TrialConfig, drops: int, time_s: float) -> str:
+    if drops > rules.max_drops:
+        return f"more than {rules.max_drops} drops"
+    if time_s > rules.success_within_s:
+        return f"later than {rules.success_within_s:g} s"
+    return ""

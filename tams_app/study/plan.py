@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tams_app.config import Config
 from tams_app.config.section import NonNegative, Section
 from tams_app.errors import ConfigError
 
@@ -23,15 +24,6 @@ class AttemptState(StrEnum):
     VOID = "void"  # judged not to count, with a reason
     FAILED = "failed"  # an error, with a reason
     INTERRUPTED = "interrupted"  # the study was stopped while it ran
-
-
-class TrialState(StrEnum):
-    """How a trial of the plan stands."""
-
-    PLANNED = "planned"
-    DONE = "done"
-    VOID = "void"  # to be taken again
-    RETAKEN = "retaken"  # done, after a void attempt
 
 
 class ParticipantState(StrEnum):
@@ -63,7 +55,9 @@ class Attempt(Section):
 class PlannedTrial(Section):
     """One trial; `order` counts from 1 within its participant, repetitions from 1.
 
-    Practice trials have repetition 0 and are never analysed.
+    Practice trials have repetition 0 and are never analysed. `seed`: of scene, noise and losses,
+    shared by the strategies of one participant, network and repetition; `participant_seed`: who the
+    simulated participant is, the same in all their trials.
     """
 
     id: str
@@ -86,15 +80,18 @@ class PlannedTrial(Section):
         return self.attempts[-1] if self.attempts else None
 
     @property
-    def state(self) -> TrialState:
-        states = [attempt.state for attempt in self.attempts]
-        if states and states[-1] is AttemptState.DONE:
-            return TrialState.RETAKEN if AttemptState.VOID in states else TrialState.DONE
-        return TrialState.VOID if AttemptState.VOID in states else TrialState.PLANNED
-
-    @property
     def is_done(self) -> bool:
-        return self.state in (TrialState.DONE, TrialState.RETAKEN)
+        return self.last is not None and self.last.state is AttemptState.DONE
+
+    def configure(self, config: Config) -> Config:
+        """The study's configuration with this trial's name, seed, strategy and network."""
+        changes = {
+            "name": self.id,
+            "seed": self.seed,
+            "strategy": self.strategy,
+            "network": self.network,
+        }
+        return config.model_copy(update=changes)
 
 
 class Participant(Section):

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError
@@ -79,8 +79,8 @@ def _trials_of(
     person_seed = derive_seed(seed, pseudonym)
     practice = [(study.reference, study.networks[0], 0)] * study.practice_trials
     counted = [
-        (slot.condition.strategy, slot.condition.network, slot.repetition)
-        for slot in schedule(cells, number, study.repetitions)
+        (*condition, repetition)
+        for condition, repetition in schedule(cells, number, study.repetitions)
     ]
     for order, (strategy, network, repetition) in enumerate([*practice, *counted], start=1):
         paired = (network, repetition) if repetition else ("practice", order)
@@ -96,20 +96,11 @@ def _trials_of(
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Condition:
+class Condition(NamedTuple):
     """One cell of the design."""
 
     strategy: str
     network: str
-
-
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """One trial in the order in which its participant takes it; repetitions count from 1."""
-
-    condition: Condition
-    repetition: int
 
 
 def conditions(strategies: Sequence[str], networks: Sequence[str]) -> tuple[Condition, ...]:
@@ -147,16 +138,16 @@ def is_counterbalanced(condition_count: int, participant_count: int) -> bool:
 
 def schedule(
     all_conditions: Sequence[Condition], participant: int, repetitions: int
-) -> tuple[Slot, ...]:
-    """What participant number `participant` (from 0) does: each repetition is one whole sequence.
+) -> tuple[tuple[Condition, int], ...]:
+    """What participant number `participant` (from 0) does, as (condition, repetition from 1).
 
-    A repetition takes a sequence of its own, so that over whole squares of participants every
-    repetition is balanced by itself.
+    Each repetition is one whole sequence of its own, so that over whole squares of participants
+    every repetition is balanced by itself.
     """
     square = williams_square(len(all_conditions))
     shift = max(1, len(square) // repetitions)
     return tuple(
-        Slot(all_conditions[place], repetition + 1)
+        (all_conditions[place], repetition + 1)
         for repetition in range(repetitions)
         for place in square[(participant + repetition * shift) % len(square)]
     )

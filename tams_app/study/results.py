@@ -13,9 +13,9 @@ from tams_app.errors import ConfigError, LogError
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
-from tams_app.study.machine import MACHINE_NAME
 from tams_app.study.plan import Attempt, AttemptState, Plan
 from tams_app.study.planning import make_plan
+from tams_app.study.runner import MACHINE_NAME
 from tams_app.study.tables import SSIM_KINDS, Row, phase_rows, trial_row
 
 TRIALS_TABLE = "trials"

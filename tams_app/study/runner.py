@@ -1,64 +1,49 @@
-"""The interface between a study and what runs its trials, live or simulated."""
+"""What runs a study's trials, live or simulated, and what a trial leaves in its folder."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+import platform
 from pathlib import Path
 from typing import Protocol
 
-from tams_app.config import Config
 from tams_app.study.plan import PlannedTrial
 
 SUMMARY_NAME = "summary.json"
 LOG_NAME = "session.mcap"
-
-
-@dataclass(frozen=True, slots=True)
-class TrialSpec:
-    """One trial, ready to run.
-
-    `seed`: of scene, noise and losses, shared by the strategies of one participant, network and
-    repetition; `participant_seed`: who the simulated participant is, the same in all their trials.
-    """
-
-    trial_id: str
-    participant: str
-    strategy: str
-    network: str
-    repetition: int  # from 1; 0 in practice
-    practice: bool
-    seed: int
-    participant_seed: int
-
-    @staticmethod
-    def of(trial: PlannedTrial) -> TrialSpec:
-        return TrialSpec(
-            trial.id,
-            trial.participant,
-            trial.strategy,
-            trial.network,
-            trial.repetition,
-            trial.practice,
-            trial.seed,
-            trial.participant_seed,
-        )
-
-    def configure(self, config: Config) -> Config:
-        """The study's configuration with this trial's name, seed, strategy and network."""
-        changes = {
-            "name": self.trial_id,
-            "seed": self.seed,
-            "strategy": self.strategy,
-            "network": self.network,
-        }
-        return config.model_copy(update=changes)
+MACHINE_NAME = "machine.json"  # written last: it also marks a trial that ran to its end
 
 
 class TrialRunner(Protocol):
     """Runs one trial. Pickled into a process of its own where trials run in parallel."""
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         """Leave summary.json and the log in `folder`, which exists and is empty but for logs.
 
         Raises TamsError, a sentence, where the trial cannot be run.
         """
+
+
+def mark_ended(folder: Path) -> None:
+    """Write machine.json into a trial's folder, after everything else."""
+    text = json.dumps(machine(), indent=1) + "\n"
+    (folder / MACHINE_NAME).write_text(text, encoding="utf-8")
+
+
+def machine() -> dict[str, str]:
+    """What a result may depend on: processor, system, Python."""
+    return {
+        "processor": _processor(),
+        "architecture": platform.machine(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor()

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Protocol
 
 from tams_app.errors import TamsError
-from tams_app.study.machine import mark_ended
-from tams_app.study.runner import SUMMARY_NAME, TrialRunner, TrialSpec
+from tams_app.study.plan import PlannedTrial
+from tams_app.study.runner import SUMMARY_NAME, TrialRunner, mark_ended
 
 LOG_NAME = "trial.log"
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
@@ -31,7 +31,7 @@ _POLL_S = 0.05
 class Job:
     """A trial, and the folder that is made for it."""
 
-    spec: TrialSpec
+    trial: PlannedTrial
     folder: Path
 
 
@@ -118,15 +118,11 @@ class LocalPool:
 
     def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
         cores = _usable_cores()
-        self._slots = workers or len(cores)
+        self.slots = workers or len(cores)
         self._runner = runner
-        pinned = self._slots <= len(cores)  # more than cores: the system shares them out
-        self._free: list[int | None] = list(cores) if pinned else [None] * self._slots
+        pinned = self.slots <= len(cores)  # more than cores: the system shares them out
+        self._free: list[int | None] = list(cores) if pinned else [None] * self.slots
         self._running: dict[TrialProcess, int | None] = {}
-
-    @property
-    def slots(self) -> int:
-        return self._slots
 
     def start(self, job: Job) -> None:
         core = self._free.pop(0)
@@ -160,7 +156,7 @@ def _main() -> int:
     if core is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})
     try:
-        runner.run(job.spec, job.folder)
+        runner.run(job.trial, job.folder)
     except TamsError as error:
         print(error, file=sys.stderr)  # noqa: T201  the log of this process
         return 1

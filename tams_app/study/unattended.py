@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import (
@@ -19,19 +17,18 @@ from rich.progress import (
 )
 
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import Attempt, AttemptState, Plan, PlannedTrial
-from tams_app.study.runner import TrialSpec
+from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.trial_process import Job, TrialPool
 
 _SPEED_OVER_S = 3600.0  # the time left is judged by the trials of the last hour
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Tally:
     """What one call has run: trials done now, and why others failed, by trial id."""
 
-    done: int
-    failures: dict[str, str]
+    done: int = 0
+    failures: dict[str, str] = field(default_factory=dict)
 
 
 class ProgressDisplay(Protocol):
@@ -40,7 +37,7 @@ class ProgressDisplay(Protocol):
     def say(self, text: str) -> None:
         """A sentence that stays."""
 
-    def advance(self) -> None:
+    def trial_ended(self) -> None:
         """One more trial has ended."""
 
 
@@ -51,62 +48,46 @@ def run_unattended(study: StudyFolder, pool: TrialPool, display: ProgressDisplay
     ends, `pool` is closed and the plan tells what was cut short.
     """
     plan = study.recover(study.load())
-    todo = list(plan.left)
-    run = _Run(study, plan, pool, display)
+    tally, todo = Tally(), list(plan.left)
+    running: dict[str, Attempt] = {}  # by trial id
     try:
-        while todo or run.attempts:
-            while todo and len(run.attempts) < pool.slots:
-                run.start(todo.pop(0))
-            run.settle(pool.wait())
+        while todo or running:
+            while todo and len(running) < pool.slots:
+                trial = todo.pop(0)
+                plan, running[trial.id] = study.new_attempt(plan, trial.id)
+                pool.start(Job(trial, study.path / running[trial.id].folder))
+            for job, failure in pool.wait():
+                attempt = _settled(study, running.pop(job.trial.id), failure)
+                plan = plan.with_attempt(job.trial.id, attempt)
+                study.save(plan)
+                _tell(tally, display, job.trial.id, attempt)
     finally:
         pool.close()
         study.recover(study.load())
-    return Tally(run.done, run.failures)
+    return tally
 
 
-class _Run:
-    def __init__(
-        self, study: StudyFolder, plan: Plan, pool: TrialPool, display: ProgressDisplay
-    ) -> None:
-        self.plan = plan
-        self.done = 0
-        self.failures: dict[str, str] = {}
-        self.attempts: dict[str, Attempt] = {}  # that run now, by trial id
-        self._study = study
-        self._pool = pool
-        self._display = display
-
-    def start(self, trial: PlannedTrial) -> None:
-        self.plan, attempt = self._study.new_attempt(self.plan, trial.id)
-        self.attempts[trial.id] = attempt
-        self._pool.start(Job(TrialSpec.of(trial), self._study.path / attempt.folder))
-
-    def settle(self, ended: Sequence[tuple[Job, str]]) -> None:
-        for job, failure in ended:
-            trial_id = job.spec.trial_id
-            attempt = self.attempts.pop(trial_id)
-            if not failure and not self._study.has_ended(attempt):
-                failure = "its summary is not whole"
-            state = AttemptState.FAILED if failure else AttemptState.DONE
-            changed = attempt.model_copy(update={"state": state, "reason": failure})
-            self.plan = self.plan.with_attempt(trial_id, changed)
-            self._study.save(self.plan)
-            self._count(trial_id, attempt, failure)
-
-    def _count(self, trial_id: str, attempt: Attempt, failure: str) -> None:
-        self._display.advance()
-        if failure:
-            self.failures[trial_id] = failure
-            self._display.say(f"{trial_id} failed: {failure} (see {attempt.folder})")
-        else:
-            self.done += 1
+def _settled(study: StudyFolder, attempt: Attempt, failure: str) -> Attempt:
+    if not failure and not study.has_ended(attempt):
+        failure = "its summary is not whole"
+    state = AttemptState.FAILED if failure else AttemptState.DONE
+    return attempt.model_copy(update={"state": state, "reason": failure})
 
 
-class RichProgress:
+def _tell(tally: Tally, display: ProgressDisplay, trial_id: str, attempt: Attempt) -> None:
+    display.trial_ended()
+    if attempt.state is AttemptState.DONE:
+        tally.done += 1
+    else:
+        tally.failures[trial_id] = attempt.reason
+        display.say(f"{trial_id} failed: {attempt.reason} (see {attempt.folder})")
+
+
+class TrialsProgress(Progress):
     """A bar with trials done, time taken and time left."""
 
     def __init__(self, console: Console, total: int) -> None:
-        self._progress = Progress(
+        super().__init__(
             TextColumn("trials"),
             BarColumn(),
             MofNCompleteColumn(),
@@ -116,27 +97,15 @@ class RichProgress:
             console=console,
             speed_estimate_period=_SPEED_OVER_S,
         )
-        self._task = self._progress.add_task("trials", total=total)
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
+        self._trials = self.add_task("trials", total=total)
 
     def say(self, text: str) -> None:
-        self._progress.console.print(text, highlight=False, markup=False, soft_wrap=True)
+        self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def advance(self) -> None:
-        self._progress.advance(self._task)
-        if not self._progress.console.is_terminal:  # a log file: no bar, a line each
-            task = self._progress.tasks[self._task]
+    def trial_ended(self) -> None:
+        self.advance(self._trials)
+        if not self.console.is_terminal:  # a log file: no bar, a line each
+            task = self.tasks[self._trials]
             line = f"{task.completed:.0f} of {task.total:.0f} trials"
             if task.time_remaining is not None:  # one trial alone tells no speed
                 line += f", {timedelta(seconds=round(task.time_remaining))} left"

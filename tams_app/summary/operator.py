@@ -10,6 +10,7 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase
 from tams_app.summary.numbers import percentiles, ratio
+from tams_app.summary.tables import phase_at
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
@@ -55,14 +56,12 @@ def _uncertainty_mm(glances: list[OperatorGlance]) -> dict[str, Any]:
 
 def _glances_by_phase(log: SessionLog) -> dict[Phase, list[OperatorGlance]]:
     """The glances that told something, by the phase at their time; the rest are left out."""
-    changes = sorted(log.phases, key=lambda change: change.t_ns)
-    began_ns = np.array([change.t_ns for change in changes], dtype=np.int64)
-    found: dict[Phase, list[OperatorGlance]] = {}
-    for glance in log.glances:
-        place = int(np.searchsorted(began_ns, glance.t_ns, side="right")) - 1
-        if place >= 0 and glance.relied_on:
-            found.setdefault(changes[place].phase, []).append(glance)
-    return {phase: found[phase] for phase in Phase if phase in found}
+    numbers = phase_at(log, np.array([one.t_ns for one in log.glances], dtype=np.int64))
+    told = [
+        (number, one) for number, one in zip(numbers, log.glances, strict=True) if one.relied_on
+    ]
+    found = {phase: [one for at, one in told if at == n] for n, phase in enumerate(Phase)}
+    return {phase: glances for phase, glances in found.items() if glances}
 
 
 def _mean_shares(glances: list[OperatorGlance], views: tuple[str, ...]) -> dict[str, float]:

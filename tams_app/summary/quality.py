@@ -18,6 +18,7 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, PacketKind, Phase
 from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean, ratio
+from tams_app.summary.tables import phase_at
 from tams_app.video.concealment import concealed_frames
 from tams_app.video.frame_identity import index_of_rtp_timestamp
 
@@ -52,11 +53,11 @@ class QualityTable:
         rows = np.array([_scores(one) for one in frames], dtype=np.float64)
         captures = [(places.get(one.view, -1), one.capture_ns) for one in log.captured]
         captured = np.array(captures, dtype=np.int64).reshape(len(captures), 2)
-        captured[:, 1] = _phase_at(log, captured[:, 1])
+        captured[:, 1] = phase_at(log, captured[:, 1])
         concealed = {view: _concealed_and_shown(log, view) for view in places}
         return QualityTable(
             np.array([places[one.view] for one in frames], dtype=np.int64),
-            _phase_at(log, np.array([one.capture_ns for one in frames], dtype=np.int64)),
+            phase_at(log, np.array([one.capture_ns for one in frames], dtype=np.int64)),
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
             np.array([_is_concealed(one, concealed[one.view]) for one in frames], dtype=np.float64),
             concealed,
@@ -145,14 +146,6 @@ def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
 def _scores(frame: FrameQuality) -> list[float]:
     scores = (frame.received, frame.delivered, frame.live)
     return [np.nan if score is None else score for score in scores]
-
-
-def _phase_at(log: SessionLog, captured_ns: Integers) -> Integers:
-    changes = sorted(log.phases, key=lambda change: change.t_ns)
-    began_ns = np.array([change.t_ns for change in changes], dtype=np.int64)
-    numbers = {phase: number for number, phase in enumerate(Phase)}
-    phase = np.array([-1, *(numbers[change.phase] for change in changes)], dtype=np.int64)
-    return phase[np.searchsorted(began_ns, captured_ns, side="right")]
 
 
 def _mean_of_phases(

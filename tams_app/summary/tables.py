@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tams_app.recording import SessionLog
-from tams_app.records import PacketFate, PacketKind
+from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.summary.numbers import Flags, Floats, Integers
 
 RTP_CLOCK_HZ = 90_000
@@ -117,3 +117,12 @@ class Span:
         end_ns = last_capture_ns + round(1e9 / log.header.fps)
         start_ns = max(first_capture_ns, first_target_ns)
         return Span(start_ns, end_ns) if end_ns > start_ns else None
+
+
+def phase_at(log: SessionLog, t_ns: Integers) -> Integers:
+    """The number of the phase at each time, its place in `Phase`; −1 before the first."""
+    changes = sorted(log.phases, key=lambda change: change.t_ns)
+    began_ns = np.array([change.t_ns for change in changes], dtype=np.int64)
+    numbers = {phase: number for number, phase in enumerate(Phase)}
+    phase = np.array([-1, *(numbers[change.phase] for change in changes)], dtype=np.int64)
+    return phase[np.searchsorted(began_ns, t_ns, side="right")]

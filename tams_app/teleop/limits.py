@@ -82,16 +82,13 @@ class Limits:
 
     def come_to_rest(self, interval_s: float) -> Twist:
         """The next twist of braking, exactly zero once the arm is at rest."""
-        self.brake()
+        self.linear.brake()
+        self.angular.brake()
         nowhere = np.zeros(3)
         return Twist(
             self.linear.step(nowhere, interval_s),
             self.angular.step(nowhere, interval_s),
         )
-
-    def brake(self) -> None:
-        self.linear.brake()
-        self.angular.brake()
 
     def reset(self) -> None:
         self.linear.reset()

@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from tams_app.teleop.reasons import Reason, Severity
+from tams_app.teleop.reasons import Reason
 from tams_app.units import NS_PER_S
 
 __all__ = [
@@ -31,7 +31,6 @@ __all__ = [
     "ArmingState",
     "Reason",
     "Request",
-    "Severity",
 ]
 
 ENABLE_CONSENT_NS = 10 * NS_PER_S  # brakes and mode

@@ -2,5 +2,3 @@
 
 Modules load GStreamer only when a pipeline is made.
 """
-
-__all__ = ["link", "networks", "receiver", "repair", "sender", "ssim"]

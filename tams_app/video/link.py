@@ -110,14 +110,12 @@ class _Draws:
         self._latency_ms = network.latency_ms
         self._jitter_ms = network.jitter_ms
         self._jitter = Random(f"{seed}/{name}/jitter")
-        self._loss = loss_model(network.loss, network.loss_burst, Random(f"{seed}/{name}/loss"))
+        random = Random(f"{seed}/{name}/loss")
+        self.lost = loss_model(network.loss, network.loss_burst, random).lost
 
     def delay_ns(self) -> int:
         delay_ms = self._latency_ms + self._jitter_ms * self._jitter.uniform(-1.0, 1.0)
         return max(0, round(delay_ms * NS_PER_MS))
-
-    def lost(self) -> bool:
-        return self._loss.lost()
 
 
 class Link:

@@ -2,8 +2,7 @@
 
 `encoder_chain` and `decoder_chain` are the paper's chains without their ends. `session_sender` and
 `session_receiver` put an appsrc or appsink and an rtpsession around them, between the network's
-ends; `virtual_sender` and `virtual_receiver` leave the entrance open for pads that a run in virtual
-time pushes from. Settings and their reasons: FINDINGS 2 and 3.
+ends. Settings and their reasons: FINDINGS 2 and 3.
 """
 
 from __future__ import annotations
@@ -24,8 +23,11 @@ _SESSION = f"rtpsession name=session rtp-profile=avpf bandwidth={SESSION_BANDWID
 _RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
 _SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
 RTX_HISTORY_MS = 1000
+RTX_PAYLOAD_TYPES = f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAIR_PAYLOAD_TYPE};"
 # Without async=false a live appsink never leaves PAUSED.
-_FRAMES = "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
+SHOWN_FRAMES = (
+    "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
+)
 
 
 def raw_caps(config: VideoConfig) -> str:
@@ -42,11 +44,6 @@ def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
     if payload_type == REPAIR_PAYLOAD_TYPE:
         return f"{common},encoding-name=RTX"
     return f"{common},encoding-name=H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true"
-
-
-def rtx_payload_types() -> str:
-    """The structure that maps the media payload type to the repair one."""
-    return f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAIR_PAYLOAD_TYPE};"
 
 
 def rtx_ssrcs(config: VideoConfig, view: str) -> str:
@@ -140,18 +137,6 @@ def session_receiver(
         f"{_RECEIVING} {rtp_in} ! session.recv_rtp_sink "
         f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
         f"ssrcdemux.src_{media_ssrc(config, view)} ! {decoder_chain(rule, decoder)} "
-        f"! {_FRAMES} {reports_in} ! session.recv_rtcp_sink "
+        f"! {SHOWN_FRAMES} {reports_in} ! session.recv_rtcp_sink "
         f"session.send_rtcp_src ! {feedback_out}"
     )
-
-
-def virtual_sender(config: VideoConfig, view: str, encoder_kbps: int) -> str:
-    """A view's sender in virtual time: the entrance is open, appsink `packets` is the exit."""
-    return (
-        f"{encoder_chain(config, view, encoder_kbps)} ! appsink name=packets async=false sync=false"
-    )
-
-
-def virtual_receiver(rule: RepairRule, decoder: str) -> str:
-    """A view's receiver in virtual time: the entrance is open, appsink `frames` is the exit."""
-    return f"{decoder_chain(rule, decoder)} ! {_FRAMES}"

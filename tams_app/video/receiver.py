@@ -93,7 +93,7 @@ class VideoReceiver:
         self._reports_socket.attach(pipeline.get_by_name("reports_in"))
         self._resent = pipeline.get_by_name("rtx")
         if self._resent is not None:
-            structure, _ = Gst.Structure.from_string(pipelines.rtx_payload_types())
+            structure, _ = Gst.Structure.from_string(pipelines.RTX_PAYLOAD_TYPES)
             self._resent.set_property("payload-type-map", structure)
         pipeline.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)

@@ -15,7 +15,6 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from enum import Enum
 from typing import Any
 
 from tams_app.config import Network
@@ -27,22 +26,17 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import identify
-from tams_app.video.relay_wire import ReportStream
+from tams_app.video.reporting_helper import line_of
 from tams_app.video.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
+# A session that stalls for a minute at 1000 packets/s leaves no gap in its records.
+REPORT_BUFFER_BYTES = 15_000_000
 
+_FLOWS = ("rtp", "reports", "feedback")
 _RECEIVE_BUFFER_BYTES = 4_000_000
 _LARGEST_DATAGRAM_BYTES = 65_536
 _READS_IN_A_ROW = 32  # then see what is due: a flood must not hold deliveries up
-
-
-class Flow(Enum):
-    """The three flows of a view; the value is its field in `ViewPorts`."""
-
-    RTP = "rtp"
-    REPORTS = "reports"
-    FEEDBACK = "feedback"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +44,50 @@ class Route:
     """One flow of one view: where it comes in and where it goes out."""
 
     view: str
-    flow: Flow
+    flow: str  # its field in `ViewPorts`
     entrance: socket.socket
     exit: tuple[str, int]
+
+
+class ReportStream:
+    """Records on their way to the session; never waits.
+
+    `connection` becomes non-blocking. Bytes the session has not read stay here, up to
+    `REPORT_BUFFER_BYTES`; beyond that whole reports are left out.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self._connection = connection
+        self._unsent = bytearray()
+        self._gone = False
+
+    def put(self, records: list[PacketRecord]) -> None:
+        """Queue one report and send what the connection takes."""
+        line = line_of(records)
+        if not self._gone and len(self._unsent) + len(line) <= REPORT_BUFFER_BYTES:
+            self._unsent += line
+        self._send()
+
+    def _send(self) -> None:
+        while self._unsent and not self._gone:
+            try:
+                sent = self._connection.send(self._unsent)
+            except BlockingIOError:
+                return
+            except (BrokenPipeError, ConnectionResetError):
+                self._gone = True  # the session closes the relay itself; video goes on till then
+                return
+            del self._unsent[:sent]
+
+    def close(self, timeout_s: float = 0.5) -> None:
+        """Send the rest, for at most `timeout_s`, and disconnect."""
+        deadline_ns = time.monotonic_ns() + round(timeout_s * NS_PER_S)
+        self._send()
+        while self._unsent and not self._gone and time.monotonic_ns() < deadline_ns:
+            select.select([], [self._connection], [], timeout_s)
+            self._send()
+        self._connection.close()
 
 
 class Relay:
@@ -68,10 +103,10 @@ class Relay:
         self._records: list[PacketRecord] = []
         try:
             for view, ports in exits.items():
-                for flow in Flow:
+                for flow in _FLOWS:
                     entrance = _entrance(ports.host)
                     self._routes[entrance] = Route(
-                        view, flow, entrance, (ports.host, getattr(ports, flow.value))
+                        view, flow, entrance, (ports.host, getattr(ports, flow))
                     )
         except OSError:
             self.close()
@@ -82,7 +117,7 @@ class Relay:
         ports: dict[str, dict[str, Any]] = {}
         for route in self._routes.values():
             host, port = route.entrance.getsockname()
-            ports.setdefault(route.view, {"host": host})[route.flow.value] = port
+            ports.setdefault(route.view, {"host": host})[route.flow] = port
         return {view: ViewPorts(**flows) for view, flows in ports.items()}
 
     def run(self, stop: threading.Event) -> None:
@@ -121,9 +156,9 @@ class Relay:
 
     def _due_ns(self, route: Route, datagram: bytes, now_ns: int) -> int | None:
         """When the datagram comes out; None if the link loses it. Uplink packets are recorded."""
-        if route.flow is Flow.FEEDBACK:
+        if route.flow == "feedback":
             return self._link.feedback(now_ns, route.view)
-        if route.flow is Flow.RTP:
+        if route.flow == "rtp":
             kind, sequence, timestamp = identify(datagram)
         else:
             kind, sequence, timestamp = PacketKind.RTCP, 0, 0

@@ -6,11 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from tams_app.capacity import Capacity
 from tams_app.config import Network
 from tams_app.records import PacketRecord
-from tams_app.runtime.clock import Clock, MonotonicClock
-from tams_app.video.networks import network_capacity
 from tams_app.video.reporting_helper import ReportingHelper
 from tams_app.video.udp import ViewPorts
 
@@ -19,8 +16,7 @@ class RelayClient:
     """One relay process between the video ends.
 
     `exits` say per view where the link's flows come out (what the ends have bound). A trace
-    begins at `epoch_ns` of the machine's monotonic clock, by default now;
-    `capacity` is the very bottleneck the relay emulates. `on_packets` and `on_failure` are called
+    begins at `epoch_ns` of the machine's monotonic clock. `on_packets` and `on_failure` are called
     in the reading thread; a relay that ends unasked is a failure. Records name a packet's
     delivery when it is decided, up to the link's delay ahead of time.
     """
@@ -34,15 +30,14 @@ class RelayClient:
         log_directory: Path | None,
         on_packets: Callable[[list[PacketRecord]], None],
         on_failure: Callable[[str, BaseException], None],
-        epoch_ns: int | None = None,
-        clock: Clock | None = None,
+        epoch_ns: int,
     ) -> None:
-        self._network = network
-        self._exits = dict(exits)
-        self._seed = seed
-        clock = clock or MonotonicClock()
-        self.epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
-        self.capacity: Capacity = network_capacity(network, self.epoch_ns)
+        self._specification = {
+            "network": network.model_dump(mode="json"),
+            "seed": seed,
+            "epoch_ns": epoch_ns,
+            "exits": {view: asdict(ports) for view, ports in exits.items()},
+        }
         self._helper = ReportingHelper(
             "relay",
             "tams_app.video.relay",
@@ -56,14 +51,7 @@ class RelayClient:
 
     def start(self) -> dict[str, ViewPorts]:
         """Start the relay; returns per view the entrances to send to. HelperError if it cannot."""
-        ready = self._helper.start(
-            {
-                "network": self._network.model_dump(mode="json"),
-                "seed": self._seed,
-                "epoch_ns": self.epoch_ns,
-                "exits": {view: asdict(ports) for view, ports in self._exits.items()},
-            }
-        )
+        ready = self._helper.start(self._specification)
         return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
 
     @property

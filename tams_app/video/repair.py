@@ -65,7 +65,6 @@ class KeyframeRequests:
     """
 
     def __init__(self, interval_ms: float) -> None:
-        self.sent = 0
         self._interval_ns = round(interval_ms * NS_PER_MS)
         self._last_ns: int | None = None
         self._unanswered = False
@@ -85,7 +84,6 @@ class KeyframeRequests:
             return False
         self._waiting = False
         self._last_ns = now_ns
-        self.sent += 1
         return True
 
     def keyframe(self, complete: bool) -> None:

@@ -100,7 +100,7 @@ class VideoSender:
         session = pipeline.get_by_name("session").get_property("internal-session")
         session.set_property("internal-ssrc", media_ssrc(self._config, self.view))
         if self._resender is not None:
-            self._set_structure("payload-type-map", pipelines.rtx_payload_types())
+            self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
         self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the sender of view {self.view}")

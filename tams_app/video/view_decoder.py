@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,17 +23,6 @@ from tams_app.video.repair import KeyframeRequests, RepairRule
 
 _RTP_SEQUENCE = slice(2, 4)  # of the RTP header (RFC 3550)
 _RTP_TIMESTAMP = slice(4, 8)
-
-
-@dataclass(frozen=True, slots=True)
-class ReceiverStats:
-    """What a receiver has seen so far; packets are media packets."""
-
-    frames_shown: int
-    packets_lost: int  # residual: given up after repair
-    rtx_requested: int
-    rtx_received: int
-    pli_sent: int
 
 
 class ViewDecoder:
@@ -63,33 +51,21 @@ class ViewDecoder:
         self._requests_lock = threading.Lock()
         self._asks_for_keyframes = rule.pli
         self._start_request_is_idle = False
-        self._shown = 0
 
     def attach(self, pipeline: Any) -> None:
         """Take the elements of a `decoder_chain` that ends in the appsink `frames`."""
         kinds = gst.load().Gst.PadProbeType
         buffers = kinds.BUFFER | kinds.BUFFER_LIST
-        self._jitterbuffer = pipeline.get_by_name("jitterbuffer")
-        for element in (self._jitterbuffer, pipeline.get_by_name("ptdemux")):
+        self.jitterbuffer = pipeline.get_by_name("jitterbuffer")
+        for element in (self.jitterbuffer, pipeline.get_by_name("ptdemux")):
             element.connect("request-pt-map", caps_of_payload_type)
         self._depayloader = depayloader = pipeline.get_by_name("depayloader")
         self._request_pad = depayloader.get_static_pad("sink")
-        self._jitterbuffer.get_static_pad("sink").add_probe(buffers, self._on_first_arrival)
-        self._jitterbuffer.get_static_pad("src").add_probe(buffers, self._on_first_packet)
+        self.jitterbuffer.get_static_pad("sink").add_probe(buffers, self._on_first_arrival)
+        self.jitterbuffer.get_static_pad("src").add_probe(buffers, self._on_first_packet)
         self._request_pad.add_probe(kinds.EVENT_UPSTREAM, self._on_upstream_event)
         depayloader.get_static_pad("src").add_probe(kinds.BUFFER, self._on_access_unit)
         pipeline.get_by_name("frames").connect("new-sample", self._on_frame)
-
-    def stats(self) -> ReceiverStats:
-        """Counts since the start."""
-        jitterbuffer = self._jitterbuffer.get_property("stats")
-        return ReceiverStats(
-            frames_shown=self._shown,
-            packets_lost=jitterbuffer.get_value("num-lost"),
-            rtx_requested=jitterbuffer.get_value("rtx-count"),
-            rtx_received=jitterbuffer.get_value("rtx-success-count"),
-            pli_sent=self._requests.sent,
-        )
 
     # --- in GStreamer's threads -------------------------------------------------------------
 
@@ -100,7 +76,7 @@ class ViewDecoder:
         for its sender would give every gap up at once.
         """
         first = next(gst.buffers_of(probe))
-        self._jitterbuffer.set_property("ts-offset", first.dts)
+        self.jitterbuffer.set_property("ts-offset", first.dts)
         return gst.load().Gst.PadProbeReturn.REMOVE
 
     def _on_first_packet(self, pad: Any, probe: Any) -> Any:
@@ -144,8 +120,8 @@ class ViewDecoder:
         timestamp = self._depayloader.get_property("stats").get_value("timestamp")
         shift_ns = self._identity.follow(access_unit.pts, timestamp)
         if shift_ns:
-            offset_ns = self._jitterbuffer.get_property("ts-offset")
-            self._jitterbuffer.set_property("ts-offset", offset_ns + shift_ns)
+            offset_ns = self.jitterbuffer.get_property("ts-offset")
+            self.jitterbuffer.set_property("ts-offset", offset_ns + shift_ns)
             access_unit.pts += shift_ns
 
     def _on_frame(self, appsink: Any) -> Any:
@@ -166,7 +142,6 @@ class ViewDecoder:
         index = self._identity.index(buffer.pts)
         shown = ShownFrame(self._view, index, self._clock.now_ns(), image)
         self.mailbox.put(shown)
-        self._shown += 1
         self._on_shown(shown)
         self._send_waiting_request()
 

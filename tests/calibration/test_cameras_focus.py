@@ -4,8 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.cameras.exposure import Exposure, exposure_advice, measure_exposure, smear_px
-from calibration.cameras.focus import focus_advice, sharpness
+from calibration.cameras.image_quality import (
+    Exposure,
+    exposure_advice,
+    focus_advice,
+    measure_exposure,
+    sharpness,
+    smear_px,
+)
 
 pytestmark = pytest.mark.untimed
 

@@ -104,8 +104,8 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     for view, node in nodes.items():
         played[view] = str(tmp_path / f"played-{view}")  # opened there, it is no device
         os.link(machine.dev / node, played[view])
-    # fix the first view's settings, not the others'; no further steps; write
-    answers = ["y", "n", "n", "n", "y"]
+    # fix the first view's settings, not the others'; write
+    answers = ["y", "n", "n", "y"]
     environment = os.environ | {
         "LD_PRELOAD": str(library),
         "TAMS_FAKE_V4L2": str(machine.dev),

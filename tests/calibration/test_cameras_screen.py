@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from calibration.cameras.screen import flashing_window
+from calibration.cameras.flashes import flashing_window
 from tams_app.errors import SetupError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.phases.scores import Switches, score, switches_into
-from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Motion, Trial
+from calibration.phases.trials import (
+    CODE,
+    NOT_COUNTED,
+    Codes,
+    Motion,
+    Switches,
+    Trial,
+    score,
+    switches_into,
+)
 from tams_app.records import Phase
 
 pytestmark = pytest.mark.untimed

@@ -18,7 +18,7 @@ from calibration.options import PhaseOptions
 from calibration.phases import wizard
 from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds
 from calibration.phases.labels import LabelRules
-from calibration.phases.sources import LoggedTrial, logged_trials
+from calibration.phases.sources import Material, logged_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial
 from calibration.phases.wizard import PhaseWizard
 from tams_app import cli
@@ -79,7 +79,7 @@ def calibrate(config_path: Path, ui: ScriptedUI, **options) -> int:
     return PhaseWizard(ui, PhaseOptions(config=config_path, **options), lambda: NOON).run()
 
 
-def labelled(folders: tuple[Path, ...]) -> list[LoggedTrial]:
+def labelled(folders: tuple[Path, ...]) -> Material:
     return logged_trials(folders, 100.0, LabelRules(), lambda *_: None)
 
 
@@ -155,7 +155,7 @@ def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, decline
     thresholds = load_config(written.config_path).policy.phases
     content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))
     figures = content["calibration"]["quality"]
-    trials = [log.trial for log in labelled(logs)]
+    trials = labelled(logs).trials
     assert thresholds == declined.found.thresholds
     assert figures["accuracy_in_sample"] == pytest.approx(
         evaluate(trials, thresholds).accuracy, abs=1e-4
@@ -203,12 +203,12 @@ def test_progress_is_shown_while_it_searches(declined) -> None:
 def test_held_out_trials_are_judged_by_and_not_learned_from(
     logs, declined, config_path, monkeypatch
 ) -> None:
-    trials = [log.trial for log in labelled(logs)]
+    trials = labelled(logs).trials
     learned: list[list[Trial]] = []
 
-    def made(_config, seeds, *_) -> list[Trial]:
-        assert list(seeds) == [7, 8, 9, 10]
-        return [*trials, trials[1]]
+    def made(_config, seeds, unseen, *_) -> Material:
+        assert (list(seeds), unseen) == ([7, 8, 9, 10], 1)
+        return Material(trials, [trials[1]], "simulated", True)
 
     def fit(given, *_) -> PhaseFit:
         learned.append(given)
@@ -247,11 +247,12 @@ def mark(config_path: Path, folders: tuple[Path, ...]) -> None:
 def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs, config_path) -> None:
     mark(config_path, own_logs)
     assert (own_logs[2] / "phases.csv").read_text().splitlines()[-1].endswith(",-")
-    for log in labelled(own_logs):
-        closes = int(np.argmax([bool(closed) for _, _, closed, _ in log.trial.motion.inputs]))
-        assert log.marked
-        assert log.trial.labels[0] == NOT_COUNTED
-        assert log.trial.labels[closes + 1] == CODE[Phase.GRASP]
+    found = labelled(own_logs)
+    assert found.source == "recorded trials: trial-0 (marked), trial-1 (marked), trial-2 (marked)"
+    for trial in found.trials:
+        closes = int(np.argmax([bool(closed) for _, _, closed, _ in trial.motion.inputs]))
+        assert trial.labels[0] == NOT_COUNTED
+        assert trial.labels[closes + 1] == CODE[Phase.GRASP]
 
 
 @pytest.mark.usefixtures("fitted")

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from calibration.ui import TerminalUI
+from calibration.ui import WizardUI
 from tams_app.errors import ConfigError
 
 pytestmark = pytest.mark.untimed
@@ -23,7 +23,7 @@ def paper():
 
 
 def test_what_is_said_stays_to_the_letter(paper):
-    with TerminalUI(paper) as ui:
+    with WizardUI(paper) as ui:
         ui.say(LIKE_MARKUP)
     assert paper.file.getvalue() == LIKE_MARKUP + "\n"
 
@@ -33,7 +33,7 @@ def test_a_question_stays_to_the_letter(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.StringIO("y\n"))
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
     monkeypatch.setattr("builtins.input", lambda *_: sys.stdin.readline().rstrip())
-    with TerminalUI(console) as ui:
+    with WizardUI(console) as ui:
         assert ui.yes(LIKE_MARKUP)
     assert LIKE_MARKUP in console.file.getvalue()
 
@@ -41,7 +41,7 @@ def test_a_question_stays_to_the_letter(monkeypatch):
 @pytest.mark.parametrize("stdin", [io.StringIO("y\n"), None])
 def test_without_a_terminal_nobody_is_asked_or_waited_for(paper, monkeypatch, stdin):
     monkeypatch.setattr(sys, "stdin", stdin)
-    with TerminalUI(paper) as ui:
+    with WizardUI(paper) as ui:
         assert not ui.attended
         assert not ui.pressed()
         with pytest.raises(ConfigError, match="there is no terminal to ask at"):
@@ -52,7 +52,7 @@ def test_what_is_shown_keeps_its_style_when_something_is_said_above_it():
     console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
     table = Table(box=None, show_header=False)
     table.add_row("[dim]towards the base[/]")
-    with TerminalUI(console) as ui:
+    with WizardUI(console) as ui:
         ui.show(table)
         ui.say(LIKE_MARKUP)
     assert LIKE_MARKUP in console.file.getvalue()
@@ -65,13 +65,13 @@ def test_ctrl_c_while_the_live_area_opens_is_ctrl_c_and_gives_the_cursor_back(mo
 
     console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
     monkeypatch.setattr(console, "push_render_hook", interrupted)
-    with pytest.raises(KeyboardInterrupt), TerminalUI(console) as ui:
+    with pytest.raises(KeyboardInterrupt), WizardUI(console) as ui:
         ui.show(Text("12 %"))
     assert console.file.getvalue().endswith("\x1b[?25h")
 
 
 def test_a_file_does_not_get_every_state_of_what_is_measured(paper):
-    with TerminalUI(paper) as ui:
+    with WizardUI(paper) as ui:
         ui.show(Text("12 %"))
         ui.show(Text("13 %"))
     assert paper.file.getvalue() == ""

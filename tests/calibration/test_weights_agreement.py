@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from calibration.weights.agreement import kendall_w, krippendorff_alpha
+from calibration.weights.fit import kendall_w, krippendorff_alpha
 
 pytestmark = pytest.mark.untimed
 

@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.weights import clip_file
-from calibration.weights.clip_file import ClipWriter, play
-from calibration.weights.clips import ClipFolder
+from calibration.weights import clips as clip_file
+from calibration.weights.clips import ClipFolder, ClipWriter, play
 from calibration.weights.cutting import (
     LONGEST_S,
     SHORTEST_S,

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.weights.agreement import assess
-from calibration.weights.fit import fit_weights, smallest_share
+from calibration.weights.fit import assess, fit_weights, smallest_share
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
 from tams_app.config import load_config
@@ -27,18 +26,26 @@ def panels(draw, views=VIEWS, may_be_silent=True):
     silence = st.none() if may_be_silent else st.nothing()
     answer = st.builds(
         Answer,
-        st.just(Phase.REACH),
-        st.fixed_dictionaries(dict.fromkeys(views, POINTS | silence)),
-        st.sampled_from(views) | silence,
+        phase=st.just(Phase.REACH),
+        necessity=st.fixed_dictionaries(dict.fromkeys(views, POINTS | silence)),
+        most_critical=st.sampled_from(views) | silence,
     )
     answers = draw(st.lists(answer, min_size=1, max_size=12))
-    return [Sheet(f"p{number}", False, (one,)) for number, one in enumerate(answers)]
+    return [
+        Sheet(rater=f"p{number}", simulated=False, answers=(one,))
+        for number, one in enumerate(answers)
+    ]
+
+
+def answer(points, named):
+    necessity = dict(zip(VIEWS, points, strict=True))
+    return Answer(phase=Phase.REACH, necessity=necessity, most_critical=named)
 
 
 def ballot(*answers):
     """Sheets from (necessity in the order of VIEWS, most critical view)."""
     return [
-        Sheet(f"p{n}", False, (Answer(Phase.REACH, dict(zip(VIEWS, points, strict=True)), named),))
+        Sheet(rater=f"p{n}", simulated=False, answers=(answer(points, named),))
         for n, (points, named) in enumerate(answers)
     ]
 
@@ -116,7 +123,8 @@ def test_the_order_of_the_raters_does_not_matter(sheets, random):
 def test_one_more_vote_for_the_dominant_view_never_lowers_its_share(sheets):
     row = reach(sheets)
     voted = dict.fromkeys(VIEWS)  # the vote only, so that the necessities stay
-    more = [*sheets, Sheet("more", False, (Answer(Phase.REACH, voted, row.dominant),))]
+    vote = Answer(phase=Phase.REACH, necessity=voted, most_critical=row.dominant)
+    more = [*sheets, Sheet(rater="more", simulated=False, answers=(vote,))]
     assert reach(more).shares[row.dominant] >= row.shares[row.dominant]
 
 
@@ -200,7 +208,7 @@ def test_a_panel_that_prefers_nothing_is_reported_as_disagreeing():
 
 def test_few_and_simulated_raters_are_told():
     sheets = simulate_panel(PANELS["paper"], VIEWS, Phase, raters=2, seed=1)
-    sheets.append(Sheet("p01", False, sheets[0].answers))
+    sheets.append(Sheet(rater="p01", simulated=False, answers=sheets[0].answers))
     remarks = assess(sheets, VIEWS, PRESENT).all_remarks
     assert "2 of 3 ratings are of a simulated panel, not of people" in remarks
     assert "few raters: 3, where the paper asked 8" in remarks

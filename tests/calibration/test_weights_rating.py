@@ -3,8 +3,7 @@
 import pytest
 
 from calibration.weights.clips import Clip
-from calibration.weights.rating import rate, viewing_order
-from calibration.weights.ratings import Answer, RatingFolder
+from calibration.weights.ratings import Answer, RatingFolder, rate, viewing_order
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.scripted_ui import ScriptedUI
@@ -12,7 +11,9 @@ from tests.scripted_ui import ScriptedUI
 pytestmark = pytest.mark.untimed
 
 VIEWS = ("eih", "gt", "gs")
-REACH_ANSWER = Answer(Phase.REACH, {"eih": 2, "gt": 5, "gs": None}, "gt")
+REACH_ANSWER = Answer(
+    phase=Phase.REACH, necessity={"eih": 2, "gt": 5, "gs": None}, most_critical="gt"
+)
 
 
 @pytest.fixture
@@ -31,7 +32,7 @@ def clips(tmp_path, sessions=("a", "b", "c"), phases=tuple(Phase)):
 def test_what_was_answered_reads_back(folder):
     assert folder.open("p01").answers == ()
     folder.add("p01", REACH_ANSWER)
-    silent = Answer(Phase.GRASP, dict.fromkeys(VIEWS), None)
+    silent = Answer(phase=Phase.GRASP, necessity=dict.fromkeys(VIEWS), most_critical=None)
     folder.add("p01", silent)
     (sheet,) = folder.sheets()
     assert sheet == folder.open("p01")
@@ -44,7 +45,10 @@ def test_an_answer_is_only_ever_added_to_the_file(folder):
     folder.add("p01", REACH_ANSWER)
     before = (folder.path / "p01.yaml").read_bytes()
     folder.open("p01")
-    folder.add("p01", Answer(Phase.ALIGN, {"eih": 5, "gt": 1, "gs": 1}, "eih"))
+    folder.add(
+        "p01",
+        Answer(phase=Phase.ALIGN, necessity={"eih": 5, "gt": 1, "gs": 1}, most_critical="eih"),
+    )
     assert (folder.path / "p01.yaml").read_bytes().startswith(before)
 
 
@@ -52,7 +56,10 @@ def test_a_second_answer_on_a_phase_is_refused_and_the_first_stays(folder):
     folder.open("p01")
     folder.add("p01", REACH_ANSWER)
     with pytest.raises(ConfigError, match="REACH is answered already"):
-        folder.add("p01", Answer(Phase.REACH, {"eih": 5, "gt": 1, "gs": 1}, "eih"))
+        folder.add(
+            "p01",
+            Answer(phase=Phase.REACH, necessity={"eih": 5, "gt": 1, "gs": 1}, most_critical="eih"),
+        )
     assert folder.open("p01").answers == (REACH_ANSWER,)
 
 
@@ -113,7 +120,7 @@ def test_a_file_written_by_hand_is_added_to_however_it_is_laid_out(folder, answe
         answers += "{phase: REACH, necessity: {eih: 1, gt: 1, gs: 1}, most_critical: gt}"
     file.write_text(file.read_text().replace("answers: []", answers).rstrip("\n"))
     before = folder.open("p01").answers
-    folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
+    folder.add("p01", Answer(phase=Phase.GRASP, necessity=dict.fromkeys(VIEWS), most_critical=None))
     assert folder.open("p01").answers[:-1] == before
 
 
@@ -125,9 +132,11 @@ def test_a_disk_that_is_full_while_an_answer_is_added_loses_no_other(folder, mon
     def full(_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("calibration.weights.ratings.os.fsync", full)
+    monkeypatch.setattr("tams_app.study.folder.os.fsync", full)
     with pytest.raises(LogError, match="No space left"):
-        folder.add("p01", Answer(Phase.GRASP, dict.fromkeys(VIEWS), None))
+        folder.add(
+            "p01", Answer(phase=Phase.GRASP, necessity=dict.fromkeys(VIEWS), most_critical=None)
+        )
     assert (folder.path / "p01.yaml").read_bytes() == before
 
 

@@ -8,14 +8,13 @@ import yaml
 from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
-from calibration.ui import TerminalUI
-from calibration.weights.agreement import assess
+from calibration.ui import WizardUI
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
-from calibration.weights.figure import save_weights
+from calibration.weights.fit import assess
 from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import RatingFolder
-from calibration.weights.report import evidence_remarks
+from calibration.weights.report import evidence_remarks, save_weights
 from calibration.weights.sources import open_session
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
@@ -242,7 +241,7 @@ def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
 
 
 def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
-    TerminalUI().say("Please watch /tmp/[red]a/:smile:.mp4")
+    WizardUI().say("Please watch /tmp/[red]a/:smile:.mp4")
     assert capsys.readouterr().out == "Please watch /tmp/[red]a/:smile:.mp4\n"
 
 

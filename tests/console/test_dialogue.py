@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from rich.console import Console
 
-from tams_app.console.dialogue import Dialogue
+from tams_app.console.home import Dialogue
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import DeviceError
 

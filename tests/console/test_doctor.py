@@ -32,7 +32,7 @@ def examine(*findings: Finding) -> tuple[int, list[str]]:
         yield from findings
 
     output = io.StringIO()
-    code = run_doctor(config(), Console(file=output, width=80), [check])
+    code = run_doctor(config(), [check], Console(file=output, width=80))
     return code, output.getvalue().splitlines()
 
 
@@ -67,7 +67,7 @@ def test_every_check_of_this_machine_gives_findings_with_a_fix() -> None:
 
 
 def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    missing = [gst.MissingElement("x264enc", "gstreamer1.0-plugins-ugly")]
+    missing = {"x264enc": "gstreamer1.0-plugins-ugly"}
     monkeypatch.setattr(gst, "missing_elements", lambda: missing)
     (finding,) = checks.gstreamer(config())
     assert not finding.ok

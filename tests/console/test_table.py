@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from tams_app.console.table import summary_tables
+from tams_app.console.report import summary_tables
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, Outcome, Phase, PhaseChange
 from tams_app.summary import summarise

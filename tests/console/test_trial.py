@@ -19,12 +19,12 @@ from tams_app.console.trial import LiveTrialRunner, TrialLines
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.recording import read_log
 from tams_app.session.session import Session
-from tams_app.study.runner import TrialSpec
 from tests.console.test_status import SNAPSHOT
+from tests.study.synthetic_study import planned_trial
 
 pytestmark = pytest.mark.timed
 
-SPEC = TrialSpec("P01-03", "P01", "static", "s3", 1, False, 5, 6)
+TRIAL = planned_trial("P01-03", "static", "s3")
 REVEALING = re.compile(r"static|equal|tams|s3|kbit|\d ms|queue|ssim|weight|target", re.IGNORECASE)
 
 
@@ -48,7 +48,7 @@ def test_a_whole_session_is_left_in_the_given_folder_and_the_screen_gives_nothin
     tmp_path: Path,
 ) -> None:
     screen = Screen()
-    LiveTrialRunner(rig(seconds=12.0), screen).run(SPEC, tmp_path)
+    LiveTrialRunner(rig(seconds=12.0), screen).run(TRIAL, tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"session.mcap", "config.yaml", "summary.json", "bitrates.png", "helpers"}
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -85,7 +85,7 @@ def test_ctrl_c_ends_the_sitting_and_not_only_the_trial(
 
     played(show)
     with pytest.raises(KeyboardInterrupt):
-        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+        LiveTrialRunner(rig(), Screen()).run(TRIAL, tmp_path)
     assert (tmp_path / "summary.json").exists()
 
 
@@ -98,7 +98,7 @@ def test_ctrl_c_while_the_session_starts_is_no_failed_trial(
 
     played(show)
     with pytest.raises(KeyboardInterrupt):
-        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+        LiveTrialRunner(rig(), Screen()).run(TRIAL, tmp_path)
 
 
 @pytest.mark.parametrize("has_log", [True, False])
@@ -110,7 +110,7 @@ def test_a_failed_session_is_a_failed_trial_with_its_own_reason(
 
     played(show, has_log)
     with pytest.raises(TamsError, match=r"^the helper process guard ended unasked$"):
-        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+        LiveTrialRunner(rig(), Screen()).run(TRIAL, tmp_path)
     assert (tmp_path / "summary.json").exists() is has_log
 
 
@@ -120,13 +120,13 @@ def test_a_session_that_cannot_start_says_why(played: Callable[..., None], tmp_p
 
     played(show)
     with pytest.raises(TamsError, match="guard could not be started"):
-        LiveTrialRunner(rig(), Screen()).run(SPEC, tmp_path)
+        LiveTrialRunner(rig(), Screen()).run(TRIAL, tmp_path)
 
 
 def test_a_trial_of_unknown_names_leaves_its_folder_empty(tmp_path: Path) -> None:
-    for wrong in (replace(SPEC, strategy="best"), replace(SPEC, network="s9")):
+    for wrong in ({"strategy": "best"}, {"network": "s9"}):
         with pytest.raises(ConfigError):
-            LiveTrialRunner(rig(), Screen()).run(wrong, tmp_path)
+            LiveTrialRunner(rig(), Screen()).run(TRIAL.model_copy(update=wrong), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -136,7 +136,7 @@ def test_people_are_not_asked_to_drive_by_frames_that_do_not_show_the_arm(
     cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
     config = rig(**{"rig.enabled": False, "cameras": cameras})
     with pytest.raises(ConfigError, match="does not show the arm"):
-        LiveTrialRunner(config, Screen()).run(SPEC, tmp_path)
+        LiveTrialRunner(config, Screen()).run(TRIAL, tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hw.arm import Arm, GripperDrive, ServoMode, TcpBoundary
+from hw.arm import Arm, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
@@ -20,7 +20,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
-from tams_app.records import ArmState, Twist
+from tams_app.records import ArmState, ServoMode, Twist
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
@@ -140,9 +140,8 @@ class Lite6Rig(ArmRig):
             return self.model.state is State.STOPPED
 
     def gripper_driven(self) -> bool | None:
-        driven = {GripperDrive.CLOSE: True, GripperDrive.OPEN: False}
         with self.model_lock:
-            return driven.get(self.model.gripper)
+            return self.model.settings.closing
 
     def collide(self) -> None:
         with self.model_lock:

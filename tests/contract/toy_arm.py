@@ -17,9 +17,7 @@ from hw.arm import (
     ArmKinematics,
     ArmLimits,
     FoundArm,
-    GripperDrive,
     Plant,
-    ServoMode,
     SimulatedArm,
     TcpBoundary,
 )
@@ -34,6 +32,7 @@ from tams_app.records import (
     CommandLink,
     LinkFault,
     Pose,
+    ServoMode,
     Twist,
     Vector,
 )
@@ -113,8 +112,7 @@ class ToyBox:
             share = speed * CYCLE_S / max(float(np.abs(change).max()), 1e-12)
             self._goal = None if share >= 1.0 else self._goal
             self.joints = goal if share >= 1.0 else self.joints + share * change
-        drive = {None: GripperDrive.OFF, True: GripperDrive.CLOSE, False: GripperDrive.OPEN}
-        state = self._plant.step(self.joints, drive[self.gripper_closed], CYCLE_NS)
+        state = self._plant.step(self.joints, self.gripper_closed, CYCLE_NS)
         self.measured = state.joints.copy()
         outside = self.boundary is not None and not self.boundary.contains(
             self.kinematics.tcp_matrix(self.joints)[:3, 3]
@@ -321,11 +319,6 @@ def simulated_toy(
     return ToyArm(config, clock, box, boundary)
 
 
-class _Found:
-    problem = ""
-    description = "a toy"
-
-
 class ToyKind(ArmKind):
     title = "toy"
     limits = LIMITS
@@ -345,7 +338,7 @@ class ToyKind(ArmKind):
         return Lite6Model(offset_from_mm_deg(config.tcp_offset_mm_deg))
 
     def find(self, config: ArmConfig) -> FoundArm:
-        return _Found()
+        return FoundArm(problem="", description="a toy")
 
 
 KIND = ToyKind()

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hw.arm import Arm, ServoMode
+from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config, load_config
 from tams_app.recording import SessionLog, read_log
-from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
+from tams_app.records import ArmState, PhaseChange, ServoMode, StopRecord, Tick, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals

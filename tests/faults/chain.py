@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -65,9 +65,6 @@ class NoLog:
     """Keeps nothing."""
 
     def record(self, item: object) -> None:
-        """Forgotten."""
-
-    def record_all(self, items: Iterable[object]) -> None:
         """Forgotten."""
 
 

@@ -17,13 +17,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from hw.arm import ServoMode
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import State
 from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig
-from tams_app.records import LinkFault, Twist
+from tams_app.records import LinkFault, ServoMode, Twist
 from tams_app.runtime.clock import MonotonicClock
 from tests.faults.wire import TappedModel
 from tests.tcp_relay import TcpRelay

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.arm import ServoMode
-from tams_app.records import ControllerSample
+from tams_app.records import ControllerSample, ServoMode
 from tams_app.teleop.safety import ArmingState
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.braking import TICKS_TO_REST, keeps_stop_profile

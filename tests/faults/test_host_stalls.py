@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.arm import ServoMode
 from hw.guard.link import GuardMessage, Heartbeat
 from hw.guard.process import HeartbeatWatch, Watch
 from hw.lite6.codes import Register, State
 from hw.sim.controller.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
+from tams_app.records import ServoMode
 from tams_app.runtime.clock import FixedRate, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.lite6.codes import Register, State
+from hw.sim.controller.core import ControllerSettings
 from hw.sim.controller.model import ControllerModel, IdealPlant
-from hw.sim.controller.settings import ControllerSettings
 from tams_app.config import ArmConfig
 from tams_app.records import Vector
 

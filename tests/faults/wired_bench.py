@@ -107,7 +107,7 @@ class WiredBench(Bench):
             self.reachable = True  # set to False where no stop can reach the controller
             self.in_step = True  # set to False where replies are to be late
             self._fell_silent = False
-            worker = Worker("arm-supervisor", self.gate.run)
+            worker = Worker("arm-gate", self.gate.run)
             worker.start()
             opened.callback(worker.stop, PATIENCE_S)
             self._server_side = opened.pop_all()

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import Register, State
@@ -16,7 +15,7 @@ from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, Repor
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, LinkFault, Twist
+from tams_app.records import Activity, LinkFault, ServoMode, Twist
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.dry_run import DryRunArm
 from tams_app.units import NS_PER_S

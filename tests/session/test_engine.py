@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
-from tams_app.records import Allocation, Frame, Phase, PhaseChange, ShownFrame, Tick
+from tams_app.records import Allocation, Frame, Phase, PhaseChange, ServoMode, ShownFrame, Tick
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
@@ -34,9 +33,6 @@ class ListLog:
 
     def record(self, item):
         self.items.append(item)
-
-    def record_all(self, items):
-        self.items.extend(items)
 
     def of(self, kind):
         return [item for item in self.items if isinstance(item, kind)]

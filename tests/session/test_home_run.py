@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +18,7 @@ from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, Vector
 from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.worker import Worker
 from tams_app.session.home_run import HomeRun
 from tams_app.session.homing import HomingState
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -30,16 +29,16 @@ REPEAT_NS = 40 * NS_PER_MS
 FIRST_REPEAT_NS = 660 * NS_PER_MS
 
 
-class AtOnce(Executor):
-    """Does what it is given before it returns."""
+class AtOnce(Worker):
+    """Does what it is given before `start` returns."""
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except DeviceError as error:
-            future.set_exception(error)
-        return future
+    def start(self) -> None:
+        self._run()
+
+
+@pytest.fixture(autouse=True)
+def starts_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tams_app.session.home_run.Worker", AtOnce)
 
 
 class WatchedGuard:
@@ -97,7 +96,6 @@ class Bench:
             self.clock,
             self.arm,
             self.guard,
-            AtOnce(),
             self._keys,
             self.said.append,
             lambda: self.shown,

@@ -9,7 +9,7 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.recording.direct import DirectRecorder
+from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorded_hand import ReplayedController, recorded_hand
 from tams_app.session.rig import SimulatedRig

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import signal
 import sys
 from dataclasses import dataclass
@@ -11,12 +12,13 @@ from typing import Any
 
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.study.machine import mark_ended
-from tams_app.study.runner import TrialRunner, TrialSpec
+from tams_app.study.plan import PlannedTrial
+from tams_app.study.runner import TrialRunner, mark_ended
 from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
 
 RUNNING = "running"
+RUN_TAMS = Path(__file__).parents[2] / "run_tams.py"
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,12 @@ class StuckRunner:
 
     stuck: str
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
-        if spec.trial_id == self.stuck:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        if trial.id == self.stuck:
             (folder / RUNNING).touch()
             while True:
                 signal.pause()
-        PlantedRunner().run(spec, folder)
+        PlantedRunner().run(trial, folder)
 
 
 class PlayedPool:
@@ -44,7 +46,7 @@ class PlayedPool:
 
     def start(self, job: Job) -> None:
         try:
-            self._runner.run(job.spec, job.folder)
+            self._runner.run(job.trial, job.folder)
         except TamsError as error:
             self._ended.append((job, str(error)))
         else:
@@ -74,6 +76,4 @@ def main(stuck: str) -> None:
     """The command line, of which trial `stuck` never ends."""
     sys.modules["tams_app.session.virtual"] = played_virtual(StuckRunner(stuck))
     sys.argv[0] = "run_tams.py"
-    from tams_app.cli import main as run_tams
-
-    run_tams()
+    runpy.run_path(str(RUN_TAMS), run_name="__main__")

@@ -13,10 +13,9 @@ from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
-from tams_app.study.machine import mark_ended
-from tams_app.study.plan import Attempt, AttemptState
+from tams_app.study.plan import Attempt, AttemptState, PlannedTrial
 from tams_app.study.planning import make_plan
-from tams_app.study.runner import TrialSpec
+from tams_app.study.runner import mark_ended
 from tams_app.study.tables import phase_rows, trial_row
 
 if TYPE_CHECKING:
@@ -25,6 +24,20 @@ if TYPE_CHECKING:
 NETWORK_TIME_S = {"s1": 24.0, "s2": 32.0, "s3": 55.0}
 NETWORK_SSIM = {"s1": 0.95, "s2": 0.88, "s3": 0.78}
 DAMAGED = {"s1": 0.0, "s2": 0.0, "s3": 0.2}  # share of the frames
+
+
+def planned_trial(trial_id: str, strategy: str, network: str) -> PlannedTrial:
+    """A trial of no plan, of participant P01."""
+    return PlannedTrial(
+        id=trial_id,
+        participant="P01",
+        order=1,
+        strategy=strategy,
+        network=network,
+        repetition=1,
+        seed=5,
+        participant_seed=6,
+    )
 
 
 @dataclass(frozen=True)
@@ -42,22 +55,22 @@ class PlantedRunner:
     missing_phase: str | None = None
     fails: tuple[str, ...] = ()
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
-        if spec.trial_id in self.fails:
-            raise DeviceError(f"{spec.trial_id}: the rig fell over")
-        (folder / "summary.json").write_text(json.dumps(self.summary(spec)), encoding="utf-8")
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        if trial.id in self.fails:
+            raise DeviceError(f"{trial.id}: the rig fell over")
+        (folder / "summary.json").write_text(json.dumps(self.summary(trial)), encoding="utf-8")
 
-    def summary(self, spec: TrialSpec) -> dict[str, Any]:
-        shared = np.random.default_rng([spec.seed, 1])  # what the scene does, to every strategy
-        own = np.random.default_rng([spec.seed, 2, *spec.strategy.encode()])
-        person = np.random.default_rng([spec.participant_seed, 3])
+    def summary(self, trial: PlannedTrial) -> dict[str, Any]:
+        shared = np.random.default_rng([trial.seed, 1])  # what the scene does, to every strategy
+        own = np.random.default_rng([trial.seed, 2, *trial.strategy.encode()])
+        person = np.random.default_rng([trial.participant_seed, 3])
         time_s = max(
             6.0,
-            NETWORK_TIME_S[spec.network]
+            NETWORK_TIME_S[trial.network]
             + person.normal(0, 5)
             + shared.normal(0, self.noise_s)
             + own.normal(0, self.noise_s)
-            + self.time_effect_s.get(spec.strategy, 0.0),
+            + self.time_effect_s.get(trial.strategy, 0.0),
         )
         completed = time_s <= 120 and own.random() >= self.lapses
         drops = int(own.integers(0, 3))
@@ -70,18 +83,18 @@ class PlantedRunner:
         }
         if not self.judged:
             outcome = dict.fromkeys(outcome) | {"reason": ""}
-        return _summary(self, spec, outcome, shared, own)
+        return _summary(self, trial, outcome, shared, own)
 
 
 def _summary(
     runner: PlantedRunner,
-    spec: TrialSpec,
+    trial: PlannedTrial,
     outcome: dict[str, Any],
     shared: np.random.Generator,
     own: np.random.Generator,
 ) -> dict[str, Any]:
-    base = NETWORK_SSIM[spec.network] + shared.normal(0, 0.01)
-    base += runner.ssim_effect.get(spec.strategy, 0.0)
+    base = NETWORK_SSIM[trial.network] + shared.normal(0, 0.01)
+    base += runner.ssim_effect.get(trial.strategy, 0.0)
     by_phase = {}
     for number, phase in enumerate(Phase):
         if phase.value == runner.missing_phase:
@@ -91,7 +104,7 @@ def _summary(
             "received_ssim": round(value, 4),
             "delivered_ssim": round(value - 0.01, 4),
             "live_ssim": round(value - 0.03, 4),
-            **_damage(runner, spec, value),
+            **_damage(runner, trial, value),
             "n": {"received_ssim": 100, "delivered_ssim": 104, "live_ssim": 104},
         }
     primary = {
@@ -109,14 +122,14 @@ def _summary(
         "freezes": {"count": 1, "total_s": 0.3, "longest_s": 0.3},
         **primary,
     }
-    tams = spec.strategy == "tams"
+    tams = trial.strategy == "tams"
     phases = [{"t_s": 5.0 * number, "phase": one.value} for number, one in enumerate(Phase)]
     content = {
         "schema": 1,
         "version": "0.0.0",
-        "seed": spec.seed,
-        "strategy": spec.strategy,
-        "network": spec.network,
+        "seed": trial.seed,
+        "strategy": trial.strategy,
+        "network": trial.network,
         "budget_mode": "oracle",
         "duration_s": 40.0,
         "phases": phases,
@@ -139,11 +152,11 @@ def _summary(
     return content
 
 
-def _damage(runner: PlantedRunner, spec: TrialSpec, received: float) -> dict[str, float]:
+def _damage(runner: PlantedRunner, trial: PlannedTrial, received: float) -> dict[str, float]:
     if not runner.damage_told:
         return {}
-    damaged = DAMAGED[spec.network]
-    lost = runner.lost_ssim.get(spec.strategy, 0.02) if damaged else 0.0
+    damaged = DAMAGED[trial.network]
+    lost = runner.lost_ssim.get(trial.strategy, 0.02) if damaged else 0.0
     return {
         "damaged_fraction": damaged,
         "undamaged_received_ssim": round(received + lost, 4),
@@ -172,7 +185,7 @@ def fill_study(study: StudyFolder, runner: PlantedRunner, leave: tuple[str, ...]
         if trial.id not in leave:
             plan, attempt = study.new_attempt(plan, trial.id)
             folder = study.path / attempt.folder
-            runner.run(TrialSpec.of(trial), folder)
+            runner.run(trial, folder)
             mark_ended(folder)
             done = attempt.model_copy(update={"state": AttemptState.DONE})
             plan = plan.with_attempt(trial.id, done)
@@ -194,7 +207,7 @@ def planted_data(
     plan = make_plan(config, participants)
     trials, phases = [], []
     for trial in plan.trials:
-        summary = runner.summary(TrialSpec.of(trial))
+        summary = runner.summary(trial)
         for (*condition, phase), scores in (change or {}).items():
             if [trial.strategy, trial.network] == condition:
                 summary["primary_view"]["by_phase"][phase] |= scores

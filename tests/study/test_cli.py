@@ -20,7 +20,7 @@ from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import AttemptState, TrialState
+from tams_app.study.plan import AttemptState
 from tams_app.study.runner import TrialRunner
 from tests.study.played_study import RUNNING, PlayedPool, played_virtual
 from tests.study.synthetic_study import PlantedRunner
@@ -75,7 +75,7 @@ def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Pa
     assert (code, "P01-02" in text) == (0, True)
     assert study("run", "--sim", "--out", out)[0] == 0
     trial = StudyFolder(out).load().trial("P01-02")
-    assert trial.state is TrialState.RETAKEN
+    assert [one.state for one in trial.attempts] == [AttemptState.VOID, AttemptState.DONE]
     assert trial.attempts[0].reason == "the light went out"
 
     code, text, err = study("forget", "P02", out)  # there is no terminal to ask at

@@ -12,15 +12,13 @@ import pytest
 
 from tams_app.errors import LogError, SetupError
 from tams_app.study.dask_pool import DaskPool, pack, run_and_pack, unpack
-from tams_app.study.plan import TrialState
-from tams_app.study.runner import TrialSpec
 from tams_app.study.unattended import run_unattended
-from tests.study.synthetic_study import PlantedRunner, make_study
+from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
 from tests.study.test_unattended import SMALL, Display
 
 pytestmark = pytest.mark.untimed
 
-SPEC = TrialSpec("P01-01", "P01", "tams", "s2", 1, False, 5, 6)
+TRIAL = planned_trial("P01-01", "tams", "s2")
 
 
 @pytest.fixture
@@ -48,7 +46,7 @@ def test_trials_come_back_from_the_cluster_and_a_failed_one_is_reported(
     for trial in study.load().trials:
         folder = tmp_path / trial.attempts[0].folder
         assert (folder / "trial.log").is_file()
-        assert (folder / "machine.json").is_file() == (trial.state is TrialState.DONE)
+        assert (folder / "machine.json").is_file() == trial.is_done
 
 
 def test_no_scheduler_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +56,7 @@ def test_no_scheduler_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_worker_runs_a_trial_in_a_process_of_its_own(tmp_path: Path) -> None:
-    failure, archive = run_and_pack(PlantedRunner(), SPEC)
+    failure, archive = run_and_pack(PlantedRunner(), TRIAL)
     assert failure == ""
     with tarfile.open(fileobj=io.BytesIO(archive)) as contents:
         assert contents.getnames()[-1] == "machine.json"  # where it is, all is

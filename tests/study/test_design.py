@@ -67,10 +67,10 @@ def test_each_participant_meets_each_condition_once_per_repetition(
 ) -> None:
     cells = conditions([f"a{n}" for n in range(strategies)], [f"n{n}" for n in range(networks)])
     slots = schedule(cells, participant, repetitions)
-    assert Counter((slot.condition, slot.repetition) for slot in slots) == {
+    assert Counter(slots) == {
         (cell, repetition): 1 for cell in cells for repetition in range(1, repetitions + 1)
     }
-    assert [slot.repetition for slot in slots] == sorted(slot.repetition for slot in slots)
+    assert [repetition for _, repetition in slots] == sorted(repetition for _, repetition in slots)
 
 
 @given(st.integers(1, 4))
@@ -78,7 +78,7 @@ def test_over_a_whole_square_of_participants_each_repetition_is_balanced(repetit
     cells = conditions(("equal", "static", "tams"), ("s1", "s2", "s3"))
     everyone = [schedule(cells, number, repetitions) for number in range(18)]
     for repetition in range(1, repetitions + 1):
-        rows = [[s.condition for s in one if s.repetition == repetition] for one in everyone]
+        rows = [[cell for cell, number in one if number == repetition] for one in everyone]
         neighbours = Counter(pair for row in rows for pair in pairwise(row))
         assert set(neighbours.values()) == {2}
         assert set(Counter(row[0] for row in rows).values()) == {2}
@@ -88,7 +88,7 @@ def test_a_participant_meets_another_order_in_each_repetition() -> None:
     cells = conditions(("equal", "static", "tams"), ("s1", "s2", "s3"))
     for participant in range(18):
         slots = schedule(cells, participant, 3)
-        orders = {tuple(s.condition for s in slots if s.repetition == one) for one in (1, 2, 3)}
+        orders = {tuple(cell for cell, number in slots if number == one) for one in (1, 2, 3)}
         assert len(orders) == 3
 
 

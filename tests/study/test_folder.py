@@ -10,10 +10,9 @@ import tams_app.study.folder as folder_module
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.study.folder import StudyFolder, write_atomically
-from tams_app.study.machine import mark_ended
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import make_plan
-from tams_app.study.runner import TrialSpec
+from tams_app.study.runner import mark_ended
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
 
 pytestmark = pytest.mark.untimed
@@ -96,7 +95,7 @@ def test_after_a_crash_whole_trials_count_and_others_are_kept_and_retried(tmp_pa
         plan, attempt = study.new_attempt(plan, trial.id)
         folders[trial.id] = tmp_path / attempt.folder
     for trial in plan.trials[:3]:
-        runner.run(TrialSpec.of(trial), folders[trial.id])
+        runner.run(trial, folders[trial.id])
     first, second, third, fourth = (trial.id for trial in plan.trials[:4])
     mark_ended(folders[first])
     mark_ended(folders[second])
@@ -153,7 +152,7 @@ def test_forgetting_that_a_crash_cut_short_is_finished_by_the_next_command(
 def test_a_trial_s_configuration_is_the_study_s_with_its_condition(tmp_path: Path) -> None:
     study = make_study(tmp_path)
     trial = study.load().trials[4]
-    config = TrialSpec.of(trial).configure(study.config())
+    config = trial.configure(study.config())
     assert (config.strategy, config.network, config.seed) == (
         trial.strategy,
         trial.network,

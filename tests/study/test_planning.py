@@ -10,7 +10,7 @@ import pytest
 from tams_app.config import load_config
 from tams_app.errors import ConfigError
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.study.plan import Attempt, AttemptState, ParticipantState, TrialState, void
+from tams_app.study.plan import Attempt, AttemptState, ParticipantState, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tests.study.synthetic_study import small_config
 
@@ -136,20 +136,19 @@ def test_a_wrong_number_of_participants_is_refused(participants: int) -> None:
         make_plan(small_config(), participants)
 
 
-def test_a_trial_goes_from_planned_over_void_to_retaken() -> None:
+def test_a_void_trial_is_left_until_it_is_taken_again() -> None:
     plan = make_plan(small_config(), 1)
     trial_id = plan.trials[0].id
     with pytest.raises(ConfigError, match="no finished attempt"):
         void(plan, trial_id, "why")
     plan = plan.with_attempt(trial_id, Attempt(folder="a1", state=AttemptState.DONE))
-    assert plan.trial(trial_id).state is TrialState.DONE
+    assert plan.trial(trial_id).is_done
     with pytest.raises(ConfigError, match="say why"):
         void(plan, trial_id, "  ")
     plan = void(plan, trial_id, "the phone rang")
-    assert plan.trial(trial_id).state is TrialState.VOID
     assert plan.left[0].id == trial_id
     plan = plan.with_attempt(trial_id, Attempt(folder="a2", state=AttemptState.DONE))
-    assert plan.trial(trial_id).state is TrialState.RETAKEN
+    assert plan.trial(trial_id).is_done
     assert plan.trial(trial_id).attempts[0].reason == "the phone rang"
     with pytest.raises(ConfigError, match="no such trial"):
         plan.trial("P99-01")

@@ -9,7 +9,6 @@ import pytest
 
 from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.planning import make_plan
-from tams_app.study.runner import TrialSpec
 from tams_app.study.tables import PHASES, Row, phase_rows, trial_row
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
 
@@ -24,7 +23,7 @@ def planted_rows(runner: PlantedRunner, **overrides: Any) -> tuple[list[Row], li
     config = small_config(**overrides)
     trials, phases = [], []
     for trial in make_plan(config, 1).trials:
-        summary = runner.summary(TrialSpec.of(trial))
+        summary = runner.summary(trial)
         trials.append(trial_row(trial, summary, "some processor", config))
         phases += phase_rows(trial, summary)
     return trials, phases
@@ -79,7 +78,7 @@ def test_an_uncompleted_trial_has_the_limit_as_censored_time_and_no_completion_t
 def test_the_experimenter_s_verdict_stands_before_the_simulator_s() -> None:
     config = small_config()
     trial = make_plan(config, 1).trials[0]
-    summary = PlantedRunner().summary(TrialSpec.of(trial))
+    summary = PlantedRunner().summary(trial)
     verdict = {"completed": True, "success": False, "drops": 3, "completion_time_s": 44.0}
     attempt = Attempt.model_validate(
         {"folder": "a", "state": AttemptState.DONE, "verdict": verdict}

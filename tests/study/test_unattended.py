@@ -17,11 +17,10 @@ from rich.console import Console
 from tams_app.errors import ConfigError
 from tams_app.study.commands import ensure_planned, run_simulated
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import AttemptState, TrialState
-from tams_app.study.runner import TrialSpec
+from tams_app.study.plan import AttemptState, PlannedTrial
 from tams_app.study.trial_process import Job, LocalPool, TrialProcess
-from tams_app.study.unattended import RichProgress, run_unattended
-from tests.study.synthetic_study import PlantedRunner, make_study, small_config
+from tams_app.study.unattended import TrialsProgress, run_unattended
+from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial, small_config
 
 pytestmark = pytest.mark.untimed
 
@@ -36,7 +35,7 @@ class Display:
     def say(self, text: str) -> None:
         self.said.append(text)
 
-    def advance(self) -> None:
+    def trial_ended(self) -> None:
         self.ended += 1
 
 
@@ -44,8 +43,8 @@ class Display:
 class Misbehaving:
     """Fails in the way that its trial's order asks for."""
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
-        match spec.trial_id[-2:]:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        match trial.id[-2:]:
             case "01":
                 os.kill(os.getpid(), signal.SIGSEGV)
             case "02":
@@ -53,19 +52,18 @@ class Misbehaving:
             case "03":
                 pass  # no summary
             case _:
-                PlantedRunner().run(spec, folder)
+                PlantedRunner().run(trial, folder)
 
 
 @dataclass(frozen=True)
 class Endless:
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         (folder / "running").touch()
         while True:
             signal.pause()
 
 
-def spec() -> TrialSpec:
-    return TrialSpec("P01-04", "P01", "tams", "s2", 1, False, 5, 6)
+PLANNED = planned_trial("P01-04", "tams", "s2")
 
 
 def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_name(
@@ -86,7 +84,7 @@ def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_nam
     plan = study.load()
     states = [attempt.state for attempt in plan.trial("P01-02").attempts]
     assert states == [AttemptState.FAILED, AttemptState.DONE]
-    assert all(trial.state is TrialState.DONE for trial in plan.trials)
+    assert all(trial.is_done for trial in plan.trials)
     assert {path: path.read_bytes() for path in before} == before
     assert (tmp_path / plan.trial("P01-02").attempts[0].folder / "trial.log").is_file()
 
@@ -129,7 +127,7 @@ def test_an_interruption_ends_what_runs_and_the_study_goes_on_later(tmp_path: Pa
 
 def test_a_trial_keeps_to_its_core_and_says_what_machine_it_ran_on(tmp_path: Path) -> None:
     core = min(os.sched_getaffinity(0))
-    process = TrialProcess(PinnedRunner(), Job(spec(), tmp_path), core)
+    process = TrialProcess(PinnedRunner(), Job(PLANNED, tmp_path), core)
     assert process.wait() == ""
     assert (tmp_path / "cores").read_text() == str([core])
     assert '"processor"' in (tmp_path / "machine.json").read_text()
@@ -137,9 +135,9 @@ def test_a_trial_keeps_to_its_core_and_says_what_machine_it_ran_on(tmp_path: Pat
 
 @dataclass(frozen=True)
 class PinnedRunner:
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         (folder / "cores").write_text(str(sorted(os.sched_getaffinity(0))))
-        PlantedRunner().run(spec, folder)
+        PlantedRunner().run(trial, folder)
 
 
 def test_the_command_plans_runs_resumes_and_refuses_another_design(tmp_path: Path) -> None:
@@ -163,8 +161,8 @@ def test_the_command_plans_runs_resumes_and_refuses_another_design(tmp_path: Pat
 def test_the_bar_shows_trials_and_time_left() -> None:
     output = io.StringIO()
     console = Console(file=output, width=120, force_terminal=True)
-    with RichProgress(console, 3) as display:
-        display.advance()
+    with TrialsProgress(console, 3) as display:
+        display.trial_ended()
         display.say("P01-01 failed: [bold]no markup[/]")
     assert "1/3" in output.getvalue()
     assert "left" in output.getvalue()
@@ -173,8 +171,8 @@ def test_the_bar_shows_trials_and_time_left() -> None:
 
 def test_in_a_log_file_each_trial_is_a_line() -> None:
     output = io.StringIO()
-    with RichProgress(Console(file=output, width=120), 3) as display:
-        display.advance()
-        display.advance()
+    with TrialsProgress(Console(file=output, width=120), 3) as display:
+        display.trial_ended()
+        display.trial_ended()
     assert re.search(r"^1 of 3 trials$", output.getvalue(), re.MULTILINE)
     assert re.search(r"^2 of 3 trials, .* left$", output.getvalue(), re.MULTILINE)

@@ -11,8 +11,8 @@ from tams_app.config import TrialConfig
 from tams_app.recording import SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import PacketRecord, Phase, PhaseChange
+from tams_app.study.guided import ask_verdict, completion_time_s, measured_time_s
 from tams_app.study.plan import Verdict
-from tams_app.study.verdict import ask_verdict, completion_time_s, measured_time_s
 from tams_app.units import NS_PER_S
 from tests.study.experimenter import Experimenter
 from tests.synthetic_session import START_NS, header, live_records, tick

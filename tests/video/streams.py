@@ -17,6 +17,7 @@ from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tams_app.video.sender import VideoSender
 from tams_app.video.udp import ViewPorts
+from tams_app.video.view_decoder import ViewDecoder
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 
@@ -123,6 +124,12 @@ def decoded_checksums(encoded: list[EncodedFrame]) -> dict[int, int]:
         checksums[encoded[round(buffer.pts / Gst.MSECOND)].index] = crc32(pixels)
     gst.shut_down(pipeline)
     return checksums
+
+
+def jitter_counts(decoder: ViewDecoder) -> dict[str, int]:
+    """What the jitter buffer counts: packets lost for good, asked for again, and got so."""
+    stats = decoder.jitterbuffer.get_property("stats")
+    return {name: stats.get_value(name) for name in ("num-lost", "rtx-count", "rtx-success-count")}
 
 
 def checksum(shown: ShownFrame) -> int:

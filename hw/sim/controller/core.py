@@ -6,17 +6,45 @@ taken. `model.py` puts the registers and reports of the wire around it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from hw.arm import GripperDrive, Plant
+from hw.arm import Plant, TcpBoundary
 from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, matrix_from_pose, pose_from_mm_rpy
 from hw.sim.controller.errors import CommandError, MotionError
 from hw.sim.controller.joint_moves import MoveQueue
 from hw.sim.controller.joint_servo import CYCLE_NS, CYCLE_S, PoseServo, TwistServo, brake
 from hw.sim.controller.motion_checks import check_motion
-from hw.sim.controller.settings import ControllerSettings
 from tams_app.records import Vector
+
+_WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))
+_OPEN, _CLOSE = 0b01, 0b10  # the first two tool outputs
+
+
+@dataclass(slots=True)
+class ControllerSettings:
+    """What is set in the controller, in the units of the wire (mm, rad, kg); as a fresh Lite 6."""
+
+    tcp_offset: tuple[float, ...] = (0.0,) * 6  # x, y, z [mm], roll, pitch, yaw [rad]
+    load: tuple[float, ...] = (0.0,) * 4  # mass [kg], centre of gravity [mm]
+    collision_sensitivity: int = 3  # 0 is off
+    fence: bool = False
+    boundary: TcpBoundary = _WIDEST
+    self_collision_check: bool = True
+    simulation_robot: bool = False  # only pretends to move; the model reports it, no more
+    tool_outputs: int = 0  # bit n is tool output n
+
+    @property
+    def closing(self) -> bool | None:
+        """Whether the outputs drive the gripper closed or open; None: neither, or both at once."""
+        return {_OPEN: False, _CLOSE: True}.get(self.tool_outputs & (_OPEN | _CLOSE))
+
+
+def outputs_for(closed: bool | None) -> int:
+    """The tool outputs that drive the gripper closed or open; None: neither."""
+    return 0 if closed is None else _CLOSE if closed else _OPEN
 
 
 class ControllerCore:
@@ -91,11 +119,6 @@ class ControllerCore:
         """As commanded."""
         linear = self._kinematics.jacobian(self._commanded)[:3] @ self._velocity
         return float(np.linalg.norm(linear)) * 1000.0
-
-    @property
-    def gripper(self) -> GripperDrive:
-        """What the two tool outputs drive the gripper to."""
-        return self.settings.gripper
 
     # --- what can happen to it ------------------------------------------------------------------
 
@@ -226,7 +249,7 @@ class ControllerCore:
     def _drive(self, following: Vector) -> None:
         """Send the joints to the plant and take in what it measured."""
         self._commanded = following
-        plant_state = self._plant.step(following, self.gripper, CYCLE_NS)
+        plant_state = self._plant.step(following, self.settings.closing, CYCLE_NS)
         self._measured = plant_state.joints
         if plant_state.collision:
             self._collide()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import struct
 
-from hw.arm import GripperDrive, Plant, ServoMode, SimulatedArm, TcpBoundary
+from hw.arm import Plant, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
     LITE6_TYPE,
@@ -32,12 +32,12 @@ from hw.lite6.commands import (
 from hw.lite6.discovery import unfitness
 from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
+from hw.sim.controller.core import outputs_for
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
-from hw.sim.controller.settings import outputs_for
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, Twist, Vector
+from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 
@@ -48,11 +48,6 @@ _REPORT_PERIOD_NS = NS_PER_S // ReportKind.REAL.rate_hz
 _TOOL_HOST = 9
 # writes to the tool outputs: which ones change (high byte), and to what
 _OPEN_COMMAND, _CLOSE_COMMAND = 0x0301, 0x0302
-_CLOSED_BY_DRIVE = {
-    GripperDrive.OFF: None,
-    GripperDrive.OPEN: False,
-    GripperDrive.CLOSE: True,
-}
 _REFUSED = ReplyBit.INVALID | ReplyBit.NOT_READY | ReplyBit.ERROR
 _NO_FAILURE = ("", LinkFault.NONE)
 _NOT_CONNECTED = "The arm is not connected; connect it first."
@@ -133,11 +128,6 @@ class InProcessArm(SimulatedArm):
     # --- setting up -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Connect, stop the arm, check and configure it; DeviceError says what is wrong.
-
-        An error of the controller is also a DeviceError, but the connection stays, for
-        `clear_errors` and another `connect`.
-        """
         self._check_identity()
         self._connected = True
         self.stop()
@@ -154,7 +144,7 @@ class InProcessArm(SimulatedArm):
             self._request(Register.SET_BOUNDARY, edges)
             self._request(Register.SET_FENCE, bytes([1]))
         self._request(Register.SET_LOAD, load)
-        self._gripper_closed = _CLOSED_BY_DRIVE[self.model.gripper]
+        self._gripper_closed = self.model.settings.closing
         self._acknowledged_ns = self._clock.now_ns()
         self.stop()
         self._report_ns = self._clock.now_ns() + _REPORT_PERIOD_NS
@@ -238,7 +228,7 @@ class InProcessArm(SimulatedArm):
 
     def _check_gripper(self, closed: bool) -> None:
         """Compare the tool outputs with the command."""
-        driven = _CLOSED_BY_DRIVE[self.model.gripper]
+        driven = self.model.settings.closing
         if driven is not closed:
             self._gripper_closed = driven
             self._fail(

@@ -6,7 +6,7 @@ in virtual time.
 
 from __future__ import annotations
 
-from hw.arm import GripperDrive, Plant, PlantState
+from hw.arm import Plant, PlantState
 from hw.lite6.codes import Register, ReplyBit
 from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.core import ControllerCore
@@ -22,7 +22,7 @@ __all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
 class IdealPlant:
     """Joints that are where they should be, at once."""
 
-    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
         return PlantState(joints_target.copy(), collision=False)
 
 

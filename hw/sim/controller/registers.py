@@ -20,7 +20,7 @@ from hw.sim.controller.errors import CommandError
 from hw.sim.controller.reports import (
     pack_pose,
     pack_pose_aa,
-    pack_reduced_state,
+    pack_reduced_mode,
     version_text,
 )
 
@@ -34,9 +34,7 @@ def serve_register(model: ControllerCore, register: int, payload: bytes) -> byte
     """The data of the reply; CommandError if there is no such register or it makes no sense."""
     try:
         if register in _QUERIES:
-            return _QUERIES[register](model)
-        if register in _QUERIES_WITH_PAYLOAD:
-            return _QUERIES_WITH_PAYLOAD[register](model, payload)
+            return _QUERIES[register](model, payload)
         if register in _COMMANDS:
             _COMMANDS[register](model, payload)
             return b""
@@ -68,20 +66,6 @@ def _get_joints(model: ControllerCore, payload: bytes) -> bytes:
     rows[0, :6] = model.joints
     rows[1, :6] = model.joint_speeds
     return rows[:count].tobytes()
-
-
-_QUERIES: dict[int, Callable[[ControllerCore], bytes]] = {
-    Register.GET_VERSION: lambda model: (
-        version_text(model.firmware).encode("ascii").ljust(40, b"\0")
-    ),
-    Register.GET_ROBOT_SN: lambda _: _SERIAL_NUMBERS,
-    Register.GET_STATE: lambda model: bytes([model.state]),
-    Register.GET_COMMAND_COUNT: lambda model: struct.pack(">H", model.commands_waiting),
-    Register.GET_ERROR: lambda model: bytes([model.error_code, model.warning_code]),
-    Register.GET_TCP_POSE: lambda model: pack_pose(model.tcp),
-    Register.GET_TCP_POSE_AA: lambda model: pack_pose_aa(model.tcp),
-    Register.GET_REDUCED_STATE: lambda model: pack_reduced_state(model.settings),
-}
 
 
 # --- state, mode and configuration -------------------------------------------------------------
@@ -192,7 +176,17 @@ _COMMANDS: dict[int, Callable[[ControllerCore, bytes], None]] = {
     Register.TOOL_GPIO_WRITE: _tool_gpio_write,
 }
 
-_QUERIES_WITH_PAYLOAD: dict[int, Callable[[ControllerCore, bytes], bytes]] = {
+_QUERIES: dict[int, Callable[[ControllerCore, bytes], bytes]] = {
+    Register.GET_VERSION: lambda model, _: (
+        version_text(model.firmware).encode("ascii").ljust(40, b"\0")
+    ),
+    Register.GET_ROBOT_SN: lambda *_: _SERIAL_NUMBERS,
+    Register.GET_STATE: lambda model, _: bytes([model.state]),
+    Register.GET_COMMAND_COUNT: lambda model, _: struct.pack(">H", model.commands_waiting),
+    Register.GET_ERROR: lambda model, _: bytes([model.error_code, model.warning_code]),
+    Register.GET_TCP_POSE: lambda model, _: pack_pose(model.tcp),
+    Register.GET_TCP_POSE_AA: lambda model, _: pack_pose_aa(model.tcp),
+    Register.GET_REDUCED_STATE: lambda model, _: pack_reduced_mode(model.settings),
     Register.GET_JOINTS: _get_joints,
     Register.TOOL_GPIO_READ: _tool_gpio_read,
 }

@@ -12,9 +12,8 @@ from enum import Enum
 
 from hw.lite6.codes import AXES, LITE6_TYPE
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, Matrix, rotation_vector, rpy_from_matrix
-from hw.sim.controller.core import ControllerCore
+from hw.sim.controller.core import ControllerCore, ControllerSettings
 from hw.sim.controller.joint_servo import MAX_JOINT_ACCELERATION
-from hw.sim.controller.settings import ControllerSettings
 
 _WHOLE_BRAKES = 0xFF
 _TEACH_SENSITIVITY = 3
@@ -56,11 +55,6 @@ def pack_pose(tcp: Matrix) -> bytes:
 def pack_pose_aa(tcp: Matrix) -> bytes:
     """x, y, z [mm], axis times angle [rad]."""
     return struct.pack("<6f", *(tcp[:3, 3] * 1000.0), *rotation_vector(tcp[:3, :3]))
-
-
-def pack_reduced_state(settings: ControllerSettings) -> bytes:
-    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
-    return _reduced_mode(settings)
 
 
 def _motion(box: ControllerCore) -> bytes:
@@ -127,12 +121,13 @@ def _safety(box: ControllerCore) -> bytes:
         identification_progress
         + struct.pack("<3f", *rotation_vector(box.tcp[:3, :3]))
         + bytes([settings.fence << 1])
-        + _reduced_mode(settings)
+        + pack_reduced_mode(settings)
         + monitored_device
     )
 
 
-def _reduced_mode(settings: ControllerSettings) -> bytes:
+def pack_reduced_mode(settings: ControllerSettings) -> bytes:
+    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
     boundary = settings.boundary
     edges = [
         max(-0x8000, min(0x7FFF, edge))

@@ -24,7 +24,6 @@ from hw.sim.operator.belief_state import (
     TOOL,
     TOOL_YAW,
     TURN,
-    Gap,
     GaussianEstimate,
     LastingErrors,
     largest_sigma,
@@ -137,9 +136,9 @@ class Belief:
         turn = about_vertical(self.block_yaw)
         return turn @ _ON_ITS_SIDE if self.lies else turn
 
-    def gap_sigma(self, gap: Gap) -> float:
-        """The same of a distance between two things."""
-        return largest_sigma(gap.rows @ self.covariance @ gap.rows.T)
+    def gap_sigma(self, gap: Matrix) -> float:
+        """The same of a distance between two things, `TO_BLOCK` or `TO_CONTAINER`."""
+        return largest_sigma(gap @ self.covariance @ gap.T)
 
     def yaw_sigma(self, place: int) -> float:
         return math.sqrt(self.covariance[place, place])
@@ -293,13 +292,13 @@ class Belief:
         sigma = math.hypot(sighting.sigma, sighting.lasting)
         self.estimate.forget(slice(BLOCK_YAW, BLOCK_YAW + 1), sigma)
 
-    def shares(self, gap: Gap) -> dict[str, float]:
+    def shares(self, gap: Matrix) -> dict[str, float]:
         """How much each view of the last glance contributed to knowing `gap`; they sum to 1.
 
         A view's part of the posterior covariance P: P I P, where I is the information it brought.
         Empty when none brought any.
         """
-        rows = gap.rows @ self.estimate.covariance[:SIZE]
+        rows = gap @ self.estimate.covariance[:SIZE]
         parts = {
             view: float(np.trace(rows @ information @ rows.T))
             for view, information in self._information.items()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +16,11 @@ from tams_app.records import Vector
 TOOL, TURN, BLOCK, BLOCK_YAW, CONTAINER = slice(0, 3), slice(3, 6), slice(6, 9), 9, slice(10, 12)
 TOOL_YAW, BLOCK_Z = TURN.stop - 1, BLOCK.stop - 1
 SIZE = 12  # of the things; the errors that last stand behind them
+
+# Distances of interest in the table's plane, shape (2, SIZE): the tool's from block and container.
+TO_BLOCK, TO_CONTAINER = np.zeros((2, 2, SIZE))
+TO_BLOCK[:, BLOCK], TO_CONTAINER[:, CONTAINER] = np.eye(2, 3), np.eye(2)
+TO_BLOCK[:, TOOL] = TO_CONTAINER[:, TOOL] = -np.eye(2, 3)
 
 # What a moving tool and passing time make uncertain between two glances.
 _ARM_UNCERTAIN = 0.25  # of the motion asked for: limits, clutch, a misjudged direction
@@ -127,27 +131,6 @@ class GaussianEstimate:
         known = gain @ weighted
         covariance = self.covariance - known - known.T + gain @ spread @ gain.T
         self.covariance = (covariance + covariance.T) / 2
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """A direction of interest: rows over the things' state, shape (n, SIZE)."""
-
-    rows: Matrix = field(repr=False)
-
-    @staticmethod
-    def to_block() -> Gap:
-        rows = np.zeros((2, SIZE))
-        rows[:, BLOCK] = np.eye(3)[:2]
-        rows[:, TOOL] = -np.eye(3)[:2]
-        return Gap(rows)
-
-    @staticmethod
-    def to_container() -> Gap:
-        rows = np.zeros((2, SIZE))
-        rows[:, CONTAINER] = np.eye(2)
-        rows[:, TOOL] = -np.eye(3)[:2]
-        return Gap(rows)
 
 
 def motion_noise(moved: Vector, turned: Vector, seconds: float, along: float, near: bool) -> Matrix:

@@ -7,7 +7,6 @@ experimenter has confirmed at the console.
 
 from __future__ import annotations
 
-import math
 from enum import StrEnum
 
 import numpy as np
@@ -16,7 +15,7 @@ from hw.sim.operator.efference import EfferenceCopy, FollowCheck
 from hw.sim.operator.hand import Button, Hand, HandCommand, VelocityFollower
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Percept, Perception
-from hw.sim.operator.servoing import HandMap, Sight
+from hw.sim.operator.servoing import HandMap, Sight, norm
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import Haptic, Vector
@@ -81,15 +80,8 @@ class Operator:
         random = np.random.default_rng([seed, 0x09E7A])
         self.hand = Hand(random, operator.arm_reach_m, traits.tremor, traits.motor_noise)
         self.activity = Activity.WATCH
-        self._map = HandMap(hand, random, traits.misjudged_rad, traits.misjudged_scale)
-        self._task = PickAndPlace(
-            traits.reach_speed_m_s * hand.translation_scale,
-            traits.fine_speed_m_s * min(1.0, hand.translation_scale),
-            traits.reaction_s,
-            random,
-            traits.gain_per_s,
-            traits.wait_limit_s,
-        )
+        self._map = HandMap(hand, traits, random)
+        self._task = PickAndPlace(traits, hand.translation_scale, random)
         self._reaction_ns = round(traits.reaction_s * NS_PER_S)
         self._perception = perception
         self._asked = asked or EfferenceCopy()
@@ -167,10 +159,10 @@ class Operator:
         if hand.trigger < _ENGAGED or self.activity is Activity.LET_GO:
             self._asked.idle(now_ns)
         elif self._turning:
-            turn = self._map.tool_angular(hand.wrist.offset - wrist)
+            turn = self._map.tool_angular @ (hand.wrist.offset - wrist)
             self._asked.add(now_ns, _NOTHING, turn)
         else:
-            self._asked.add(now_ns, self._map.tool_linear(hand.arm.offset - arm), _NOTHING)
+            self._asked.add(now_ns, self._map.tool_linear @ (hand.arm.offset - arm), _NOTHING)
 
     def _watch_whether_it_follows(self, percept: Percept, shown: Vector) -> None:
         if self.activity is not Activity.MOVE:
@@ -195,7 +187,7 @@ class Operator:
         """Whether the tool is seen elsewhere than at the last call: it is then left alone."""
         position = percept.tcp.pose.position
         enough = _MOVES_M + 3.0 * percept.tcp.position_sigma
-        moved = self._tool_seen is None or _norm(position - self._tool_seen) > enough
+        moved = self._tool_seen is None or norm(position - self._tool_seen) > enough
         if moved:
             self._tool_seen = position
         return moved
@@ -252,7 +244,7 @@ class Operator:
     def _return(self, now_ns: int, sight: Sight | None) -> HandCommand:
         arm = self._return_to[0] - self.hand.arm.offset
         wrist = self._return_to[1] - self.hand.wrist.offset
-        if _norm(arm) < 0.01 and _norm(wrist) < 0.05 and self._is_still():
+        if norm(arm) < 0.01 and norm(wrist) < 0.05 and self._is_still():
             self._begin(Activity.WATCH if sight is None else Activity.SQUEEZE, now_ns)
         return HandCommand(
             _towards(arm, _RETURN_SPEED_M_S),
@@ -306,8 +298,8 @@ class Operator:
         age_ns = now_ns - sight.percept.t_ns
         fresh = (BLIND_AFTER_NS - age_ns) / (BLIND_AFTER_NS - _CAREFUL_AFTER_NS)
         fresh = min(1.0, max(0.0, fresh))
-        linear = fresh * self._map.hand_linear(intent.linear)
-        angular = fresh * self._map.hand_angular(intent.angular)
+        linear = fresh * (self._map.hand_linear @ intent.linear)
+        angular = fresh * (self._map.hand_angular @ intent.angular)
         if _stretched(self.hand.arm, linear) or _stretched(self.hand.wrist, angular):
             self._return_to = (
                 _opposite(linear, self.hand.arm.reach),
@@ -318,24 +310,20 @@ class Operator:
 
     def _is_still(self) -> bool:
         hand = self.hand
-        return _norm(hand.arm.velocity) < _STILL_M_S and _norm(hand.wrist.velocity) < _STILL_RAD_S
-
-
-def _norm(vector: Vector) -> float:
-    return math.sqrt(vector @ vector)
+        return norm(hand.arm.velocity) < _STILL_M_S and norm(hand.wrist.velocity) < _STILL_RAD_S
 
 
 def _stretched(joint: VelocityFollower, command: Vector) -> bool:
     """Whether the joint is near the end of its reach and asked to go on outwards."""
-    return _norm(joint.offset) > _STRETCHED * joint.reach and float(command @ joint.offset) > 0.0
+    return norm(joint.offset) > _STRETCHED * joint.reach and float(command @ joint.offset) > 0.0
 
 
 def _opposite(command: Vector, reach: float) -> Vector:
     """A place on the other side of rest, from where the hand can travel far along `command`."""
-    speed = _norm(command)
+    speed = norm(command)
     return -_RETURN_BEYOND * reach / speed * command if speed > 0.0 else np.zeros(3)
 
 
 def _towards(error: Vector, speed: float) -> Vector:
-    wanted = _RETURN_GAIN_PER_S * _norm(error)
+    wanted = _RETURN_GAIN_PER_S * norm(error)
     return error * (_RETURN_GAIN_PER_S * (speed / wanted if wanted > speed else 1.0))

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.sim.operator.servoing import GAIN_PER_S, MISJUDGED_RAD, MISJUDGED_SCALE
 from tams_app.config import OperatorConfig
 
 
@@ -40,12 +39,12 @@ class ParticipantProfile:
             visuomotor_s=0.0,
             reach_speed_m_s=config.reach_speed_m_s,
             fine_speed_m_s=config.fine_speed_m_s,
-            gain_per_s=GAIN_PER_S,
+            gain_per_s=2.8,  # below 4/27 of the hand's own rate (its lags): no overshoot
             wait_limit_s=math.inf,
             tremor=1.0,
             motor_noise=0.0,
-            misjudged_rad=MISJUDGED_RAD,
-            misjudged_scale=MISJUDGED_SCALE,
+            misjudged_rad=math.radians(2.0),
+            misjudged_scale=0.05,
         )
 
     @staticmethod

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.belief import Belief
-from hw.sim.operator.belief_state import BLOCK_YAW, TOOL_YAW, Gap
+from hw.sim.operator.belief_state import BLOCK_YAW, TO_BLOCK, TO_CONTAINER, TOOL_YAW
 from hw.sim.operator.detector import Detector
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
 from hw.sim.operator.operator import Operator
@@ -91,15 +91,14 @@ class SeeingPerception:
         self.belief.learn_carried_part(before)
         if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
-        block, container = Gap.to_block(), Gap.to_container()
         return OperatorGlance(
             t_ns=now_ns,
             stage=stage.value,
-            to_block=self.belief.shares(block),
-            to_container=self.belief.shares(container),
+            to_block=self.belief.shares(TO_BLOCK),
+            to_container=self.belief.shares(TO_CONTAINER),
             about_block=stage in _ABOUT_BLOCK,
-            block_sigma=self.belief.gap_sigma(block),
-            container_sigma=self.belief.gap_sigma(container),
+            block_sigma=self.belief.gap_sigma(TO_BLOCK),
+            container_sigma=self.belief.gap_sigma(TO_CONTAINER),
             lag_ns=lag_ns,
             hanging=frozen,
         )
@@ -127,10 +126,9 @@ class SeeingPerception:
         self._watch_fingers(glance.fingers_opening)
         for sighting in glance.sightings:
             if sighting.thing is Thing.TOOL and belief.seen[Thing.TOOL]:
-                source = f"{sighting.view} {len(sighting.pixels)}"
                 slope = belief.camera(sighting.view).jacobian(belief.tcp)
                 if len(sighting.pixels) == 1:
-                    self._lag.see(source, now_ns, sighting.pixels[0], slope, self._asked)
+                    self._lag.see(sighting.view, now_ns, sighting.pixels[0], slope, self._asked)
         belief.take(glance.sightings)
         for heading in glance.headings:
             belief.take_heading(heading)
@@ -161,8 +159,8 @@ class SeeingPerception:
             Estimate(Pose(belief.container, Rotation.identity()), belief.sigma_of(Thing.CONTAINER)),
             glance.fingers_opening,
             GapSigmas(
-                belief.gap_sigma(Gap.to_block()),
-                belief.gap_sigma(Gap.to_container()),
+                belief.gap_sigma(TO_BLOCK),
+                belief.gap_sigma(TO_CONTAINER),
                 belief.heading_sigma(),
             ),
         )

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Percept
+from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.config import Config, HandConfig
 from tams_app.records import Pose, Vector
 
-GAIN_PER_S = 2.8  # below 4/27 of the hand's own rate: no overshoot (hw.sim.operator.hand lags)
-MISJUDGED_RAD = math.radians(2.0)
-MISJUDGED_SCALE = 0.05
 _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
 
 
@@ -27,38 +26,17 @@ class HandMap:
     """How the operator believes the hand's motion becomes the tool's; wrong by a little."""
 
     def __init__(
-        self,
-        config: HandConfig,
-        random: np.random.Generator,
-        misjudged_rad: float = MISJUDGED_RAD,
-        misjudged_scale: float = MISJUDGED_SCALE,
+        self, config: HandConfig, traits: ParticipantProfile, random: np.random.Generator
     ) -> None:
-        """How well directions (per axis) and scale are known: one standard deviation each."""
-        misjudged = Rotation.from_rotvec(random.normal(0.0, misjudged_rad, 3)).as_matrix()
+        """`traits` say how well directions and scale are known."""
+        misjudged = Rotation.from_rotvec(random.normal(0.0, traits.misjudged_rad, 3)).as_matrix()
         rotation = misjudged @ np.array(config.rotation)
-        scale = 1.0 + random.normal(0.0, misjudged_scale)
-        self.linear_scale = config.translation_scale
-        self.angular_scale = config.rotation_scale
-        self._linear = scale * config.translation_scale * rotation
-        self._angular = scale * config.rotation_scale * rotation
-        self._linear_inverse = np.linalg.inv(self._linear)
-        self._angular_inverse = np.linalg.inv(self._angular)
-
-    def hand_linear(self, tool: Vector) -> Vector:
-        """The hand's velocity [m/s] for one of the tool in the base frame [m/s]."""
-        return np.asarray(self._linear_inverse @ tool)
-
-    def hand_angular(self, tool: Vector) -> Vector:
-        """The hand's angular velocity [rad/s] for one of the tool in the base frame [rad/s]."""
-        return np.asarray(self._angular_inverse @ tool)
-
-    def tool_linear(self, hand: Vector) -> Vector:
-        """The tool's displacement [m] for one of the hand."""
-        return np.asarray(self._linear @ hand)
-
-    def tool_angular(self, hand: Vector) -> Vector:
-        """The tool's turn [rad] for one of the hand."""
-        return np.asarray(self._angular @ hand)
+        scale = 1.0 + random.normal(0.0, traits.misjudged_scale)
+        # Matrices, shape (3, 3): from the hand's displacement or turn to the tool's, and back.
+        self.tool_linear: Matrix = scale * config.translation_scale * rotation
+        self.tool_angular: Matrix = scale * config.rotation_scale * rotation
+        self.hand_linear: Matrix = np.linalg.inv(self.tool_linear)
+        self.hand_angular: Matrix = np.linalg.inv(self.tool_angular)
 
 
 def operator_hand(config: Config) -> HandConfig:
@@ -87,14 +65,18 @@ class Sight:
         return self.percept.block.pose.position
 
 
-def approach(error: Vector, speed: float, gain_per_s: float = GAIN_PER_S) -> Vector:
+def norm(vector: Vector) -> float:
+    """Length of `vector`."""
+    return math.sqrt(vector @ vector)
+
+
+def approach(error: Vector, speed: float, gain_per_s: float) -> Vector:
     """The velocity [m/s] that closes `error` [m]: at most `speed`, gently at the end.
 
     Closing a fixed part of the remaining distance per second is Fitts's law: halving it costs the
     same time however far it is, so the gain is ln 2 times the throughput [bit/s].
     """
-    distance = math.sqrt(error @ error)
-    wanted = gain_per_s * distance
+    wanted = gain_per_s * norm(error)
     return gain_per_s * error * (speed / wanted if wanted > speed else 1.0)
 
 

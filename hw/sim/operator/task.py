@@ -14,7 +14,8 @@ import numpy as np
 
 from hw.sim.layout import BLOCK_EDGE_M, CONTAINER_INNER_M
 from hw.sim.operator.hand import Button
-from hw.sim.operator.servoing import GAIN_PER_S, Sight, approach, grasp_turn, nearby, speed_factor
+from hw.sim.operator.participant import ParticipantProfile
+from hw.sim.operator.servoing import Sight, approach, grasp_turn, nearby, norm, speed_factor
 from tams_app.records import Vector
 from tams_app.units import NS_PER_S
 
@@ -88,24 +89,14 @@ class PickAndPlace:
     """The task's stages; `step` is called while the hand can act on what it returns."""
 
     def __init__(
-        self,
-        reach_speed: float,
-        fine_speed: float,
-        reaction_s: float,
-        random: np.random.Generator,
-        gain_per_s: float = GAIN_PER_S,
-        wait_limit_s: float = math.inf,
+        self, traits: ParticipantProfile, hand_scale: float, random: np.random.Generator
     ) -> None:
-        """Tool speeds [m/s]; the reaction time [s] passes, more or less, before each stage.
-
-        `wait_limit_s`: how long to wait for a better view before going on with what there is.
-        """
+        """`hand_scale`: the tool's travel over the hand's."""
         self.stage = Stage.REACH
-        self._reach_speed = reach_speed
-        self._fine_speed = fine_speed
-        self._reaction_s = reaction_s
-        self._gain_per_s = gain_per_s
-        self._wait_limit_ns = wait_limit_s * NS_PER_S
+        self._traits = traits
+        self._reach_speed = traits.reach_speed_m_s * hand_scale
+        self._fine_speed = traits.fine_speed_m_s * min(1.0, hand_scale)
+        self._wait_limit_ns = traits.wait_limit_s * NS_PER_S
         self._waits_since_ns: int | None = None
         self._random = random
         self._begins_ns = 0
@@ -143,7 +134,7 @@ class PickAndPlace:
         if self._settled(now_ns, error, _REACH_TOLERANCE_M):
             turn = self._turn_left(sight)
             return self._enter(
-                Stage.TURN if _norm(turn) > _TURN_TOLERANCE_RAD else Stage.DESCEND, now_ns
+                Stage.TURN if norm(turn) > _TURN_TOLERANCE_RAD else Stage.DESCEND, now_ns
             )
         factor = self._speed_factor(now_ns, sight.percept.gaps.block, _REACH_SURE_M)
         return Intent(linear=self._approach(error, self._reach_speed * factor), turning=False)
@@ -160,7 +151,7 @@ class PickAndPlace:
         goal[2] = max(goal[2] + GRASP_ABOVE_CENTRE_M, GRASP_FLOOR_M)
         error = goal - sight.tcp
         height = -error[2]
-        if height > 0.03 and _norm(self._turn_left(sight)) > _TURN_AGAIN_RAD:
+        if height > 0.03 and norm(self._turn_left(sight)) > _TURN_AGAIN_RAD:
             return self._enter(Stage.TURN, now_ns)
         if self._settled(now_ns, error, _GRASP_TOLERANCE_M):
             self._grasp_block_z = sight.block[2]
@@ -223,7 +214,7 @@ class PickAndPlace:
         self._fingers = None
         self._lost_ns = None
         self._waits_since_ns = None
-        reaction_s = self._reaction_s * self._random.uniform(0.8, 1.3)
+        reaction_s = self._traits.reaction_s * self._random.uniform(0.8, 1.3)
         self._begins_ns = now_ns + round(reaction_s * NS_PER_S)
         return _HOLD
 
@@ -248,7 +239,7 @@ class PickAndPlace:
     def _lower_to(self, error: Vector, sure: float, funnel_m: float) -> Intent:
         """Go down while over the goal to within `funnel_m`, correcting sideways meanwhile."""
         sideways: Vector = np.array([error[0], error[1], 0.0])
-        centred = max(0.0, 1.0 - _norm(sideways) / funnel_m)
+        centred = max(0.0, 1.0 - norm(sideways) / funnel_m)
         far = abs(error[2]) > FINE_BELOW_M
         speed = self._fine_speed * (2.0 if far else 1.0) * sure
         down = np.array([0.0, 0.0, error[2]])
@@ -296,7 +287,7 @@ class PickAndPlace:
         return turn - sight.turned
 
     def _approach(self, error: Vector, speed: float) -> Vector:
-        return approach(error, speed, self._gain_per_s)
+        return approach(error, speed, self._traits.gain_per_s)
 
     def _speed_factor(self, now_ns: int, sigma: float, needed: float) -> float:
         """The part of full speed to move at; after the wait limit some of it, however uncertain."""
@@ -306,12 +297,8 @@ class PickAndPlace:
             return factor
         if self._waits_since_ns is None:
             self._waits_since_ns = now_ns
-        patience_ns = self._wait_limit_ns * (_LONGER if sigma > _NO_IDEA * needed else 1.0)
-        return _OVERDUE_PART if now_ns - self._waits_since_ns >= patience_ns else factor
-
-
-def _norm(vector: Vector) -> float:
-    return math.sqrt(vector @ vector)
+        limit_ns = self._wait_limit_ns * (_LONGER if sigma > _NO_IDEA * needed else 1.0)
+        return _OVERDUE_PART if now_ns - self._waits_since_ns >= limit_ns else factor
 
 
 def _sees_block(sight: Sight) -> bool:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import Protocol
+from importlib import import_module
+from typing import Any
 
 import cv2
 import mujoco
@@ -18,23 +19,17 @@ from numpy.typing import NDArray
 
 from hw.sim.layout import Layout
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX
-from hw.sim.world.lite6_model import MOVING_GROUP
 from hw.sim.world.scene import build_model
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
 
 _MAX_GEOMS = 200
+_MOVING_GROUP = 1  # the geoms that move, in rig.xml
 _OFF = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_HAZE,
 )
-
-
-class _Context(Protocol):
-    def make_current(self) -> None: ...
-
-    def free(self) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +69,7 @@ class SceneRenderer:
         self._pose(qpos)
         background = self._backgrounds.get(view)
         if background is None:
-            self._draw(view, _everything())
+            self._draw(view, mujoco.MjvOption())
             return _upright(self._colour)
         self._draw(view, _only(moving=True))
         nearer = cv2.compare(self._depth, background.depth, cv2.CMP_GT)
@@ -115,14 +110,10 @@ class SceneRenderer:
         return camera
 
 
-def _everything() -> mujoco.MjvOption:
-    return mujoco.MjvOption()
-
-
 def _only(*, moving: bool) -> mujoco.MjvOption:
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
-    option.geomgroup[MOVING_GROUP if moving else 0] = 1
+    option.geomgroup[_MOVING_GROUP if moving else 0] = 1
     return option
 
 
@@ -131,22 +122,16 @@ def _upright(image: Image) -> Image:
     return np.asarray(cv2.cvtColor(cv2.flip(image, 0), cv2.COLOR_RGB2BGR), np.uint8)
 
 
-def _open_context() -> _Context:
+def _open_context() -> Any:
     """An off-screen OpenGL context: EGL, or else OSMesa; SetupError when there is neither."""
     # Mesa's software rasteriser in the calling thread: no slower here, no threads to schedule.
     os.environ.setdefault("LP_NUM_THREADS", "0")
     reasons = []
     for name in ("egl", "osmesa"):
         try:
-            if name == "egl":
-                from mujoco.egl import GLContext
-            else:
-                from mujoco.osmesa import GLContext
-            context: _Context = GLContext(WIDTH_PX, HEIGHT_PX)
+            return import_module(f"mujoco.{name}").GLContext(WIDTH_PX, HEIGHT_PX)
         except (ImportError, AttributeError, RuntimeError) as error:
             reasons.append(f"{name}: {error}")
-            continue
-        return context
     raise SetupError(
         "the simulated cameras need off-screen OpenGL; install libegl1 and libgl1-mesa-dri "
         f"({'; '.join(reasons)})"

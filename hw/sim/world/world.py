@@ -8,12 +8,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from hw.arm import GripperDrive, PlantState
+from hw.arm import PlantState
 from hw.sim.gripper import FINGER_TRAVEL_M
 from hw.sim.layout import Layout
-from hw.sim.world.lite6_model import GRIP_FORCE_N, JOINTS
 from hw.sim.world.rig_memory import WorldState
-from hw.sim.world.scene import STEP_NS, build_model
+from hw.sim.world.scene import build_model
 from tams_app.records import SceneTruth, Vector
 
 # External torque on a joint [N·m] that reads as a collision, and for how long it must last.
@@ -22,12 +21,16 @@ from tams_app.records import SceneTruth, Vector
 COLLISION_TORQUE_NM: Vector = np.array([12.0, 12.0, 12.0, 6.0, 6.0, 6.0])
 COLLISION_TIME_NS = 12_000_000
 
+STEP_NS = 1_000_000  # of the physics
+GRIP_FORCE_N = 8.0
+JOINTS = tuple(f"joint{number}" for number in range(1, 7))
+
 _XYZW = [1, 2, 3, 0]  # MuJoCo puts the quaternion's w first
 
 _DRIVE_FORCE_N = {
-    GripperDrive.OFF: 0.0,
-    GripperDrive.OPEN: -GRIP_FORCE_N,
-    GripperDrive.CLOSE: GRIP_FORCE_N,
+    None: 0.0,
+    False: -GRIP_FORCE_N,
+    True: GRIP_FORCE_N,
 }
 
 
@@ -67,7 +70,7 @@ class World:
         qpos: Vector = self._data.qpos.copy()
         return qpos
 
-    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
         """Advance by `duration_ns`, whole milliseconds, towards `joints_target` [rad]."""
         steps, rest = divmod(duration_ns, STEP_NS)
         if rest or steps <= 0:
@@ -76,7 +79,7 @@ class World:
         start, self._last_target = self._last_target, np.asarray(joints_target, float).copy()
         # The servo damps the joint's speed; a lead on the target makes it damp the speed's error.
         lead = self._lead_s * (self._last_target - start) / (duration_ns / 1e9)
-        data.ctrl[count] = _DRIVE_FORCE_N[gripper]
+        data.ctrl[count] = _DRIVE_FORCE_N[closing]
         for done in range(1, steps + 1):
             data.ctrl[:count] = start + (self._last_target - start) * (done / steps) + lead
             mujoco.mj_step(self._model, data)

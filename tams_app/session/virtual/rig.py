@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from hw.arm import ServoMode
 from hw.arms import simulated_arm
 from hw.boundary import session_boundary
 from hw.sim.layout import draw_layout
@@ -16,7 +15,7 @@ from hw.sim.world.camera_images import CameraImages, stagger_ns
 from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import Frame, SceneTruth, Vector
+from tams_app.records import Frame, SceneTruth, ServoMode, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.devices import Note

@@ -17,22 +17,22 @@ from hw.sim.operator.seeing import SeeingParticipant
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.recording import read_log
-from tams_app.recording.direct import DirectRecorder
+from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, PhaseChange, ShownFrame
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.engine import Engine
-from tams_app.session.folder import save_config
+from tams_app.session.folder import furnish_session_folder
 from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ
 from tams_app.session.recorded_hand import recorded_hand
 from tams_app.session.recorders import LOG_NAME, SessionRecords, session_header
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo
-from tams_app.study.runner import TrialSpec
-from tams_app.summary.file import save_summary
+from tams_app.study.plan import PlannedTrial
+from tams_app.summary.summarise import save_summary
 from tams_app.units import NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
@@ -49,7 +49,7 @@ def run_virtual_trial(
     `wall_start_ns`: when it began by the wall's clock, for the log's header. The same arguments
     leave the same bytes on the same machine.
     """
-    save_config(config, folder)
+    furnish_session_folder(config, folder)
     trial = VirtualTrial(config, participant_seed, folder, wall_start_ns)
     try:
         outcome = trial.run()
@@ -68,12 +68,12 @@ class SimulatedTrialRunner:
 
     config: Config  # the study's
 
-    def run(self, spec: TrialSpec, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
         cv2.setNumThreads(1)
         recording = self.config.recording.model_copy(update={"bitstream": False})
-        config = spec.configure(self.config).model_copy(update={"recording": recording})
+        config = trial.configure(self.config).model_copy(update={"recording": recording})
         gc.freeze()  # what was imported lives as long as the process
-        run_virtual_trial(config, spec.participant_seed, folder, time.time_ns())
+        run_virtual_trial(config, trial.participant_seed, folder, time.time_ns())
 
 
 class VirtualTrial(Listener):

@@ -25,7 +25,7 @@ from tams_app.study.report.findings import PARTS, claims, compared
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import StudyData
 from tams_app.study.runner import LOG_NAME
-from tams_app.study.statistics.differences import FEWEST_TO_TEST
+from tams_app.study.statistics.estimates import FEWEST_TO_TEST
 from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES
 

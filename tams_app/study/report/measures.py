@@ -10,13 +10,15 @@ import pandas as pd
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.results import StudyData
-from tams_app.study.statistics.differences import (
+from tams_app.study.statistics.estimates import (
+    Estimate,
     PairedDifference,
     Welch,
+    mean_interval,
     paired_difference,
     welch,
+    wilson_interval,
 )
-from tams_app.study.statistics.intervals import Estimate, mean_interval, wilson_interval
 from tams_app.study.statistics.mixed_model import MixedModel, NotFitted, fit_mixed_model
 from tams_app.study.tables import PHASES, SSIM_KINDS
 

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import statsmodels.formula.api as smf
 
-INTERCEPT = "Intercept"
 _METHODS = ("bfgs", "lbfgs", "powell", "nm")  # any may fail where another finds the optimum
 _SMALL = 1e-6  # of the residual's variance: none
 
@@ -43,10 +42,6 @@ class MixedModel:
     n: int
     groups: int
     remarks: tuple[str, ...]
-
-    def term(self, name: str) -> Term:
-        """The fixed effect of that name."""
-        return next(term for term in self.terms if term.name == name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,24 +69,25 @@ class Chain:
         gst.shut_down(self.pipeline)
 
 
-class EncoderChain:
+class EncoderChain(Chain):
     """Frames in, RTP packets out, one after the other."""
 
     def __init__(
         self, view: str, config: VideoConfig, frames: ViewEncoder, clock: SteppedClock
     ) -> None:
-        description = pipelines.virtual_sender(config, view, frames.encoder_kbps)
+        description = (
+            f"{pipelines.encoder_chain(config, view, frames.encoder_kbps)} "
+            "! appsink name=packets async=false sync=false"
+        )
         caps = pipelines.raw_caps(config)
-        self._chain = Chain(description, "converter", caps, clock, f"the sender of view {view}")
-        self._packets = self._chain.pipeline.get_by_name("packets")
-        payloader = self._chain.pipeline.get_by_name("payloader")
-        self._requests = payloader.get_static_pad("src")
-        frames.attach(self._chain.pipeline)
-        self.start, self.close = self._chain.start, self._chain.close
+        super().__init__(description, "converter", caps, clock, f"the sender of view {view}")
+        self._packets = self.pipeline.get_by_name("packets")
+        self._requests = self.pipeline.get_by_name("payloader").get_static_pad("src")
+        frames.attach(self.pipeline)
 
     def encode(self, buffer: Any) -> list[bytes]:
         """The RTP packets of one frame."""
-        self._chain.push(buffer)
+        self.push(buffer)
         buffers = gst.pull_available(self._packets)
         return [each.extract_dup(0, each.get_size()) for each in buffers]
 
@@ -100,7 +101,7 @@ class EncoderChain:
         )
 
 
-class DecoderChain:
+class DecoderChain(Chain):
     """RTP packets in, frames out through a `ViewDecoder`, requests kept until they are taken."""
 
     def __init__(
@@ -112,16 +113,15 @@ class DecoderChain:
         clock: SteppedClock,
     ) -> None:
         Gst = gst.load().Gst
-        description = pipelines.virtual_receiver(rule, decoder)
+        description = f"{pipelines.decoder_chain(rule, decoder)} ! {pipelines.SHOWN_FRAMES}"
         what = f"the receiver of view {view}"
-        self._chain = Chain(description, "jitterbuffer", pipelines.rtp_caps(), clock, what)
+        super().__init__(description, "jitterbuffer", pipelines.rtp_caps(), clock, what)
         self._clock = clock
         self._nacks: list[tuple[int, int]] = []
         self._plis = 0
         # live, what leaves the jitter buffer upstream goes to the session
-        self._chain.entrance.add_probe(Gst.PadProbeType.EVENT_UPSTREAM, self._on_request)
-        frames.attach(self._chain.pipeline)
-        self.start, self.close = self._chain.start, self._chain.close
+        self.entrance.add_probe(Gst.PadProbeType.EVENT_UPSTREAM, self._on_request)
+        frames.attach(self.pipeline)
 
     def feed(self, packet: bytes, resent: bool) -> None:
         """A packet has arrived; a resent one in its original form, as rtprtxreceive makes it."""
@@ -130,7 +130,7 @@ class DecoderChain:
         buffer.dts = self._clock.now_ns() - self._clock.start_ns
         if resent:  # the first flag after GStreamer's own is RTP's mark of a retransmission
             buffer.set_flags(modules.Gst.BufferFlags.LAST)
-        self._chain.push(buffer)
+        self.push(buffer)
 
     def take_nacks(self) -> list[tuple[int, int]]:
         """Packets to ask for, in order: sequence number and time left to ask [ms]."""
@@ -144,7 +144,7 @@ class DecoderChain:
 
     def poll(self) -> str:
         """The first error of the chain, "" if there is none."""
-        return gst.poll_bus(self._chain.pipeline)
+        return gst.poll_bus(self.pipeline)
 
     def _on_request(self, pad: Any, probe: Any) -> Any:
         modules = gst.load()

@@ -12,10 +12,10 @@ from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.video.packets import read_rtp
 from tams_app.video.repair import RepairRule
-from tams_app.video.view_decoder import ReceiverStats, ViewDecoder
+from tams_app.video.view_decoder import ViewDecoder
 from tams_app.video.virtual_time.chains import DecoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
-from tams_app.video.virtual_time.shared import RepairCounts, Shared
+from tams_app.video.virtual_time.shared import Shared
 from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _SEQUENCES = 1 << 16
@@ -31,21 +31,20 @@ class VirtualReceiver:
         rule: RepairRule,
         seed: int,
         shared: Shared,
-        counts: RepairCounts,
         return_feedback: Callable[[Feedback], None],
     ) -> None:
         self.view = view
         self.shown: ShownFrame | None = None
-        self._counts = counts
         self._shared = shared
         self._return_feedback = return_feedback
         self._expected = 0  # sequence number of the next media packet, if none is lost
         self._decoded: list[ShownFrame] = []
         self._session = ReceiverSession(Random(f"{seed}/{view}/receiver-rtcp"), rule.rtx)
         done_clock = LaterClock(shared.clock, shared.times.decoding_ns)
-        self._frames = ViewDecoder(view, config, rule, done_clock, self._decoded.append)
-        decoder = gst.choose_decoder(config.decoder)
-        self._chain = DecoderChain(view, decoder, rule, self._frames, shared.clock)
+        self.decoder = ViewDecoder(view, config, rule, done_clock, self._decoded.append)
+        self._chain = DecoderChain(
+            view, gst.choose_decoder(config.decoder), rule, self.decoder, shared.clock
+        )
         self.start, self.close = self._chain.start, self._chain.close
         self.arrive_report = self._session.received_report
 
@@ -61,7 +60,7 @@ class VirtualReceiver:
 
     def collect(self) -> None:
         """Take what the chain's threads have left; they are idle now."""
-        reason = self._frames.failure or self._chain.poll()
+        reason = self.decoder.failure or self._chain.poll()
         if reason:
             raise TamsError(f"the receiver of view {self.view} failed: {reason}")
         now_ns = self._shared.clock.now_ns()
@@ -83,14 +82,9 @@ class VirtualReceiver:
         feedback = self._session.step(self._shared.clock.now_ns())
         if feedback is None:
             return
-        self._counts.nacks_sent += len(feedback.nacks)
-        self._counts.plis_sent += feedback.pli
         due_ns = self._shared.link.feedback(feedback.sent_ns, self.view)
+        self._shared.records.feedback(self.view, feedback, due_ns)
         self._shared.events.post(due_ns, partial(self._return_feedback, feedback))
-
-    def stats(self) -> ReceiverStats:
-        """Counts of the jitter buffer, as live."""
-        return self._frames.stats()
 
     def _show(self, shown: ShownFrame) -> None:
         self.shown = shown

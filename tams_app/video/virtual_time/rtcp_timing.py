@@ -75,16 +75,17 @@ class RtcpTiming:
 
     def step(self, now_ns: int) -> Report | None:
         """The timer has run out: which report leaves now, None if it was reconsidered."""
-        report = self._early(now_ns) if self._next_early_ns is not None else self._regular(now_ns)
+        report: Report | None
+        if self._next_early_ns is not None:
+            self._next_early_ns = None
+            self._last_ns = now_ns
+            report = Report.EARLY
+        else:
+            report = self._regular(now_ns)
         if self._next_regular_ns is not None and self._next_regular_ns < now_ns:
             self._interval_ns = self._jittered_interval_ns()
             self._next_regular_ns = now_ns + max(self._interval_ns, self._spread_ns())
         return report
-
-    def _early(self, now_ns: int) -> Report | None:
-        self._next_early_ns = None
-        self._last_ns = now_ns
-        return Report.EARLY
 
     def _regular(self, now_ns: int) -> Report | None:
         interval_ns = self._jittered_interval_ns()

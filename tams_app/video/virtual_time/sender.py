@@ -14,7 +14,7 @@ from tams_app.video.pipelines import RTX_HISTORY_MS
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import EncoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, SenderSession, SentPackets
-from tams_app.video.virtual_time.shared import RepairCounts, Shared
+from tams_app.video.virtual_time.shared import Shared
 from tams_app.video.virtual_time.stepped_clock import LaterClock
 
 _ORIGINAL_SEQUENCE_BYTES = 2  # what RTX adds to a packet (RFC 4588)
@@ -36,12 +36,10 @@ class VirtualSender:
         start_kbps: float,
         source_drop_below_kbps: float,
         shared: Shared,
-        counts: RepairCounts,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
     ) -> None:
         self.view = view
-        self._counts = counts
         self.wire_bytes = 0
         self._shared = shared
         self._deliver = deliver
@@ -98,10 +96,7 @@ class VirtualSender:
 
     def obey(self, feedback: Feedback) -> None:
         """Feedback has come: force a keyframe, send packets again."""
-        self._counts.nacks_arrived += len(feedback.nacks)
-        self._counts.plis_arrived += feedback.pli
         if self._session.received(self._shared.clock.now_ns(), feedback):
-            self._counts.keyframes_forced += 1
             self._chain.request_keyframe()
         resent = [self._resend(sequence) for sequence in feedback.nacks]
         if found := [record for record in resent if record is not None]:
@@ -120,10 +115,7 @@ class VirtualSender:
         packet = self._history.find(sequence) if self._history is not None else None
         if packet is None:
             return None
-        record = self._offer(PacketKind.REPAIR, packet, sequence, identify(packet)[2])
-        self._counts.repairs_sent += 1
-        self._counts.repair_bytes += record.size_bytes
-        return record
+        return self._offer(PacketKind.REPAIR, packet, sequence, identify(packet)[2])
 
     def _offer(
         self, kind: PacketKind, packet: bytes, sequence: int, timestamp: int

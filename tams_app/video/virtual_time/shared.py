@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tams_app.records import DroppedFrame, EncodedFrame, PacketRecord, ShownFrame
 from tams_app.video.link import Link
 from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual_time.rtcp_sessions import Feedback
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.wait_idle import IdleGate
 
@@ -20,6 +21,8 @@ class VideoRecords:
     dropped: Callable[[DroppedFrame], None]
     shown: Callable[[ShownFrame], None]
     packets: Callable[[list[PacketRecord]], None]
+    # of a view: what its receiver asks for, and when that arrives [ns]
+    feedback: Callable[[str, Feedback, int], None] = lambda _view, _feedback, _arrives_ns: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +31,6 @@ class ProcessingTimes:
 
     encoding_ns: int = 4_500_000
     decoding_ns: int = 2_500_000
-
-
-@dataclass(slots=True)
-class RepairCounts:
-    """What repair of one view asked for, got and cost; NACKs count packets asked for."""
-
-    nacks_sent: int = 0
-    plis_sent: int = 0
-    nacks_arrived: int = 0
-    plis_arrived: int = 0
-    keyframes_forced: int = 0  # PLIs that the sender did not ignore
-    repairs_sent: int = 0
-    repair_bytes: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,10 +49,6 @@ class SteppedClock:
         if wait is not None:
             _unreference(wait)
 
-    def become_default(self) -> None:
-        """Serve elements that ask for the system's clock as well; before any of them is made."""
-        gst.load().Gst.SystemClock.set_default(self._clock)
-
     def drive(self, pipeline: Any) -> None:
         """Let `pipeline`, not yet playing, run on this clock with running time 0 at the start."""
         pipeline.use_clock(self._clock)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
@@ -12,12 +11,11 @@ from tams_app.records import Frame, ShownFrame
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule
-from tams_app.video.view_decoder import ReceiverStats
 from tams_app.video.virtual_time.event_queue import EventQueue
 from tams_app.video.virtual_time.receiver import VirtualReceiver
 from tams_app.video.virtual_time.rtcp_sessions import Feedback
 from tams_app.video.virtual_time.sender import VirtualSender
-from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, Shared, VideoRecords
+from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
 
@@ -52,14 +50,11 @@ class VirtualVideo:
         shared = Shared(
             link, self._events, self._clock, self._idle_gate, records, times or ProcessingTimes()
         )
-        self._counts = {view: RepairCounts() for view in config.views}
         self._senders: dict[str, VirtualSender] = {}
-        self._receivers: dict[str, VirtualReceiver] = {}
+        self.receivers: dict[str, VirtualReceiver] = {}
         for view in config.views:
-            receiver = VirtualReceiver(
-                view, config, rule, seed, shared, self._counts[view], self._return_to(view)
-            )
-            self._receivers[view] = receiver
+            receiver = VirtualReceiver(view, config, rule, seed, shared, self._return_to(view))
+            self.receivers[view] = receiver
             self._senders[view] = VirtualSender(
                 view,
                 config,
@@ -68,12 +63,11 @@ class VirtualVideo:
                 start_kbps[view],
                 source_drop_below_kbps,
                 shared,
-                self._counts[view],
                 receiver.arrive,
                 receiver.arrive_report,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
-            *self._receivers.values(),
+            *self.receivers.values(),
             *self._senders.values(),
         )
         for end in self._ends:
@@ -109,20 +103,11 @@ class VirtualVideo:
 
     def shown(self, view: str) -> ShownFrame | None:
         """The newest frame of `view` on the operator's screen; None before the first."""
-        return self._receivers[view].shown
+        return self.receivers[view].shown
 
     def wire_bytes(self) -> int:
         """IP datagram bytes sent so far, media and repair of all views together."""
         return sum(sender.wire_bytes for sender in self._senders.values())
-
-    def counts(self, view: str) -> RepairCounts:
-        """What repair of `view` has asked for, got and cost so far."""
-        return replace(self._counts[view])
-
-    def stats(self, view: str) -> ReceiverStats:
-        """The receiver's counts of `view`, as live."""
-        self._idle_gate.wait()
-        return self._receivers[view].stats()
 
     def close(self) -> None:
         """End all chains; may be called twice."""
@@ -157,5 +142,5 @@ class VirtualVideo:
                     end.step()
 
     def _collect(self) -> None:
-        for receiver in self._receivers.values():
+        for receiver in self.receivers.values():
             receiver.collect()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.directions import Compass, direction_of
+from calibration.frame.asking import Compass, direction_of
 from calibration.frame.result import rows
 from calibration.frame.sources import SIX_DIRECTIONS
 from tams_app.config import load_config

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.fit import fit_strokes
-from calibration.frame.rotation import turn_deg
+from calibration.frame.fit import fit_strokes, turn_deg
 from calibration.frame.stroke import Reason, RefusedError
 from tests.calibration.frame.synthetic import stroke, strokes
 

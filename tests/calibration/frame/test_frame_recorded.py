@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.capture import find_strokes, strokes_of_log
-from calibration.frame.fit import fit_strokes
-from calibration.frame.rotation import turn_deg
+from calibration.frame.fit import fit_strokes, turn_deg
 from calibration.frame.stroke import Reason, RefusedError
 from tams_app.config import load_config
 from tams_app.errors import LogError
+from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Pose
 from tests.calibration.frame.synthetic import stroke
-from tests.synthetic_session import tick
+from tests.synthetic_session import header, tick
 
 pytestmark = pytest.mark.untimed
 
@@ -46,6 +46,18 @@ def rounds(count, random):
         for _ in range(count)
         for axis in range(3)
     ]
+
+
+def recorded_session(tmp_path, on_the_rig):
+    """A session's folder with two rounds of strokes."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    config = {"rig": {"enabled": on_the_rig}}
+    log = McapLog(folder / "session.mcap", replace(header(), config=config))
+    for made in session(*rounds(2, np.random.default_rng(0))):
+        log.write(made, made.finished_ns)
+    log.close()
+    return folder
 
 
 def test_the_strokes_of_a_session_give_the_frame():

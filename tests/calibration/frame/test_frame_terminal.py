@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.calibration.frame.test_frame_recorded import recorded_session
+
 pytestmark = pytest.mark.waiting
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -20,11 +22,11 @@ QUESTION = "Write it?"
 
 
 class Terminal:
-    """A terminal in which `calibrate frame --sim` was started for a configuration."""
+    """A terminal in which `calibrate frame` was started for a configuration."""
 
     def __init__(self, config, *options):
         self._end, other = pty.openpty()
-        command = [sys.executable, str(ROOT / "run_tams.py"), "calibrate", "frame", "--sim"]
+        command = [sys.executable, str(ROOT / "run_tams.py"), "calibrate", "frame"]
         self.process = subprocess.Popen(
             [*command, "--no-buttons", "--config", str(config), *options],
             stdin=other,
@@ -98,22 +100,22 @@ def written(config):
 
 
 def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config, start):
-    terminal = start()
+    terminal = start("--from", str(recorded_session(config.parent, on_the_rig=True)))
     terminal.wait_for(QUESTION)
     terminal.type("perhaps\n")
     terminal.wait_for("Please answer y or n.")
     terminal.interrupt()
-    assert terminal.end() == 1
+    assert terminal.end() == 130
     assert "Kept, but not in force: " in terminal.text
     assert "tams: interrupted" in terminal.text
     assert [name[-4:] for name in written(config)] == [".png", "yaml"]  # and no in-force.yaml
 
 
 def test_ctrl_c_before_there_is_a_result_writes_nothing(config, start):
-    terminal = start("--rounds", "6")
+    terminal = start("--sim", "--rounds", "6")
     terminal.wait_for("Round 1.")
     terminal.interrupt()
-    assert terminal.end() == 1
+    assert terminal.end() == 130
     assert "Traceback" not in terminal.text
     assert "[dim]" not in terminal.text
     assert "tams: interrupted" in terminal.text

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from calibration.frame.rotation import turn_deg
+from calibration.frame.fit import turn_deg
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.touches import Touch, fit_touches
 from tests.calibration.frame.synthetic import POINTS, touches

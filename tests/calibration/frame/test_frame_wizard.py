@@ -11,16 +11,10 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from calibration.frame import simulated, wizard
-from calibration.frame.asking import (
-    ATTEMPTS,
-    ask_buttons,
-    fit_moves,
-    fit_touched,
-)
-from calibration.frame.directions import try_six_directions
-from calibration.frame.fit import FrameFit
+from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched, try_six_directions
+from calibration.frame.buttons import ask_buttons
+from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.rotation import turn_deg
 from calibration.frame.simulated import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS, Press
 from calibration.frame.stroke import Reason, RefusedError
@@ -29,13 +23,11 @@ from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
-from tams_app.recording.mcap_log import McapLog
 from tams_app.records import ControllerStatus
 from tams_app.units import NS_PER_S
 from tests.calibration.frame.synthetic import POINTS
-from tests.calibration.frame.test_frame_recorded import TRUTH, rounds, session
+from tests.calibration.frame.test_frame_recorded import TRUTH, recorded_session
 from tests.scripted_ui import ScriptedUI
-from tests.synthetic_session import header
 
 pytestmark = pytest.mark.untimed
 
@@ -361,23 +353,11 @@ def test_nothing_is_written_unless_asked_for(rig):
     assert files(path) == []
 
 
-def recorded(tmp_path, on_the_rig):
-    """A session's folder with two rounds of strokes."""
-    folder = tmp_path / "logs"
-    folder.mkdir()
-    config = {"rig": {"enabled": on_the_rig}}
-    log = McapLog(folder / "session.mcap", replace(header(), config=config))
-    for tick in session(*rounds(2, np.random.default_rng(0))):
-        log.write(tick, tick.finished_ns)
-    log.close()
-    return folder
-
-
 @pytest.mark.parametrize("on_the_rig", [True, False])
 def test_strokes_recorded_on_the_rig_never_turn_a_real_arms_frame(tmp_path, on_the_rig):
     path = tmp_path / "lab.yaml"
     path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
-    logs = (recorded(tmp_path, on_the_rig),)
+    logs = (recorded_session(tmp_path, on_the_rig),)
     if on_the_rig:
         with pytest.raises(ConfigError, match="has real devices"):
             calibrate(path, sim=False, logs=logs)
@@ -420,7 +400,7 @@ def test_without_a_terminal_no_person_is_waited_for(tmp_path):
 
 def test_a_recorded_session_gives_the_frame(rig, tmp_path):
     path = rig()
-    code, ui = calibrate(path, sim=False, logs=(recorded(tmp_path, on_the_rig=True),))
+    code, ui = calibrate(path, sim=False, logs=(recorded_session(tmp_path, on_the_rig=True),))
     assert code == 0
     assert turn_deg(np.array(load_config(path).hand.rotation), TRUTH) < 1.0
     assert any("cannot be tried out" in text for text in ui.said)

@@ -14,7 +14,6 @@ import pytest
 
 import hw.lite6.setup
 import hw.sim.controller.registers
-from hw.arm import ServoMode
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
@@ -24,7 +23,7 @@ from hw.sim.controller.model import ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import LinkFault, Twist
+from tams_app.records import LinkFault, ServoMode, Twist
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.realtime import use_fifo, use_ordinary
 from tests.hw.lite6.controller_rig import WITHIN_S, ControllerRig, controller, until

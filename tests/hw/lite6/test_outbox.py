@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.arm import ServoMode
 from hw.lite6.outbox import GRIPPER_QUEUE, Outbox
-from tams_app.records import Twist
+from tams_app.records import ServoMode, Twist
 
 pytestmark = pytest.mark.waiting
 

@@ -193,7 +193,7 @@ def reply(transaction: int, register: int, data: bytes = b"") -> bytes:
 def test_a_version_request_reads_the_controllers_version(rig: ControllerRig) -> None:
     client = UxbusClient("127.0.0.1", rig.config().control_port)
     client.connect()
-    assert b"v2.6.0" in client.request(Register.GET_VERSION, b"", 5.0).data
+    assert b"v2.6.0" in client.request(Register.GET_VERSION, b"", 5.0)[1]
     client.close()
 
 
@@ -204,7 +204,7 @@ def test_a_reply_in_pieces_is_put_together() -> None:
             connection.sendall(bytes([byte]))
 
     with peer(script) as client:
-        assert client.request(Register.GET_STATE, b"", 5.0).data == b"\x02"
+        assert client.request(Register.GET_STATE, b"", 5.0)[1] == b"\x02"
 
 
 def test_a_late_reply_is_not_taken_for_the_next_ones() -> None:
@@ -218,7 +218,7 @@ def test_a_late_reply_is_not_taken_for_the_next_ones() -> None:
     with peer(script) as client:
         with pytest.raises(TimeoutError):
             client.request(Register.GET_STATE, b"", 0.05)
-        assert client.request(Register.GET_STATE, b"", 5.0).data == b"\x04"
+        assert client.request(Register.GET_STATE, b"", 5.0)[1] == b"\x04"
 
 
 @pytest.mark.parametrize("answer", [b"", bytes(8)], ids=["hangs up", "talks nonsense"])

@@ -108,8 +108,8 @@ def test_controllers_are_listed_through_the_real_library(fake):
 def test_an_interface_the_runtime_lacks_is_seen_without_losing_the_connection(fake):
     fake.has_input_interface = False
     runtime = OpenVrRuntime.join()
-    assert not runtime.provides(openvr.IVRInput_Version)
-    assert runtime.provides(openvr.IVRSystem_Version)
+    assert not runtime.vr.isInterfaceVersionValid(openvr.IVRInput_Version)
+    assert runtime.vr.isInterfaceVersionValid(openvr.IVRSystem_Version)
     assert list(runtime.events()) == []
     runtime.close()
 

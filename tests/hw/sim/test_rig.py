@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from hw.arm import GripperDrive
 from hw.sim.layout import draw_layout
 from hw.sim.rig import PublishedWorld
 from hw.sim.world.rig_memory import WorldReader, WorldState, WorldWriter, remove_memory
@@ -31,7 +30,7 @@ class Rig:
 
     def cycle(self, wall_ns: int = CYCLE_NS) -> tuple[int, WorldState]:
         self.clock.advance_ns(wall_ns)
-        self.plant.step(READY, GripperDrive.CLOSE, CYCLE_NS)
+        self.plant.step(READY, True, CYCLE_NS)
         newest = self.reader.read()
         assert newest is not None
         return newest

@@ -15,12 +15,12 @@ from tams_app.session.virtual import SimulatedTrialRunner
 from tams_app.study.commands import run_simulated
 from tams_app.study.folder import StudyFolder
 from tams_app.study.planning import make_plan
-from tams_app.study.runner import TrialSpec
 from tams_app.study.trial_process import Job, TrialProcess
 from tests.session.virtual.runs import short
+from tests.study.synthetic_study import planned_trial
 
 pytestmark = [pytest.mark.untimed, pytest.mark.timeout(600)]
-SPEC = TrialSpec("P01-04", "P01", "static", "s3", 1, False, 5, 6)
+TRIAL = planned_trial("P01-04", "static", "s3")
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def folder(tmp_path_factory) -> Path:
     """What one trial of half a second left, in a process of its own."""
     folder = tmp_path_factory.mktemp("trial")
     runner = SimulatedTrialRunner(short(seconds=0.5))
-    process = TrialProcess(runner, Job(SPEC, folder))
+    process = TrialProcess(runner, Job(TRIAL, folder))
     assert process.wait() == ""
     return folder
 

@@ -15,11 +15,11 @@ from tams_app.config import Network, VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
 from tams_app.video.repair import RepairRule, repair_rule
-from tams_app.video.view_decoder import ReceiverStats
-from tams_app.video.virtual_time.shared import ProcessingTimes, RepairCounts, VideoRecords
+from tams_app.video.virtual_time.rtcp_sessions import Feedback
+from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual_time.video import VirtualVideo
 from tests.video.scenes import frame
-from tests.video.streams import decoded_checksums
+from tests.video.streams import decoded_checksums, jitter_counts
 
 START_NS = NS_PER_S
 CLEAN = Network(latency_ms=20)
@@ -42,15 +42,29 @@ class Run:
     dropped: list[DroppedFrame] = field(default_factory=list)
     shown: list[ShownFrame] = field(default_factory=list)
     packets: list[PacketRecord] = field(default_factory=list)
-    counts: dict[str, RepairCounts] = field(default_factory=dict)
-    stats: dict[str, ReceiverStats] = field(default_factory=dict)
+    feedback: list[tuple[str, Feedback, int]] = field(default_factory=list)
+    jitter: dict[str, dict[str, int]] = field(default_factory=dict)
     wire_bytes: int = 0
 
     @property
     def records(self) -> VideoRecords:
         return VideoRecords(
-            self.encoded.append, self.dropped.append, self.shown.append, self.packets.extend
+            self.encoded.append,
+            self.dropped.append,
+            self.shown.append,
+            self.packets.extend,
+            lambda *told: self.feedback.append(told),
         )
+
+    @property
+    def nacks(self) -> int:
+        """How many packets were asked for again."""
+        return sum(len(feedback.nacks) for _, feedback, _ in self.feedback)
+
+    @property
+    def plis(self) -> int:
+        """How often a keyframe was asked for."""
+        return sum(feedback.pli for _, feedback, _ in self.feedback)
 
     @cached_property
     def references(self) -> dict[int, int]:
@@ -59,7 +73,7 @@ class Run:
 
     def digest(self) -> str:
         """One number for every packet, time and pixel."""
-        sha = sha256(repr((self.packets, self.dropped, self.counts, self.stats)).encode())
+        sha = sha256(repr((self.packets, self.dropped, self.feedback, self.jitter)).encode())
         for sent in self.encoded:
             sha.update(repr(sent).encode())
         for seen in self.shown:
@@ -114,9 +128,8 @@ def run_whole(
     run = Run()
     with closing(make(run, network, views, kbps, rule, seed=seed)) as video:
         drive(video, views, range(frames))
-        run.counts = {view: video.counts(view) for view in views}
         run.wire_bytes = video.wire_bytes()
-        run.stats = {view: video.stats(view) for view in views}
+        run.jitter = {view: jitter_counts(video.receivers[view].decoder) for view in views}
     return run
 
 

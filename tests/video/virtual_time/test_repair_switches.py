@@ -23,8 +23,8 @@ def run(wanted: RepairConfig) -> Run:
 @pytest.mark.parametrize("wanted", [RTX_OFF, NO_REPAIR])
 def test_without_pli_no_keyframe_is_asked_for(wanted: RepairConfig) -> None:
     found = run(wanted)
-    assert found.stats["eih"].packets_lost > 0
-    assert (found.counts["eih"].plis_sent > 0) == wanted.pli
+    assert found.jitter["eih"]["num-lost"] > 0
+    assert (found.plis > 0) == wanted.pli
     assert (sum(frame.keyframe for frame in found.encoded) > 1) == wanted.pli
 
 

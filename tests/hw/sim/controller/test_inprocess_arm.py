@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.arm import ServoMode
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, ArmState, Twist
+from tams_app.records import Activity, ArmState, ServoMode, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from hw.arm import GripperDrive, PlantState
+from hw.arm import PlantState
 from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
 from hw.sim.controller.model import CYCLE_NS, ControllerModel
@@ -28,13 +28,13 @@ class LaggingPlant:
     def __init__(self) -> None:
         self.joints = READY.copy()
         self.collision = False
-        self.gripper = GripperDrive.OFF
+        self.closing: bool | None = None
         self.cycles = 0
 
-    def step(self, joints_target: Vector, gripper: GripperDrive, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
         assert duration_ns == CYCLE_NS
         self.joints = self.joints + (joints_target - self.joints) / 3.0
-        self.gripper = gripper
+        self.closing = closing
         self.cycles += 1
         return PlantState(self.joints.copy(), self.collision)
 
@@ -391,19 +391,19 @@ def test_a_warning_shows_and_does_not_stop(rig: Rig) -> None:
 @pytest.mark.parametrize(
     ("outputs", "drive"),
     [
-        (0b01, GripperDrive.OPEN),
-        (0b10, GripperDrive.CLOSE),
-        (0b00, GripperDrive.OFF),
-        (0b11, GripperDrive.OFF),
+        (0b01, False),
+        (0b10, True),
+        (0b00, None),
+        (0b11, None),
     ],
 )
-def test_two_tool_outputs_drive_the_gripper(rig: Rig, outputs: int, drive: GripperDrive) -> None:
+def test_two_tool_outputs_drive_the_gripper(rig: Rig, outputs: int, drive: bool | None) -> None:
     rig.model.settings.tool_outputs = 0b11 & ~outputs
     payload = struct.pack(">BH", 9, 0x0A15) + struct.pack("<f", 0x0300 | outputs)
     assert rig.ask(Register.TOOL_GPIO_WRITE, payload)[0] & ReplyBit.INVALID == 0
-    assert rig.model.gripper is drive
+    assert rig.model.settings.closing is drive
     rig.run(0.004)
-    assert rig.plant.gripper is drive
+    assert rig.plant.closing is drive
     read_back = rig.ask(Register.TOOL_GPIO_READ, struct.pack(">BH", 9, 0x0A18))[1]
     assert struct.unpack(">i", read_back)[0] == outputs
 
@@ -418,4 +418,4 @@ def test_a_write_changes_only_the_outputs_it_names(rig: Rig) -> None:
 def test_the_emergency_stop_cuts_the_tool_s_power(rig: Rig) -> None:
     rig.model.settings.tool_outputs = 0b10
     rig.model.press_emergency_stop()
-    assert rig.model.gripper is GripperDrive.OFF
+    assert rig.model.settings.closing is None

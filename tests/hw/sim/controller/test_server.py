@@ -17,7 +17,6 @@ from xarm.core.config.x_config import XCONF
 from xarm.wrapper import XArmAPI
 from xarm.x3.report import ReportDataStructure
 
-from hw.arm import GripperDrive
 from hw.lite6.codes import ErrorCode, Register
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
@@ -221,12 +220,12 @@ def test_the_sdk_drives_the_gripper(
 ) -> None:
     arm = connect_sdk()
     for call, drive, outputs in (
-        (arm.open_lite6_gripper, GripperDrive.OPEN, [1, 0]),
-        (arm.close_lite6_gripper, GripperDrive.CLOSE, [0, 1]),
-        (arm.stop_lite6_gripper, GripperDrive.OFF, [0, 0]),
+        (arm.open_lite6_gripper, False, [1, 0]),
+        (arm.close_lite6_gripper, True, [0, 1]),
+        (arm.stop_lite6_gripper, None, [0, 0]),
     ):
         assert call() == 0
-        assert model.gripper is drive
+        assert model.settings.closing is drive
         assert arm.get_tgpio_output_digital()[1][:2] == outputs
 
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hw.arm import GripperDrive
 from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
 from hw.sim.layout import CONTAINER_INNER_M, Layout
 from hw.sim.world.world import World
@@ -30,7 +29,7 @@ class ScriptedPick:
         self._joints = world.joints
         self._place = ARM.tcp_pose(self._joints).position
         self._yaw = 0.0
-        self._drive = GripperDrive.OPEN
+        self._drive: bool | None = False
 
     def move(self, place: Vector | list[float], yaw: float, speed: float = 0.15) -> None:
         """Straight to `place` [m] with `yaw` [rad], gripper down, smoothly."""
@@ -43,24 +42,24 @@ class ScriptedPick:
             self._step_to(start + (end - start) * part, start_yaw + (yaw - start_yaw) * part)
         self._place, self._yaw = end, yaw
 
-    def grip(self, drive: GripperDrive, seconds: float = 0.4) -> None:
+    def grip(self, drive: bool | None, seconds: float = 0.4) -> None:
         self._drive = drive
         for _ in range(round(seconds / 0.004)):
             self._step_to(self._place, self._yaw)
 
     def pick(self, layout: Layout) -> None:
         block = layout.block
-        self.grip(GripperDrive.OPEN, 0.05)
+        self.grip(False, 0.05)
         self.move([block.x, block.y, 0.08], block.yaw)
         self.move([block.x, block.y, GRASP_HEIGHT_M], block.yaw, 0.08)
-        self.grip(GripperDrive.CLOSE)
+        self.grip(True)
         self.move([block.x, block.y, CARRY_HEIGHT_M], block.yaw)
 
     def place(self, layout: Layout) -> None:
         container = layout.container
         self.move([container.x, container.y, CARRY_HEIGHT_M], 0.0, 0.25)
         self.move([container.x, container.y, 0.04], 0.0)
-        self.grip(GripperDrive.OPEN)
+        self.grip(False)
         self.move([container.x, container.y, CARRY_HEIGHT_M], 0.0)
 
     def block_height(self) -> float:

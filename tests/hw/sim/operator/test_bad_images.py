@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.sim.layout import draw_layout
-from hw.sim.operator.belief_state import Gap
+from hw.sim.operator.belief_state import TO_BLOCK
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.operator.task import Stage
@@ -61,7 +61,7 @@ class Eyes:
     @property
     def sigma(self) -> float:
         """Of the distance to the block [m]."""
-        return self.seeing.belief.gap_sigma(Gap.to_block())
+        return self.seeing.belief.gap_sigma(TO_BLOCK)
 
     def check_sane(self) -> None:
         estimate = self.seeing.belief.estimate

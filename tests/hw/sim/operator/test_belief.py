@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from hw.sim.operator.belief import Belief
-from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, TOOL, TURN, Gap
+from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, TO_BLOCK, TO_CONTAINER, TOOL, TURN
 from hw.sim.operator.vision.detections import Cue, HeadingSighting, Sighting, Thing
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 
@@ -48,17 +48,17 @@ def test_two_views_together_find_tool_and_block():
     belief = _settled()
     assert belief.tcp == pytest.approx(TCP, abs=0.0005)
     assert belief.block == pytest.approx(BLOCK_PLACE, abs=0.0005)
-    assert belief.gap_sigma(Gap.to_block()) < 0.001
+    assert belief.gap_sigma(TO_BLOCK) < 0.001
 
 
 def test_what_is_not_seen_becomes_uncertain_with_time_and_more_so_with_motion():
     rest, motion = _settled(), _settled()
-    known = rest.gap_sigma(Gap.to_block())
+    known = rest.gap_sigma(TO_BLOCK)
     for _ in range(25):
         rest.predict(np.zeros(3), np.zeros(3), 0.08)
         motion.predict(np.array([0.004, 0.0, 0.0]), np.zeros(3), 0.08)
-    assert rest.gap_sigma(Gap.to_block()) > 1.5 * known
-    assert motion.gap_sigma(Gap.to_block()) > 1.5 * rest.gap_sigma(Gap.to_block())
+    assert rest.gap_sigma(TO_BLOCK) > 1.5 * known
+    assert motion.gap_sigma(TO_BLOCK) > 1.5 * rest.gap_sigma(TO_BLOCK)
 
 
 def test_a_sharper_view_counts_for_more():
@@ -66,7 +66,7 @@ def test_a_sharper_view_counts_for_more():
     belief.predict(np.zeros(3), np.zeros(3), 0.08)
     sharp = _sighting(belief, "gt", Thing.BLOCK, BLOCK_PLACE, 0.3)
     belief.take([sharp, _sighting(belief, "gs", Thing.BLOCK, BLOCK_PLACE, 3.0)])
-    shares = belief.shares(Gap.to_block())
+    shares = belief.shares(TO_BLOCK)
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["gt"] > 10.0 * shares["gs"]
 
@@ -74,10 +74,10 @@ def test_a_sharper_view_counts_for_more():
 def test_a_glance_that_tells_nothing_gives_no_view_a_share():
     belief = _settled()
     belief.predict(np.zeros(3), np.zeros(3), 0.08)
-    assert belief.shares(Gap.to_block()) == {}
+    assert belief.shares(TO_BLOCK) == {}
     belief.take([_sighting(belief, "gt", Thing.CONTAINER, belief.container)])
-    assert belief.shares(Gap.to_block()) == {}
-    assert belief.shares(Gap.to_container()) == {"gt": 1.0}
+    assert belief.shares(TO_BLOCK) == {}
+    assert belief.shares(TO_CONTAINER) == {"gt": 1.0}
 
 
 def test_one_view_against_the_other_is_not_believed_but_both_are():
@@ -175,11 +175,11 @@ def test_a_carried_block_is_believed_to_follow_while_it_is_not_seen():
     belief.state[BLOCK] = belief.tcp
     belief.carried_part = 1.0
     before = belief.block.copy()
-    known = belief.gap_sigma(Gap.to_block())
+    known = belief.gap_sigma(TO_BLOCK)
     for _ in range(5):
         belief.predict(np.array([0.0, 0.01, 0.0]), np.zeros(3), 0.08)
     assert belief.block - before == pytest.approx((0.0, 0.05, 0.0))
-    assert belief.gap_sigma(Gap.to_block()) > known
+    assert belief.gap_sigma(TO_BLOCK) > known
 
 
 def test_headings_count_modulo_a_quarter_turn():

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.arm import GripperDrive
 from hw.sim.layout import Layout, draw_layout
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
@@ -190,7 +189,7 @@ def test_the_fingers_opening_is_read_off_the_pads():
         gauge, pairs = FingerGauge(wrist_camera()), []
         for _ in range(20):
             pairs.append((gauge.measure(renderer.render("eih", world.qpos)), world.truth(0)))
-            world.step(READY, GripperDrive.CLOSE, 8 * CYCLE_NS)
+            world.step(READY, True, 8 * CYCLE_NS)
     finally:
         renderer.close()
     read = [(seen, truth.fingers_opening) for seen, truth in pairs if seen is not None]

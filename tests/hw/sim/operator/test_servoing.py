@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.servoing import HandMap, approach, grasp_turn, speed_factor
 from tams_app.config import HandConfig
 
@@ -42,7 +43,7 @@ def test_a_tilted_gripper_is_brought_upright():
 
 @given(st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.floats(0.01, 0.3))
 def test_approach_heads_for_the_goal_and_keeps_the_speed(error, speed):
-    velocity = approach(np.array(error), speed)
+    velocity = approach(np.array(error), speed, gain_per_s=2.8)
     assert np.linalg.norm(velocity) <= speed * (1 + 1e-9)
     assert velocity @ np.array(error) >= 0.0
 
@@ -55,10 +56,10 @@ def test_care_slows_down_and_then_waits():
 
 def test_the_hand_map_knows_the_directions_roughly_and_itself_exactly():
     config = HandConfig(translation_scale=2.0)
-    hand_map = HandMap(config, np.random.default_rng(3))
+    hand_map = HandMap(config, ParticipantProfile.draw(1), np.random.default_rng(3))
     wished = np.array([0.1, -0.05, 0.02])
-    hand = hand_map.hand_linear(wished)
-    assert hand_map.tool_linear(hand) == pytest.approx(wished)
+    hand = hand_map.hand_linear @ wished
+    assert hand_map.tool_linear @ hand == pytest.approx(wished)
     true = 2.0 * np.array(config.rotation) @ hand
     assert true == pytest.approx(wished, abs=0.03)
     assert not np.allclose(true, wished, atol=1e-4)

@@ -6,9 +6,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.hand import Button
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Estimate, GapSigmas, Percept
 from hw.sim.operator.servoing import Sight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
+from tams_app.config import OperatorConfig
 from tams_app.records import Pose
 from tams_app.units import NS_PER_MS
 
@@ -18,8 +20,13 @@ DOWN = Rotation.from_matrix([[1, 0, 0], [0, -1, 0], [0, 0, -1]])
 STEP_NS = 10 * NS_PER_MS
 
 
-def _task() -> PickAndPlace:
-    return PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0))
+SCRIPTED = ParticipantProfile.scripted(
+    OperatorConfig(reach_speed_m_s=0.2, fine_speed_m_s=0.06, reaction_s=0.1)
+)
+
+
+def _task(**traits: float) -> PickAndPlace:
+    return PickAndPlace(replace(SCRIPTED, **traits), 1.0, np.random.default_rng(0))
 
 
 def _percept(tcp=(0.35, 0.0, 0.18), block=(0.33, -0.1, 0.01), opening=0.016) -> Percept:
@@ -121,9 +128,9 @@ def _uncertain(sigma: float) -> Percept:
 
 
 def test_after_the_wait_limit_the_operator_goes_on_slowly():
-    patient = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0))
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), wait_limit_s=1.5)
-    for task, moves in ((patient, False), (hasty, True)):
+    steady = _task()
+    hasty = _task(wait_limit_s=1.5)
+    for task, moves in ((steady, False), (hasty, True)):
         intents = _run(task, _uncertain(0.05), 0, 2.0)
         assert not any(intent.linear.any() for intent in intents[:140])
         assert bool(intents[-1].linear.any()) is moves
@@ -131,7 +138,7 @@ def test_after_the_wait_limit_the_operator_goes_on_slowly():
 
 
 def test_with_nothing_to_go_by_the_operator_waits_longer_but_not_for_ever():
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), wait_limit_s=0.5)
+    hasty = _task(wait_limit_s=0.5)
     intents = _run(hasty, _uncertain(0.5), 0, 3.0)
     moving = [intent.linear.any() for intent in intents]
     assert not any(moving[: len(moving) * 2 // 3])
@@ -140,7 +147,7 @@ def test_with_nothing_to_go_by_the_operator_waits_longer_but_not_for_ever():
 
 
 def test_a_view_that_clears_resets_the_wait():
-    hasty = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), wait_limit_s=1.0)
+    hasty = _task(wait_limit_s=1.0)
     assert _run(hasty, _uncertain(0.05), 0, 1.5)[-1].linear.any()
     _run(hasty, _uncertain(0.001), 1_500_000_000, 0.1)
     assert not _run(hasty, _uncertain(0.05), 1_600_000_000, 0.5)[-1].linear.any()
@@ -149,6 +156,6 @@ def test_a_view_that_clears_resets_the_wait():
 def test_a_higher_throughput_closes_the_last_part_faster():
     speeds = []
     for gain in (2.0, 3.0):
-        task = PickAndPlace(0.2, 0.06, 0.1, np.random.default_rng(0), gain_per_s=gain)
+        task = _task(gain_per_s=gain)
         speeds.append(np.linalg.norm(_step(task, _percept(tcp=(0.34, -0.1, 0.18))).linear))
     assert speeds[1] == pytest.approx(1.5 * speeds[0])

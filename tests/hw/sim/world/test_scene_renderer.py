@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from hw.arm import GripperDrive
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.scene_renderer import SceneRenderer
@@ -40,7 +39,7 @@ def poses() -> list[Vector]:
     world, target, seen = World(LAYOUT, READY), READY.copy(), []
     for cycle in range(120):
         target = target + np.array([0.004, 0.001, 0.001, 0.002, 0.003, 0.006])
-        world.step(target, GripperDrive.CLOSE, CYCLE_NS)
+        world.step(target, True, CYCLE_NS)
         if cycle % 30 == 0:
             seen.append(world.qpos)
     return seen

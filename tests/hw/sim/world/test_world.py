@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.arm import GripperDrive
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
 from hw.sim.layout import BLOCK_EDGE_M, draw_layout
 from hw.sim.world.world import World
@@ -28,9 +27,9 @@ def test_contact_grasp_lifts_holds_carries_and_places_the_block(seed: int) -> No
     hand.pick(layout)
     assert hand.block_height() > 0.09
     assert 0.9 * BLOCK_EDGE_M < hand.world.truth(0).fingers_opening < BLOCK_EDGE_M
-    hand.grip(GripperDrive.CLOSE, 0.5)
+    hand.grip(True, 0.5)
     before = hand.block_height()
-    hand.grip(GripperDrive.CLOSE, 3.0)
+    hand.grip(True, 3.0)
     assert abs(hand.block_height() - before) < 5e-5  # it does not creep out of the fingers
     hand.place(layout)
     assert hand.block_in_container()
@@ -44,7 +43,7 @@ def test_same_calls_give_the_same_world() -> None:
         target = READY.copy()
         for _ in range(100):
             target += 0.002
-            world.step(target, GripperDrive.CLOSE, CYCLE_NS)
+            world.step(target, True, CYCLE_NS)
         return world.qpos
 
     assert run().tobytes() == run().tobytes()
@@ -62,14 +61,14 @@ def test_block_and_container_stand_where_the_layout_says() -> None:
 def test_fingers_open_sixteen_millimetres_close_fully_and_rest_when_off() -> None:
     world = World(draw_layout(0), READY)
 
-    def drive(gripper: GripperDrive) -> float:
+    def drive(gripper: bool | None) -> float:
         for _ in range(200):
             world.step(READY, gripper, CYCLE_NS)
         return world.truth(0).fingers_opening
 
-    assert drive(GripperDrive.CLOSE) < 0.0005
-    assert drive(GripperDrive.OPEN) == pytest.approx(0.016, abs=1e-4)
-    assert drive(GripperDrive.OFF) == pytest.approx(0.016, abs=1e-4)
+    assert drive(True) < 0.0005
+    assert drive(False) == pytest.approx(0.016, abs=1e-4)
+    assert drive(None) == pytest.approx(0.016, abs=1e-4)
 
 
 def test_pressing_on_the_table_reads_as_a_collision() -> None:
@@ -85,7 +84,7 @@ def test_fast_free_motion_and_sudden_stops_read_as_no_collision() -> None:
     for cycle in range(200):
         if cycle < 100:
             target = target + np.array([0.006, -0.002, 0.002, 0.0, 0.0, 0.006])
-        collided |= world.step(target, GripperDrive.OFF, CYCLE_NS).collision
+        collided |= world.step(target, None, CYCLE_NS).collision
     assert not collided
     assert world.joints == pytest.approx(target, abs=1e-3)
 
@@ -94,4 +93,4 @@ def test_fast_free_motion_and_sudden_stops_read_as_no_collision() -> None:
 def test_durations_other_than_whole_milliseconds_are_refused(duration_ns: int) -> None:
     world = World(draw_layout(0), READY)
     with pytest.raises(ValueError, match="multiple"):
-        world.step(READY, GripperDrive.OFF, duration_ns)
+        world.step(READY, None, duration_ns)

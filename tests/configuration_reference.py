@@ -1,6 +1,6 @@
 """The reference of the configuration, `docs/CONFIGURATION.md`, made from the models.
 
-    python -m tams_app.config.reference > docs/CONFIGURATION.md
+    python -m tests.configuration_reference > docs/CONFIGURATION.md
 
 The meaning of a key is the string below it in the model's source. It is read from there and not
 by pydantic, which would parse the source in every process that starts.
@@ -27,10 +27,10 @@ _HEAD = """\
 # Configuration
 
 Every key of a configuration file, made from the models in `tams_app/config/` by
-`python -m tams_app.config.reference`. A file needs `version`, `policy` and `networks` (the last two
-usually by `include: [networks.yaml, weights.yaml]`); every other key has a default. Numbers are
-finite; the end of a name tells its unit (`_mm_s`, `_kbps`). `config/lite6.yaml` shows
-what hardware needs, docs/OPERATOR.md how to fill it in.
+`python -m tests.configuration_reference`. A file needs `version`, `policy` and `networks` (the last
+two usually by `include: [networks.yaml, weights.yaml]`); every other key has a default. Numbers are
+finite; the end of a name tells its unit (`_mm_s`, `_kbps`). `config/lite6.yaml` shows what hardware
+needs, docs/OPERATOR.md how to fill it in.
 """
 _UNITS = {
     "mm_deg": "mm, °",

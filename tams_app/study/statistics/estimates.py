@@ -1,6 +1,7 @@
-"""Differences between two strategies: over pairs of trials, and between two groups as in the paper.
+"""Means and shares with their 95 % intervals, and differences between two strategies.
 
-Every comparison of a report is decided by `paired_difference`, whichever side it favours.
+Differences are over pairs of trials, and between two groups as in the paper. Every comparison of a
+report is decided by `paired_difference`, whichever side it favours.
 """
 
 from __future__ import annotations
@@ -13,12 +14,41 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from tams_app.study.statistics.intervals import CONFIDENCE, Estimate, mean_interval
-
+CONFIDENCE = 0.95
 # with fewer participants, differences of one sign are no evidence at 5 % (sign test: 2/2^5 = .0625)
 FEWEST_TO_TEST = 6
 ALPHA = 1 - CONFIDENCE
 _NO_VARIATION = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value with its interval over `n` units; both ends None where n is too small for one."""
+
+    value: float
+    low: float | None
+    high: float | None
+    n: int
+
+
+def mean_interval(values: Sequence[float]) -> Estimate | None:
+    """The mean with Student's t interval; None without values."""
+    if not len(values):
+        return None
+    sample = np.asarray(values, dtype=np.float64)
+    centre = float(np.mean(sample))
+    if len(sample) < 2:
+        return Estimate(centre, None, None, len(sample))
+    half = float(stats.sem(sample) * stats.t.ppf((1 + CONFIDENCE) / 2, len(sample) - 1))
+    return Estimate(centre, centre - half, centre + half, len(sample))
+
+
+def wilson_interval(successes: int, n: int) -> Estimate | None:
+    """A share with Wilson's score interval (Wilson 1927; Newcombe 1998, method 3)."""
+    if n == 0:
+        return None
+    found = stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="wilson")
+    return Estimate(successes / n, float(found.low), float(found.high), n)
 
 
 @dataclass(frozen=True, slots=True)
