@@ -11,7 +11,10 @@ import numpy as np
 from benchmarks.figures import Figure
 from benchmarks.runs import Run
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
-from tams_app.summary.tracking import settling_time_s, steps, windows
+from tams_app.summary.tracking import Windows, steps, windows
+from tams_app.units import NS_PER_S
+
+SETTLED_FRACTION = 0.15  # of the target
 
 
 def start_figures(runs: list[Run]) -> list[Figure]:
@@ -142,3 +145,17 @@ def _maximum(values: Iterable[float | None]) -> float | None:
 
 def _mean(values: Iterable[float]) -> float:
     return float(np.mean(list(values)))
+
+
+def settling_time_s(found: Windows, step_ns: int, until_ns: int) -> float | None:
+    """From a step to the start of the first window from which all stay within ±15 %.
+
+    Only windows inside [step, until) count; null if the last of them is outside, or there is none.
+    """
+    inside = (found.start_ns >= step_ns) & (found.end_ns <= until_ns)
+    outside = np.abs(found.error[inside]) > SETTLED_FRACTION
+    if not len(outside) or outside[-1]:
+        return None
+    bad = np.flatnonzero(outside)
+    first = bad[-1] + 1 if len(bad) else 0
+    return float(found.start_ns[inside][first] - step_ns) / NS_PER_S

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hw.gstreamer.camera import FrameSource, GstCamera, Note
-from hw.gstreamer.file_source import FileSource, PatternSource
+from hw.gstreamer.capture import FileSource, PatternSource
 from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.runtime.clock import Clock

@@ -174,7 +174,7 @@ def doctor(
     """Check this machine, and print the fix for each thing that is missing."""
     settings = load_config(config)
     if devices:
-        from tams_app.console.devices import show_devices
+        from tams_app.console.doctor import show_devices
 
         raise typer.Exit(show_devices(settings))
     from tams_app.console.checks import CHECKS

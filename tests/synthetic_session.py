@@ -214,3 +214,10 @@ def live_records(seconds: float, video_bytes: int = 8000) -> Iterator[Any]:
     ]
     timed.sort(key=lambda entry: entry[0])
     return (record for _, record in timed)
+
+
+def overshoot(log: SessionLog, from_s: float, until_s: float, factor: int) -> None:
+    """Make the frames captured in [from_s, until_s) `factor` times as large."""
+    low, high = round(from_s * 30), round(until_s * 30)
+    extra = [one for one in log.packets if low * 3000 <= one.rtp_timestamp < high * 3000]
+    log.packets += extra * (factor - 1)

@@ -72,6 +72,21 @@ def test_a_newcomer_reads_at_most_eight_files_from_controller_to_pixel():
     assert 1 < len(steps) <= 8
 
 
+def test_every_thread_is_named_as_in_the_code():
+    section = text("docs/ARCHITECTURE.md").split("| thread | what it does |")[1].split("\n\n")[0]
+    sources = [
+        path.read_text(encoding="utf-8")
+        for folder in ("tams_app", "hw")
+        for path in (ROOT / folder).rglob("*.py")
+    ]
+    cells = [line.split("|")[1] for line in section.splitlines()[2:]]
+    names = [name for cell in cells for name in re.findall(r"`([a-z-]+)(?:<view>)?`", cell)]
+    assert len(names) > 10
+    for name in names:
+        quoted = f'"{name.removesuffix("-reports")}'  # the client adds the end
+        assert any(quoted in source for source in sources), name
+
+
 def test_every_topic_and_field_of_the_log_is_in_its_reference():
     rows = dict(re.findall(r"^\| `(/[\w/]+)` \|(.*)$", text("docs/LOG.md"), re.MULTILINE))
     for topic in TOPICS.values():

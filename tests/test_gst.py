@@ -70,7 +70,7 @@ def test_a_critical_of_gstreamer_does_not_go_unnoticed(glib_complaints: list[str
 def test_c_plus_plus_libraries_loaded_after_gstreamer_can_throw() -> None:
     program = (
         "import sys; from tams_app.config import load_config; "
-        "from hw.gstreamer.file_source import PatternSource; "
+        "from hw.gstreamer.capture import PatternSource; "
         "PatternSource(load_config().video).open().close(); import matplotlib.pyplot; print('ok')"
     )
     result = subprocess.run(

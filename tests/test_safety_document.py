@@ -90,8 +90,9 @@ def test_the_pairs_of_states_are_those_of_the_arrows():
 def test_every_reason_is_in_the_table_as_the_code_has_it():
     header, *rows = tables(section("Every reason"))[0]
     assert header == ["reason", "severity", "what the operator does"]
-    severity = {True: "fault", False: "hold"}
-    assert rows == [[one.label, severity[one.is_fault], one.sentence] for one in Reason]
+    assert rows == [
+        [reason.label, "fault" if reason.is_fault else "hold", reason.sentence] for reason in Reason
+    ]
 
 
 def test_what_can_be_cleared_is_named():

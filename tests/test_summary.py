@@ -25,7 +25,7 @@ from tams_app.records import (
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
-from tams_app.summary.tracking import settling_time_s, steps, windows
+from tams_app.summary.tracking import steps, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import (
     START_NS,
@@ -33,6 +33,7 @@ from tests.synthetic_session import (
     Synthetic,
     header,
     live_records,
+    overshoot,
     tick,
 )
 
@@ -346,13 +347,6 @@ def test_the_tracking_error_is_that_of_the_rate_on_the_wire(accuracy: float) -> 
         assert views[view]["tracking_error"] == pytest.approx(abs(accuracy - 1), abs=0.005)
 
 
-def overshoot(log: SessionLog, from_s: float, until_s: float, factor: int) -> None:
-    """Make the frames captured in [from_s, until_s) `factor` times as large."""
-    low, high = round(from_s * 30), round(until_s * 30)
-    extra = [one for one in log.packets if low * 3000 <= one.rtp_timestamp < high * 3000]
-    log.packets += extra * (factor - 1)
-
-
 def test_half_a_second_after_a_step_is_left_out_of_the_tracking_error() -> None:
     log = Synthetic(6.0, switch_s=3.0).log()
     overshoot(log, 3.0, 3.5, factor=3)
@@ -383,19 +377,6 @@ def test_frames_dropped_at_the_source_count_as_frames_without_bytes() -> None:
     log = Synthetic(5.0).log()
     log.packets = [one for one in log.packets if (one.rtp_timestamp // 3000) % 2 == 0]
     assert summarise(log)["views"]["gs"]["tracking_error"] == pytest.approx(0.5, abs=0.01)
-
-
-def test_settled_is_the_first_window_from_which_all_stay_within_15_percent() -> None:
-    log = Synthetic(6.0, switch_s=3.0).log()
-    overshoot(log, 3.0, 3.2, factor=2)  # frames 90 to 95
-    frames, packets, targets = FrameTable.of(log, "eih"), PacketTable.of(log), Targets.of(log)
-    found = windows(log, "eih", frames, packets, targets)
-    step_ns = START_NS + 3 * NS_PER_S
-    # a window with one doubled frame is 12.5 % off: the one from frame 95 on is the first settled
-    assert settling_time_s(found, step_ns, log.ended_ns) == pytest.approx(5 / 30, abs=1e-6)
-    overshoot(log, 5.8, 6.0, factor=2)
-    worse = windows(log, "eih", frames, PacketTable.of(log), targets)
-    assert settling_time_s(worse, step_ns, log.ended_ns + NS_PER_S) is None
 
 
 def test_latency_is_from_capture_to_the_mailbox() -> None:

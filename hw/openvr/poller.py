@@ -26,13 +26,13 @@ from pathlib import Path
 from typing import Any
 
 from hw.openvr.actions import ActionButtons
-from hw.openvr.announcer import Announcer
 from hw.openvr.components import COMPONENTS, Buttons, ButtonSource
 from hw.openvr.devices import DeviceIdentity, identify
 from hw.openvr.haptics import HapticPlayer
 from hw.openvr.legacy import LegacyButtons
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
 from hw.openvr.tracking import (
+    Announcer,
     FrameKeeper,
     HandKeeper,
     PoseKeeper,

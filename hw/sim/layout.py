@@ -50,3 +50,17 @@ def draw_layout(seed: int) -> Layout:
         return Placement(radius * math.cos(azimuth), radius * math.sin(azimuth), yaw)
 
     return Layout(place(_BLOCK_AZIMUTH_DEG, _YAW_DEG), place(_CONTAINER_AZIMUTH_DEG, (-10.0, 10.0)))
+
+
+TCP_OFFSET_M = 0.082  # from the flange along its z
+FINGER_TRAVEL_M = 0.008  # each; 16 mm between the pads when open
+
+# Centre and half size.
+HOUSING = ((0.0, 0.0, 0.027), (0.018, 0.034, 0.021))
+PLATE = ((0.0, 0.0, 0.050), (0.0125, 0.032, 0.003))
+
+# Half sizes: of each finger the green pad and the dark clip behind it; of the housing's markers,
+# whose edge includes the quiet zone.
+PAD_HALF = (0.0065, 0.0040, 0.011)
+CLIP_HALF = (0.0068, 0.0012, 0.006)
+MARKER_HALF_M = 0.0165

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import count
 from struct import Struct, pack_into
-from types import TracebackType
 from typing import Any
 
 _CAPTURES_VIDEO = 0x0000_0001  # V4L2_CAP_VIDEO_CAPTURE
@@ -70,12 +69,7 @@ class V4l2Device:
     def __enter__(self) -> V4l2Device:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         os.close(self._fd)
 
     def card(self) -> tuple[str, bool]:

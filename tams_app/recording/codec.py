@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tams_app.recording.upgrades import UPGRADES
+from tams_app.records import Activity, ArmState, FrameQuality, ServoMode
 
 T = TypeVar("T")
 Convert = Callable[[Any], Any]
@@ -160,3 +160,33 @@ def _schema(hint: Any) -> dict[str, Any]:
     if hint not in _SCHEMA_NAMES:
         raise TypeError(f"a {hint} cannot be recorded")
     return {"type": _SCHEMA_NAMES[hint]}
+
+
+# Up to 0.1 an arm's state was told in the numbers of the only controller there was.
+_ACTIVITIES = {0: Activity.IDLE, 1: Activity.MOVING, 2: Activity.IDLE, 3: Activity.PAUSED}
+_SERVO_MODES = {1: ServoMode.POSE, 5: ServoMode.VELOCITY}
+
+
+def _arm_state(logged: dict[str, Any]) -> dict[str, Any]:
+    if "error_code" not in logged:
+        return logged
+    code = logged["error_code"]
+    return {
+        **logged,
+        "activity": _ACTIVITIES.get(logged["state"], Activity.STOPPED),
+        "servo": _SERVO_MODES.get(logged["mode"]),
+        "fault": {"code": code, "text": f"C{code}"} if code else None,
+    }
+
+
+def _frame_quality(logged: dict[str, Any]) -> dict[str, Any]:
+    """Up to 0.1, `damaged` was what `concealed` is now."""
+    if "damaged" not in logged:
+        return logged
+    return {**logged, "concealed": logged["damaged"]}
+
+
+UPGRADES: dict[type, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    ArmState: _arm_state,
+    FrameQuality: _frame_quality,
+}

@@ -10,10 +10,14 @@ being overwritten, or that a killed writer left half done, is never delivered.
 from __future__ import annotations
 
 import mmap
+import os
+import secrets
 import struct
+import tempfile
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,3 +126,39 @@ def _aligned(size: int) -> int:
 
 def _checksum(number: int, head: bytes) -> int:
     return zlib.crc32(head, number & 0xFFFFFFFF)
+
+
+def new_block_name() -> str:
+    """A unique name for a session's shared memory."""
+    return f"tams-{os.getpid()}-{secrets.token_hex(6)}"
+
+
+def create_block(name: str, size: int) -> mmap.mmap:
+    """The block `name` of `size` bytes for writing, zeroed unless it is there already."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | getattr(os, "O_NOFOLLOW", 0)
+    descriptor = os.open(_path(name), flags, 0o600)
+    try:
+        if os.fstat(descriptor).st_size != size:
+            os.ftruncate(descriptor, size)
+        return mmap.mmap(descriptor, size)
+    finally:
+        os.close(descriptor)
+
+
+def open_block(name: str) -> mmap.mmap:
+    """The block `name` for reading, whole; FileNotFoundError when it does not exist."""
+    descriptor = os.open(_path(name), os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        return mmap.mmap(descriptor, 0, access=mmap.ACCESS_READ)
+    finally:
+        os.close(descriptor)
+
+
+def remove_block(name: str) -> None:
+    """Take the name away; processes that have the block mapped keep it. May be called twice."""
+    _path(name).unlink(missing_ok=True)
+
+
+def _path(name: str) -> Path:
+    memory = Path("/dev/shm")
+    return (memory if memory.is_dir() else Path(tempfile.gettempdir())) / name

@@ -16,7 +16,7 @@ from tams_app.errors import ConfigError
 from tams_app.records import SceneTruth
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
-from tams_app.runtime.shared_block import new_block_name
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.devices import Devices, Note
 from tams_app.session.recorded_hand import recorded_hand
 

@@ -20,7 +20,6 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 WINDOW_FRAMES = 8
 STEP_FRACTION = 0.10  # a change of the target by more than this is a step
 LEFT_OUT_NS = 500 * NS_PER_MS  # after a step
-SETTLED_FRACTION = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,20 +88,6 @@ def tracking_error(found: Windows, step_ns: Integers) -> Number:
     for at_ns in step_ns:
         touched |= (found.end_ns > at_ns) & (found.start_ns < at_ns + LEFT_OUT_NS)
     return mean(np.abs(found.error[~touched]))
-
-
-def settling_time_s(found: Windows, step_ns: int, until_ns: int) -> Number:
-    """From a step to the start of the first window from which all stay within ±15 %.
-
-    Only windows inside [step, until) count; null if the last of them is outside, or there is none.
-    """
-    inside = (found.start_ns >= step_ns) & (found.end_ns <= until_ns)
-    outside = np.abs(found.error[inside]) > SETTLED_FRACTION
-    if not len(outside) or outside[-1]:
-        return None
-    bad = np.flatnonzero(outside)
-    first = bad[-1] + 1 if len(bad) else 0
-    return float(found.start_ns[inside][first] - step_ns) / NS_PER_S
 
 
 def _sliding_sum(values: Floats) -> Floats:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tams_app.records import Frame, FrameQuality, ShownFrame
 from tams_app.runtime.process import HelperProcess
-from tams_app.runtime.shared_block import create_block, new_block_name, remove_block
+from tams_app.runtime.shared_ring import create_block, new_block_name, remove_block
 from tams_app.video.frame_ring import CAPTURED, KINDS, SHOWN, FrameWriter, RingLayout
 from tams_app.video.reporting_helper import ReportingHelper
 

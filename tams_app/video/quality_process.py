@@ -20,7 +20,7 @@ from tams_app.records import FrameQuality
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import use_idle
-from tams_app.runtime.shared_block import open_block
+from tams_app.runtime.shared_ring import open_block
 from tams_app.units import NS_PER_MS
 from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
 from tams_app.video.quality import Fate, Scorer, ViewQuality

@@ -8,14 +8,14 @@ from fractions import Fraction
 import pytest
 from rich.console import Console
 
-from hw.gstreamer.file_source import PatternSource
+from hw.gstreamer.capture import PatternSource
 from hw.openvr.devices import ControllerInfo
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import checks
-from tams_app.console.devices import camera_lines, controller_lines, show_devices
+from tams_app.console.doctor import camera_lines, controller_lines, show_devices
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime
 

@@ -17,7 +17,7 @@ from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
-from tams_app.runtime.shared_block import new_block_name
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_S
 from tests.hw.v4l2.fake_cameras import Behaviour, CameraProcess, RemoteCamera
 

@@ -7,7 +7,7 @@ from typing import Any, get_args
 import pytest
 
 from hw.gstreamer.camera import GstCamera
-from hw.gstreamer.file_source import FileSource, PatternSource
+from hw.gstreamer.capture import FileSource, PatternSource
 from hw.make_camera import SOURCES, make_camera
 from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig

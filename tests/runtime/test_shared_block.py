@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.runtime.shared_block import create_block, new_block_name, open_block, remove_block
+from tams_app.runtime.shared_ring import create_block, new_block_name, open_block, remove_block
 
 pytestmark = pytest.mark.waiting
 

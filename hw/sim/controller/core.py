@@ -13,10 +13,17 @@ import numpy as np
 from hw.arm import Plant, TcpBoundary
 from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, matrix_from_pose, pose_from_mm_rpy
-from hw.sim.controller.errors import CommandError, MotionError
 from hw.sim.controller.joint_moves import MoveQueue
-from hw.sim.controller.joint_servo import CYCLE_NS, CYCLE_S, PoseServo, TwistServo, brake
-from hw.sim.controller.motion_checks import check_motion
+from hw.sim.controller.joint_servo import (
+    CYCLE_NS,
+    CYCLE_S,
+    CommandError,
+    MotionError,
+    PoseServo,
+    TwistServo,
+    brake,
+    check_motion,
+)
 from tams_app.records import Vector
 
 _WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))

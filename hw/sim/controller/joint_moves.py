@@ -8,8 +8,7 @@ from collections import deque
 import numpy as np
 
 from hw.lite6.kinematics import JOINT_SPEED_LIMITS
-from hw.sim.controller.errors import CommandError
-from hw.sim.controller.joint_servo import CYCLE_S, MAX_JOINT_ACCELERATION
+from hw.sim.controller.joint_servo import CYCLE_S, MAX_JOINT_ACCELERATION, CommandError
 from tams_app.records import Vector
 
 MAX_QUEUED_MOVES = 1024  # XCONF.MAX_CMD_NUM

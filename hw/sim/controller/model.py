@@ -10,8 +10,7 @@ from hw.arm import Plant, PlantState
 from hw.lite6.codes import Register, ReplyBit
 from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.core import ControllerCore
-from hw.sim.controller.errors import CommandError, MotionError
-from hw.sim.controller.joint_servo import CYCLE_NS
+from hw.sim.controller.joint_servo import CYCLE_NS, CommandError, MotionError
 from hw.sim.controller.registers import serve_register
 from hw.sim.controller.reports import ReportKind, pack_report
 from tams_app.records import Vector

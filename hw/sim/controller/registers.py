@@ -16,7 +16,7 @@ from hw.arm import TcpBoundary
 from hw.lite6.codes import Register
 from hw.lite6.kinematics import rotation_matrix
 from hw.sim.controller.core import ControllerCore
-from hw.sim.controller.errors import CommandError
+from hw.sim.controller.joint_servo import CommandError
 from hw.sim.controller.reports import (
     pack_pose,
     pack_pose_aa,

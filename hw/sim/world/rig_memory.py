@@ -18,8 +18,13 @@ from scipy.spatial.transform import Rotation
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, Image, Pose, SceneTruth, Vector
-from tams_app.runtime.shared_block import create_block, open_block, remove_block
-from tams_app.runtime.shared_ring import RingShape, SharedRing
+from tams_app.runtime.shared_ring import (
+    RingShape,
+    SharedRing,
+    create_block,
+    open_block,
+    remove_block,
+)
 
 SLOTS = 4  # frames per view: a reader has three periods to copy one before it is overwritten
 QPOS_SIZE = 15  # joints 6, fingers 2, block 7

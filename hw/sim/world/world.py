@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 
 from hw.arm import PlantState
-from hw.sim.gripper import FINGER_TRAVEL_M
-from hw.sim.layout import Layout
+from hw.sim.layout import FINGER_TRAVEL_M, Layout
 from hw.sim.world.rig_memory import WorldState
 from hw.sim.world.scene import build_model
 from tams_app.records import SceneTruth, Vector

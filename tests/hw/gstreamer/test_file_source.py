@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hw.gstreamer.camera import FrameSource, GstCamera
-from hw.gstreamer.file_source import FileSource, PatternSource
+from hw.gstreamer.capture import FileSource, PatternSource
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Frame

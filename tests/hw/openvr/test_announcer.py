@@ -1,6 +1,6 @@
 import pytest
 
-from hw.openvr.announcer import QUIET_NS, UNREAD_AFTER_NS, Announcer
+from hw.openvr.tracking import QUIET_NS, UNREAD_AFTER_NS, Announcer
 from tams_app.records import ControllerStatus
 
 pytestmark = pytest.mark.untimed

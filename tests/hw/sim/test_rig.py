@@ -11,7 +11,7 @@ from hw.sim.rig import PublishedWorld
 from hw.sim.world.rig_memory import WorldReader, WorldState, WorldWriter, remove_memory
 from hw.sim.world.world import World
 from tams_app.runtime.clock import VirtualClock
-from tams_app.runtime.shared_block import new_block_name
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.scripted_pick import CYCLE_NS, READY
 

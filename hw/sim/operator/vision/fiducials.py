@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hw.sim.gripper import MARKER_HALF_M, TCP_OFFSET_M
+from hw.sim.layout import MARKER_HALF_M, TCP_OFFSET_M
 from hw.sim.operator.vision.blobs import Window
 from hw.sim.operator.vision.detections import Cue, Sighting, Thing
 from hw.sim.operator.vision.pinhole import Matrix

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hw.sim.gripper import FINGER_TRAVEL_M
+from hw.sim.layout import FINGER_TRAVEL_M
 from hw.sim.operator.vision.blobs import Window, find_blobs
 from hw.sim.operator.vision.pinhole import Pinhole
 from hw.sim.operator.vision.solids import GREEN, finger_boxes, sketch

@@ -14,13 +14,17 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hw.sim.gripper import CLIP_HALF, HOUSING, PAD_HALF, PLATE, TCP_OFFSET_M
 from hw.sim.layout import (
     BLOCK_EDGE_M,
     BLOCK_HEIGHT_M,
+    CLIP_HALF,
     CONTAINER_HEIGHT_M,
     CONTAINER_INNER_M,
     CONTAINER_WALL_M,
+    HOUSING,
+    PAD_HALF,
+    PLATE,
+    TCP_OFFSET_M,
 )
 from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from tams_app.records import Image, Vector

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.sim.controller.errors import CommandError
 from hw.sim.controller.joint_moves import MAX_QUEUED_MOVES, JointMove, MoveQueue
-from hw.sim.controller.joint_servo import CYCLE_S, MAX_JOINT_ACCELERATION
+from hw.sim.controller.joint_servo import CYCLE_S, MAX_JOINT_ACCELERATION, CommandError
 from tams_app.records import Vector
 
 pytestmark = pytest.mark.untimed

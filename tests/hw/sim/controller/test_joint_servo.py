@@ -17,18 +17,18 @@ from hw.lite6.kinematics import (
     rotation_matrix,
     rotation_vector,
 )
-from hw.sim.controller.errors import MotionError
 from hw.sim.controller.joint_servo import (
     CYCLE_NS,
     CYCLE_S,
     MAX_JOINT_ACCELERATION,
     MAX_SERVO_SPEED_M_S,
     VELOCITY_ACCELERATION_M_S2,
+    MotionError,
     PoseServo,
     TwistServo,
     brake,
+    check_motion,
 )
-from hw.sim.controller.motion_checks import check_motion
 from tams_app.records import Vector
 
 pytestmark = pytest.mark.untimed

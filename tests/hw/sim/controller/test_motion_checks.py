@@ -8,9 +8,7 @@ import pytest
 from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import HOME_JOINTS, JOINT_LOWER, JOINT_UPPER, Lite6Model, Matrix
-from hw.sim.controller.errors import MotionError
-from hw.sim.controller.joint_servo import CYCLE_S
-from hw.sim.controller.motion_checks import check_motion
+from hw.sim.controller.joint_servo import CYCLE_S, MotionError, check_motion
 from tams_app.records import Vector
 
 pytestmark = pytest.mark.untimed

@@ -17,7 +17,7 @@ from hw.sim.world.rig_memory import (
 from tams_app.errors import DeviceError
 from tams_app.records import Image
 from tams_app.runtime.clock import VirtualClock
-from tams_app.runtime.shared_block import new_block_name
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed

@@ -17,7 +17,7 @@ from tams_app.errors import HelperError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import RENDERER_NICE
-from tams_app.runtime.shared_block import new_block_name
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting

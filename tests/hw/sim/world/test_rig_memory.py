@@ -15,7 +15,7 @@ from hw.sim.world.rig_memory import (
     remove_memory,
 )
 from tams_app.errors import DeviceError
-from tams_app.runtime.shared_block import create_block, new_block_name
+from tams_app.runtime.shared_ring import create_block, new_block_name
 
 pytestmark = pytest.mark.untimed
 
