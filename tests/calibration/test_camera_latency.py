@@ -4,8 +4,6 @@ import pytest
 import yaml
 
 from tams_app.config import load_config
-from tams_app.session.build import camera_delays_ns
-from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 
@@ -48,14 +46,9 @@ def with_latency(path, latency_ms):
 def test_a_calibration_of_an_earlier_version_is_read_and_adds_nothing(lab):
     config = load_config(lab)
     assert (config.cameras["gt"].serial, config.cameras["gt"].exposure_us) == ("S2", 8000)
-    assert camera_delays_ns(config)["gt"] == 0
+    assert config.cameras["gt"].latency_ms == 0.0
 
 
 def test_a_calibrated_latency_is_that_of_its_view(lab):
-    delays_ns = camera_delays_ns(with_latency(lab, 35.5))
-    assert (delays_ns["gt"], delays_ns["gs"]) == (round(35.5 * NS_PER_MS), 0)
-
-
-def test_the_rigs_own_cameras_have_no_such_delay(lab):
-    with_latency(lab, 35.5)
-    assert camera_delays_ns(load_config(lab, {"rig.enabled": True})) == {}
+    cameras = with_latency(lab, 35.5).cameras
+    assert (cameras["gt"].latency_ms, cameras["gs"].latency_ms) == (35.5, 0.0)

@@ -174,19 +174,17 @@ def test_a_sustained_descent_is_an_alignment(bench):
     assert bench.ticks[-1].phase is Phase.ALIGN
 
 
-def test_a_cameras_own_latency_counts_towards_the_age_of_the_video():
+@pytest.mark.parametrize("rig", [False, True], ids=["real cameras", "the rig's own"])
+def test_the_latency_of_a_real_camera_counts_towards_the_age_of_the_video(rig):
     slow = CameraConfig(source="pattern", latency_ms=400.0)
     cameras = dict.fromkeys(CONFIG.video.views, slow)
-    cameras = {
-        view: CameraConfig(source="pattern", latency_ms=400.0) for view in CONFIG.video.views
-    }
-    rig = CONFIG.rig.model_copy(update={"enabled": False})
-    for latency, arming in ((False, ArmingState.ENGAGED), (True, ArmingState.HOLDING)):
-        bench = Bench(CONFIG.model_copy(update={"rig": rig, "cameras": cameras if latency else {}}))
-        bench.engage()
-        bench.video_age_ns = 700_000_000
-        assert bench.run(0.1).arming is arming
-        bench.arm.close()
+    enabled = CONFIG.rig.model_copy(update={"enabled": rig})
+    bench = Bench(CONFIG.model_copy(update={"rig": enabled, "cameras": cameras}))
+    bench.engage()
+    bench.video_age_ns = 700_000_000
+    expected = ArmingState.ENGAGED if rig else ArmingState.HOLDING
+    assert bench.run(0.1).arming is expected
+    bench.arm.close()
 
 
 def test_stale_video_holds_the_arm_until_the_trigger_was_released(bench):
