@@ -7,8 +7,7 @@ configuration selects it, for live sessions, studies and virtual trials alike.
 from collections.abc import Mapping
 
 from tams_app.config import PolicyConfig, load_config
-from tams_app.policy.allocation import STRATEGIES, allocate, make_strategy
-from tams_app.policy.weights import WeightMatrix
+from tams_app.policy.allocation import STRATEGIES, WeightMatrix, allocate, make_strategy
 from tams_app.records import Phase
 
 

@@ -1,4 +1,4 @@
-"""Where things stand on the table of the simulated rig, drawn from the seed.
+"""Sizes of gripper, block and container, and where things stand, drawn from the seed.
 
 All in the arm's base frame: z up, the table top at z = 0.
 """

@@ -10,9 +10,8 @@ from rich.console import Console
 
 from tams_app.config import Config
 from tams_app.console.report import report_session
-from tams_app.console.signals import handled_signals
 from tams_app.console.status import LinesOf, StatusLine, status_lines
-from tams_app.console.terminal import Confirmations, Key, TerminalKeys
+from tams_app.console.terminal import Confirmations, Key, TerminalKeys, handled_signals
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock

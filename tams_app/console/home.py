@@ -13,8 +13,7 @@ from hw.arms import arm_kind
 from hw.boundary import reach_boundary
 from hw.guard.link import GuardLink, guard_specification
 from tams_app.config import Config
-from tams_app.console.signals import handled_signals
-from tams_app.console.terminal import TerminalKeys
+from tams_app.console.terminal import TerminalKeys, handled_signals
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.mailbox import BoundedQueue

@@ -1,4 +1,4 @@
-"""The keys of the terminal: Enter confirms, space or Esc stops the arm, q ends the session."""
+"""The terminal: Enter confirms, space or Esc stops the arm, q ends; and the signals that end it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import atexit
 import contextlib
 import os
 import select
+import signal
 import termios
 import threading
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import Enum
+from types import FrameType
 
 from tams_app.errors import DeviceError
 from tams_app.units import NS_PER_MS
@@ -156,3 +159,28 @@ def _in_background(fd: int) -> bool:
         return os.tcgetpgrp(fd) != os.getpgrp()
     except OSError:
         return False  # not our controlling terminal: no job control, nothing to fear
+
+
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and a closed terminal call `end` with the reason, SIGUSR1 calls `stop_arm`.
+
+    Both are called in the main thread, between any two of its instructions: they must not wait
+    for a lock that it may hold. What was there before comes back at the end.
+    """
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        if number == signal.SIGUSR1:
+            stop_arm()
+        else:
+            end(f"ended by {signal.Signals(number).name}")
+
+    before = {number: signal.signal(number, handle) for number in (*ENDING, signal.SIGUSR1)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

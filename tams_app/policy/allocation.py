@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Protocol
 
-from tams_app.config import PolicyConfig
+from tams_app.capacity import Capacity
+from tams_app.config import Config, PolicyConfig
 from tams_app.errors import ConfigError
-from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Phase
+from tams_app.policy.budget import Budget, make_budget
+from tams_app.records import Allocation, Phase
 
 
 def allocate(weights: Mapping[str, float], budget_kbps: float, floor_kbps: float) -> dict[str, int]:
@@ -113,3 +114,54 @@ def make_strategy(name: str, policy: PolicyConfig) -> Strategy:
     if name not in STRATEGIES:
         raise ConfigError(f"strategy: {name!r} is none of {', '.join(STRATEGIES)}")
     return STRATEGIES[name](policy)
+
+
+class WeightMatrix:
+    """W[p, v], phases by views; each row sums to 1 (equation 2), which the configuration checks."""
+
+    def __init__(self, rows: Mapping[Phase, Mapping[str, float]]) -> None:
+        self._rows = {phase: dict(row) for phase, row in rows.items()}
+
+    def row(self, phase: Phase) -> dict[str, float]:
+        """The share of each view in `phase`."""
+        return dict(self._rows[phase])
+
+    def primary_view(self, phase: Phase) -> str:
+        """The view with the largest share in `phase`; of equals, the first named."""
+        row = self._rows[phase]
+        return max(row, key=lambda view: row[view])
+
+
+class Policy:
+    """Weights by the strategy, capacity by the budget, targets by the allocation rule."""
+
+    def __init__(self, strategy: Strategy, budget: Budget, config: PolicyConfig) -> None:
+        self._strategy = strategy
+        self._budget = budget
+        self._safety_factor = config.budget.safety_factor
+        self._floor_kbps = config.allocation.floor_kbps
+
+    @staticmethod
+    def of(config: Config, capacity: Capacity) -> Policy:
+        """The policy that `config` names, for a link of this capacity; ConfigError if none."""
+        settings = config.policy
+        strategy = make_strategy(config.strategy, settings)
+        return Policy(strategy, make_budget(settings.budget, capacity), settings)
+
+    def step(self, now_ns: int, phase: Phase, sent_bytes: int) -> Allocation:
+        """One allocation (paper, section III-D).
+
+        Args:
+            now_ns: the time [ns]; must not decrease from call to call.
+            phase: s_t, the current phase.
+            sent_bytes: IP datagram bytes of all views sent since the start, repair included.
+
+        Returns:
+            The target bitrate of each view [kbit/s of IP datagram bytes], and what it follows from:
+            phase, estimated capacity and budget B_t (the capacity times the safety factor).
+        """
+        self._budget.observe(now_ns, sent_bytes)
+        capacity_kbps = self._budget.capacity_kbps(now_ns)
+        budget_kbps = capacity_kbps * self._safety_factor
+        targets = allocate(self._strategy.weights(phase), budget_kbps, self._floor_kbps)
+        return Allocation(now_ns, phase, capacity_kbps, budget_kbps, targets)

@@ -80,9 +80,7 @@ def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
         return SimulatedRig(config, clock, log_directory, operator_confirms=not arm_at_once)
-    from tams_app.session.hardware import HardwareDevices
-
-    return HardwareDevices(config, clock)
+    return Devices(config, clock)
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:

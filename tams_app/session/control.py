@@ -10,8 +10,8 @@ from typing import Protocol
 from hw.arm import Arm
 from hw.controller import Controller
 from tams_app.config import Config
+from tams_app.policy.allocation import WeightMatrix
 from tams_app.policy.phases import PhaseInference
-from tams_app.policy.weights import WeightMatrix
 from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Twist
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session import build

@@ -21,7 +21,11 @@ Note = Callable[[str, str], None]  # level and sentence, for the log and the con
 
 
 class Devices:
-    """Started before everything that uses them, closed after; the makers are called once each."""
+    """The hardware that the configuration names; the simulated rig brings its own.
+
+    Started before everything that uses it, closed after; the makers are called once each, and the
+    session opens and closes what they return: whether a device is there shows when it is opened.
+    """
 
     helpers: Mapping[str, HelperProcess] = {}  # processes whose end is the end of the session
 
@@ -53,11 +57,19 @@ class Devices:
 
     def make_controller(self, note: Note) -> Controller:
         """The tracked controller, not started yet."""
-        raise NotImplementedError
+        from hw.openvr.controller import OpenVrController  # the rig needs no OpenVR
+
+        return OpenVrController(self._config.controller, self._clock, note)
 
     def make_cameras(self, note: Note) -> Sequence[Camera]:
         """One camera for each view, not started yet."""
-        raise NotImplementedError
+        from hw.make_camera import make_camera  # ... and no GStreamer to get its frames
+
+        config = self._config
+        return [
+            make_camera(view, config.cameras[view], config.video, self._clock, note)
+            for view in config.video.views
+        ]
 
     def close(self) -> None:
         """Let go of everything; may be called after a failed start."""

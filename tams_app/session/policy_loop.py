@@ -6,7 +6,7 @@ import threading
 from collections.abc import Sequence
 
 from tams_app.config import Config
-from tams_app.policy.engine import Policy
+from tams_app.policy.allocation import Policy
 from tams_app.records import Phase, PhaseChange
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener

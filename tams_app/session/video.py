@@ -8,7 +8,7 @@ from collections import OrderedDict
 from typing import Protocol
 
 from tams_app.config import Config, Network
-from tams_app.policy.engine import Policy
+from tams_app.policy.allocation import Policy
 from tams_app.records import Frame, Phase, ShownFrame
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tams_app.recording import SessionLog
-from tams_app.summary.numbers import Floats
-from tams_app.summary.tables import PacketTable, Span, Targets
+from tams_app.summary.tables import Floats, PacketTable, Span, Targets
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 250 * NS_PER_MS

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tams_app.recording import SessionLog
-from tams_app.summary.numbers import percentiles, ratio
+from tams_app.summary.tables import percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 LATE_NS = NS_PER_MS

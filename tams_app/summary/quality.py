@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.policy.weights import WeightMatrix
+from tams_app.policy.allocation import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, PacketKind, Phase
-from tams_app.summary.numbers import Flags, Floats, Integers, Number, mean, ratio
-from tams_app.summary.tables import phase_at
+from tams_app.summary.tables import Flags, Floats, Integers, Number, mean, phase_at, ratio
 from tams_app.video.concealment import concealed_frames
 from tams_app.video.frame_identity import index_of_rtp_timestamp
 

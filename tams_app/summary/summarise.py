@@ -14,10 +14,17 @@ from tams_app.errors import LogError
 from tams_app.recording import Gap, SessionLog
 from tams_app.records import Outcome
 from tams_app.summary.control import arm, control, phases, seconds
-from tams_app.summary.numbers import mean, percentiles, step_mean
 from tams_app.summary.operator import operator
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
-from tams_app.summary.tables import FrameTable, PacketTable, Span, Targets
+from tams_app.summary.tables import (
+    FrameTable,
+    PacketTable,
+    Span,
+    Targets,
+    mean,
+    percentiles,
+    step_mean,
+)
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.summary.uplink import rate_kbps, uplink
 from tams_app.units import NS_PER_MS, NS_PER_S

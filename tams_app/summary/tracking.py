@@ -13,8 +13,18 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from tams_app.recording import SessionLog
-from tams_app.summary.numbers import Flags, Floats, Integers, Number, last_before, mean
-from tams_app.summary.tables import RTP_CLOCK_HZ, FrameTable, PacketTable, Targets
+from tams_app.summary.tables import (
+    RTP_CLOCK_HZ,
+    Flags,
+    Floats,
+    FrameTable,
+    Integers,
+    Number,
+    PacketTable,
+    Targets,
+    last_before,
+    mean,
+)
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_FRAMES = 8

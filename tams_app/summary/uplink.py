@@ -8,8 +8,17 @@ import numpy as np
 
 from tams_app.recording import SessionLog
 from tams_app.records import PacketKind
-from tams_app.summary.numbers import Flags, Integers, Number, percentiles, ratio, step_mean
-from tams_app.summary.tables import PacketTable, Span, Targets
+from tams_app.summary.tables import (
+    Flags,
+    Integers,
+    Number,
+    PacketTable,
+    Span,
+    Targets,
+    percentiles,
+    ratio,
+    step_mean,
+)
 from tams_app.units import NS_PER_MS
 
 

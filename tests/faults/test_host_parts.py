@@ -12,7 +12,7 @@ from hw.sim.operator.virtual_controller import VirtualController
 from hw.sim.world.camera import SimCamera
 from tams_app.console.app import run_session
 from tams_app.errors import TamsError
-from tams_app.policy.engine import Policy
+from tams_app.policy.allocation import Policy
 from tams_app.recording import SessionLog, disk
 from tams_app.recording.mcap_log import McapLog
 from tams_app.teleop.safety import ArmingState, Reason

@@ -4,9 +4,8 @@ import pytest
 
 from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import BudgetConfig, load_config
-from tams_app.policy.allocation import make_strategy
+from tams_app.policy.allocation import Policy, make_strategy
 from tams_app.policy.budget import OracleBudget, SenderBudget
-from tams_app.policy.engine import Policy
 from tams_app.records import Phase
 
 pytestmark = pytest.mark.untimed
