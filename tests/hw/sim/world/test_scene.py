@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
-from hw.sim import gripper, layout
+from hw.sim import layout
 from hw.sim.operator.vision.pinhole import fixed_cameras
 from hw.sim.world.scene import build_model
 from hw.sim.world.world import JOINTS, STEP_NS
@@ -25,14 +25,14 @@ def model():
 @pytest.mark.parametrize(
     ("geom", "half"),
     [
-        ("housing", gripper.HOUSING[1]),
-        ("plate", gripper.PLATE[1]),
-        ("pad_left", gripper.PAD_HALF),
-        ("pad_right", gripper.PAD_HALF),
-        ("clip_left", gripper.CLIP_HALF),
-        ("clip_right", gripper.CLIP_HALF),
-        ("marker_ahead", (0.0006, gripper.MARKER_HALF_M, gripper.MARKER_HALF_M)),
-        ("marker_left", (gripper.MARKER_HALF_M, 0.0006, gripper.MARKER_HALF_M)),
+        ("housing", layout.HOUSING[1]),
+        ("plate", layout.PLATE[1]),
+        ("pad_left", layout.PAD_HALF),
+        ("pad_right", layout.PAD_HALF),
+        ("clip_left", layout.CLIP_HALF),
+        ("clip_right", layout.CLIP_HALF),
+        ("marker_ahead", (0.0006, layout.MARKER_HALF_M, layout.MARKER_HALF_M)),
+        ("marker_left", (layout.MARKER_HALF_M, 0.0006, layout.MARKER_HALF_M)),
         (
             "block",
             np.array([1, 1, 0]) * layout.BLOCK_EDGE_M / 2 + [0, 0, layout.BLOCK_HEIGHT_M / 2],
@@ -46,13 +46,13 @@ def test_things_are_as_large_as_the_operator_knows_them(model, geom, half):
 
 
 def test_the_gripper_is_made_as_the_operator_knows_it(model):
-    assert model.geom("housing").pos == pytest.approx(gripper.HOUSING[0])
-    assert model.geom("plate").pos == pytest.approx(gripper.PLATE[0])
-    assert model.site("tcp").pos[2] == gripper.TCP_OFFSET_M
+    assert model.geom("housing").pos == pytest.approx(layout.HOUSING[0])
+    assert model.geom("plate").pos == pytest.approx(layout.PLATE[0])
+    assert model.site("tcp").pos[2] == layout.TCP_OFFSET_M
     for finger, side in (("left", -1), ("right", 1)):
-        assert model.body(f"finger_{finger}").pos[1] == side * gripper.FINGER_TRAVEL_M
-        assert model.geom(f"pad_{finger}").pos[1] == side * gripper.PAD_HALF[1]
-        assert model.joint(f"finger_{finger}").range[1] == gripper.FINGER_TRAVEL_M + 0.0001
+        assert model.body(f"finger_{finger}").pos[1] == side * layout.FINGER_TRAVEL_M
+        assert model.geom(f"pad_{finger}").pos[1] == side * layout.PAD_HALF[1]
+        assert model.joint(f"finger_{finger}").range[1] == layout.FINGER_TRAVEL_M + 0.0001
 
 
 def test_joint_ranges_are_the_controllers(model):
