@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 
 from hw.arm import FoundArm
-from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State, standing_error_sentence
+from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State
+from hw.lite6.errors import standing_error_sentence
 from hw.lite6.report import read_simulation_flag
 from hw.lite6.uxbus import UxbusClient
 from tams_app.config import ArmConfig

@@ -11,8 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, error_sentence, return_code_sentence
+from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
 from hw.lite6.commands import pose_refusal, twist_refusal
+from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, reply_thread_id
 from tams_app.records import CommandLink, LinkFault, Pose, ServoMode, Twist

@@ -8,9 +8,10 @@ from dataclasses import replace
 from typing import Any
 
 from hw.arm import TcpBoundary
-from hw.lite6.codes import Code, Mode, StateCommand, error_sentence, standing_error_sentence
+from hw.lite6.codes import Code, Mode, StateCommand
 from hw.lite6.commands import activity_of
 from hw.lite6.discovery import unfitness
+from hw.lite6.errors import error_sentence, standing_error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.report import STATUS_STALE_NS, ReportReader, read_simulation_flag
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode

@@ -18,8 +18,6 @@ from hw.lite6.codes import (
     Register,
     ReplyBit,
     StateCommand,
-    arm_fault,
-    error_sentence,
     return_code_sentence,
 )
 from hw.lite6.commands import (
@@ -32,6 +30,7 @@ from hw.lite6.commands import (
     twist_refusal,
 )
 from hw.lite6.discovery import unfitness
+from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
 from hw.sim.controller.core import outputs_for
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind

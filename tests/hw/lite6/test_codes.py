@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hw.lite6.codes import (
-    Code,
-    return_code_sentence,
-)
+from hw.lite6.codes import Code, return_code_sentence
 
 pytestmark = pytest.mark.untimed
 

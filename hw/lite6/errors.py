@@ -1,0 +1,56 @@
+"""The errors of the Lite 6's controller: what each one means and what to do about it.
+
+After UFACTORY's user manual.
+"""
+
+from __future__ import annotations
+
+from tams_app.records import ArmFault
+
+_RELEASE = "release the emergency stop"
+_RESTART = "switch the control box off and on"
+_UNKNOWN = ("", "look it up in UFACTORY's user manual")
+
+# meaning and remedy, in a few words each, without a full stop
+CONTROLLER_ERRORS = {
+    1: ("emergency stop button pressed", _RELEASE),
+    2: ("emergency stop pressed", _RELEASE),
+    3: ("emergency stop of the three-state switch pressed", _RELEASE),
+    10: ("joint motor failed", _RESTART),
+    **{10 + n: (f"motor of joint {n} failed", _RESTART) for n in range(1, 7)},
+    19: ("gripper does not answer", "check its plug at the flange"),
+    21: ("pose out of reach", "keep away from the edge of the workspace"),
+    22: ("self-collision", "move the arm clear with `home` or by hand guiding"),
+    23: ("joint limit", "move the joint back with `home` or by hand guiding"),
+    24: ("joint too fast", "keep away from stretched and folded wrist poses"),
+    25: ("motion not planned", "move more slowly"),
+    28: ("tool flange does not answer", _RESTART),
+    30: ("joint faster than commanded", "call UFACTORY"),
+    31: ("collision", "remove what it hit and check arm.tcp_load_kg in the configuration"),
+    35: ("safety boundary", "bring the arm back with `home` or by hand guiding"),
+    38: ("wrong joint angle", "press the emergency stop and call UFACTORY"),
+    60: ("arm too fast", "lower limits.max_speed_mm_s"),
+}
+
+
+def arm_fault(code: int) -> ArmFault | None:
+    """Error `code` of the controller's report; None for 0."""
+    if not code:
+        return None
+    meaning, remedy = CONTROLLER_ERRORS.get(code, _UNKNOWN)
+    named = f"C{int(code)} ({meaning})" if meaning else f"C{int(code)}"
+    return ArmFault(int(code), f"{named}: {remedy}")
+
+
+def error_sentence(code: int) -> str:
+    """One sentence for error `code`; "" for 0."""
+    fault = arm_fault(code)
+    return fault.sentence if fault is not None else ""
+
+
+def standing_error_sentence(code: int) -> str:
+    """One sentence for an arm that is found in error `code`, and how to get it out of there."""
+    fault = arm_fault(code)
+    if fault is None:
+        return ""
+    return f"The arm stands in error {fault.text}; then run `run_tams.py home`, which clears it."
