@@ -25,6 +25,7 @@ STOPPED_S = 2.0  # a frame is too old after one
 
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.verify,
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(300),
 ]
