@@ -10,9 +10,8 @@ import numpy as np
 from benchmarks.experiments.replay import Replay
 from tams_app.recording import FrameSent
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
-from tams_app.summary.summarise import FREEZE_NS
+from tams_app.summary.summarise import FREEZE_NS, rate_kbps
 from tams_app.summary.tables import PacketTable, Targets, step_mean
-from tams_app.summary.uplink import rate_kbps
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 KINDS = ("received", "delivered", "live")

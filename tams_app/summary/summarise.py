@@ -12,21 +12,23 @@ import numpy as np
 
 from tams_app.errors import LogError
 from tams_app.recording import Gap, SessionLog
-from tams_app.records import Outcome
-from tams_app.summary.control import arm, control, phases, seconds
+from tams_app.records import Outcome, PacketKind
 from tams_app.summary.operator import operator
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
 from tams_app.summary.tables import (
+    Flags,
     FrameTable,
+    Integers,
+    Number,
     PacketTable,
     Span,
     Targets,
     mean,
     percentiles,
+    ratio,
     step_mean,
 )
 from tams_app.summary.tracking import steps, tracking_error, windows
-from tams_app.summary.uplink import rate_kbps, uplink
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 SCHEMA = 1
@@ -164,3 +166,140 @@ def _is_complete(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(former, dict) and former.get("complete", True) is True
+
+
+LATE_NS = NS_PER_MS
+
+
+def control(log: SessionLog) -> dict[str, Any]:
+    """`late`: started more than 1 ms after due, or skipped; fractions are of all due ticks."""
+    ticks = log.ticks
+    due = np.array([tick.due_ns for tick in ticks], dtype=np.int64)
+    started = np.array([tick.started_ns for tick in ticks], dtype=np.int64)
+    finished = np.array([tick.finished_ns for tick in ticks], dtype=np.int64)
+    skipped = np.array([tick.skipped for tick in ticks], dtype=np.int64)
+    total_skipped = int(skipped[-1]) if ticks else 0
+    late = int(np.sum(started - due > LATE_NS)) + total_skipped
+    period_ns = NS_PER_S / log.header.control_rate_hz
+    # a tick that the log lost (recorder too slow) must not read as a late one
+    passed = np.round(np.diff(due) / period_ns) - 1
+    neighbours = passed == np.diff(skipped)
+    error_ns = np.abs(np.diff(started) - period_ns)[neighbours]
+    return {
+        "rate_hz": log.header.control_rate_hz,
+        "ticks": len(ticks),
+        "late": late,
+        "skipped": total_skipped,
+        "late_fraction": ratio(late, len(ticks) + total_skipped),
+        "period_error_ms": percentiles(error_ns / NS_PER_MS, ("p50", "p99", "p99_9", "max")),
+        "tick_cost_ms": percentiles((finished - started) / NS_PER_MS, ("p50", "p99", "max")),
+        "scheduler": log.facts.get("scheduler"),
+    }
+
+
+def arm(log: SessionLog) -> dict[str, Any]:
+    """Round trips of the commands that were acknowledged, and every stop that was not a release."""
+    replies = {
+        tick.link.acknowledged_ns: tick.link.round_trip_ns
+        for tick in log.ticks
+        if tick.link.acknowledged_ns > 0
+    }
+    round_trip_ms = np.array(list(replies.values()), dtype=np.float64) / NS_PER_MS
+    return {
+        "servo": log.header.servo,
+        "round_trip_ms": percentiles(round_trip_ms, ("p50", "p99", "max")),
+        "stops": [
+            {
+                "t_s": seconds(log, stop.visible_ns),
+                "reason": stop.reason,
+                "stop_time_ms": None
+                if stop.stopped_ns is None
+                else round((stop.stopped_ns - stop.visible_ns) / NS_PER_MS, 3),
+            }
+            for stop in log.stops
+        ],
+    }
+
+
+def phases(log: SessionLog) -> list[dict[str, Any]]:
+    """Each phase with its start and the line of Algorithm 1 that decided."""
+    return [
+        {
+            "t_s": seconds(log, change.t_ns),
+            "phase": change.phase.value,
+            "reason": change.reason,
+        }
+        for change in log.phases
+    ]
+
+
+def seconds(log: SessionLog, t_ns: int) -> float:
+    """Seconds since the session started."""
+    return round((t_ns - log.header.started_ns) / NS_PER_S, 4)
+
+
+def uplink(
+    log: SessionLog, packets: PacketTable, targets: Targets, span: Span | None
+) -> dict[str, Any]:
+    """Null where the log has no packets (an uplink that is not ours) or no capacity (none)."""
+    capacity_kbps = _capacity_kbps(log, span)
+    video = packets.is_video
+    crossed = packets.departed_ns > 0
+    sojourn_ms = (packets.departed_ns - packets.entered_ns)[crossed] / NS_PER_MS
+    return {
+        "capacity_kbps": capacity_kbps,
+        "budget_kbps_mean": span
+        and step_mean(targets.t_ns, targets.budget_kbps, span.start_ns, span.end_ns),
+        "sent_kbps_mean": rate_kbps(packets, video, packets.entered_ns, span),
+        "utilisation": _utilisation(packets, crossed, capacity_kbps, span),
+        "queue_ms": percentiles(sojourn_ms, ("p50", "p95", "max")),
+        "loss_fraction": ratio(
+            int(np.sum(video)) - int(np.sum(packets.delivered[video])), int(np.sum(video))
+        ),
+        "residual_loss_fraction": _residual_loss(packets),
+    }
+
+
+def rate_kbps(packets: PacketTable, chosen: Flags, at_ns: Integers, span: Span | None) -> Number:
+    """Mean rate of the chosen packets whose `at_ns` is in the span; null without packets."""
+    if span is None or not len(packets.size_bytes):
+        return None
+    inside = chosen & (at_ns >= span.start_ns) & (at_ns < span.end_ns)
+    return round(float(np.sum(packets.size_bytes[inside])) * 8 / 1000 / span.seconds, 3)
+
+
+def _capacity_kbps(log: SessionLog, span: Span | None) -> Number:
+    if span is None or not log.capacities:
+        return None
+    times_ns = np.array([one.t_ns for one in log.capacities], dtype=np.int64)
+    kbps = np.array([one.capacity_kbps for one in log.capacities], dtype=np.float64)
+    if not np.all(np.isfinite(kbps)):
+        return None  # no bottleneck
+    return step_mean(times_ns, kbps, span.start_ns, span.end_ns)
+
+
+def _utilisation(
+    packets: PacketTable, crossed: Flags, capacity_kbps: Number, span: Span | None
+) -> Number:
+    """Bytes that left the bottleneck, RTCP with them, over the integral of the capacity."""
+    left_kbps = rate_kbps(packets, crossed, packets.departed_ns, span)
+    if left_kbps is None or capacity_kbps is None:
+        return None
+    return ratio(left_kbps, capacity_kbps)
+
+
+def _residual_loss(packets: PacketTable) -> Number:
+    """Media packets of which no transmission, the repairs included, was delivered."""
+    media = packets.kind == PacketKind.MEDIA.value
+    # A repair names the original's sequence and carries its RTP timestamp (RFC 4588), which tells
+    # apart packets whose 16-bit sequence has wrapped.
+    key = _keys(packets)
+    sent = np.unique(key[media])
+    arrived = np.unique(key[packets.is_video & (packets.delivered == 1)])
+    missing = len(np.setdiff1d(sent, arrived, assume_unique=True))
+    return ratio(missing, len(sent))
+
+
+def _keys(packets: PacketTable) -> Integers:
+    """One number per original packet: view (8 bit), RTP timestamp (32), sequence (16)."""
+    return (packets.view << 48) | (packets.rtp_timestamp << 16) | packets.sequence

@@ -15,8 +15,8 @@ from hw.sim.layout import Layout, draw_layout
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
 from hw.sim.operator.detector import Detector
+from hw.sim.operator.vision.blobs import FingerGauge
 from hw.sim.operator.vision.detections import Glance, Sighting, Thing
-from hw.sim.operator.vision.fingers import FingerGauge
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
