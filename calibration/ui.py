@@ -111,6 +111,10 @@ class WizardUI:
             )
         try:
             answer: T = prompt.ask(Text(question), console=self.console, **how)
+        except KeyboardInterrupt:
+            # interrupted in the middle of printing, rich would hold back all that is said after it
+            self.console._buffer_index = 0
+            raise
         except EOFError as error:
             raise ConfigError("the terminal was closed before the question was answered") from error
         return answer

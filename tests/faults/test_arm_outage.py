@@ -27,7 +27,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tests.faults.wire import TappedModel
 from tests.tcp_relay import TcpRelay
 
-pytestmark = pytest.mark.waiting
+pytestmark = [pytest.mark.timed, pytest.mark.usefixtures("real_time")]
 
 WITHIN_S = 20.0  # generous: the machine may be busy
 SENDING_PERIOD_S = 1 / 120
