@@ -24,7 +24,7 @@ from tests.faults.promises import (
 )
 from tests.faults.wired_bench import SIDEWAYS, MakeBench, WiredBench
 
-pytestmark = pytest.mark.waiting
+pytestmark = pytest.mark.timed
 
 PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
 KILLED_TICKS = 2  # the first beat is refused, the next tick hears of it

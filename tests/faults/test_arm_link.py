@@ -21,7 +21,7 @@ from tests.faults.promises import (
 )
 from tests.faults.wired_bench import REPLY_TIMEOUT_S, SIDEWAYS, MakeBench, WiredBench
 
-pytestmark = pytest.mark.waiting
+pytestmark = pytest.mark.timed
 
 STALE_TICKS = 13  # 100 ms, and the tick that sees it
 SILENT_TICKS = 121  # 1 s, and the tick that sees it
