@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -31,7 +32,7 @@ SPACE_CHECK_NS = NS_PER_S
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
 
-class QueuedWriter(Generic[T]):
+class QueuedWriter(ABC, Generic[T]):
     """A queue that any thread fills without blocking, and the thread that writes what is in it."""
 
     def __init__(
@@ -59,11 +60,13 @@ class QueuedWriter(Generic[T]):
             self._worker.stop(timeout_s)
         self._finish()  # done by the thread already, unless it never ran
 
+    @abstractmethod
     def _run(self, stop: threading.Event) -> None:
-        raise NotImplementedError
+        """Write what is queued until `stop` is set; the body of the thread."""
 
+    @abstractmethod
     def _finish(self) -> None:
-        raise NotImplementedError
+        """Finish the file; may be called twice."""
 
 
 class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):

@@ -2,9 +2,11 @@
 
 import io
 import sys
+from io import StringIO
 
 import pytest
 from rich.console import Console
+from rich.prompt import Confirm
 from rich.table import Table
 from rich.text import Text
 
@@ -75,3 +77,19 @@ def test_a_file_does_not_get_every_state_of_what_is_measured(paper):
         ui.show(Text("12 %"))
         ui.show(Text("13 %"))
     assert paper.file.getvalue() == ""
+
+
+def test_what_is_said_after_an_interrupted_question_is_not_held_back(monkeypatch):
+    paper = StringIO()
+    ui = WizardUI(Console(file=paper))
+    monkeypatch.setattr(WizardUI, "attended", True)
+
+    def interrupted_while_printing(*_, console, **__):
+        console._enter_buffer()  # as print does, which a signal may end at any place
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Confirm, "ask", interrupted_while_printing)
+    with pytest.raises(KeyboardInterrupt):
+        ui.yes("Write it?")
+    ui.say("Kept")
+    assert "Kept" in paper.getvalue()
