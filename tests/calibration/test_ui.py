@@ -2,7 +2,6 @@
 
 import io
 import sys
-from io import StringIO
 
 import pytest
 from rich.console import Console
@@ -80,7 +79,7 @@ def test_a_file_does_not_get_every_state_of_what_is_measured(paper):
 
 
 def test_what_is_said_after_an_interrupted_question_is_not_held_back(monkeypatch):
-    paper = StringIO()
+    paper = io.StringIO()
     ui = WizardUI(Console(file=paper))
     monkeypatch.setattr(WizardUI, "attended", True)
 
