@@ -1,5 +1,6 @@
 """What holds for every test."""
 
+import signal
 import socket
 from collections.abc import Iterator
 
@@ -20,6 +21,9 @@ GROUPS = ("untimed", "waiting", "timed")
 
 def pytest_configure(config):
     config.pluginmanager.register(RerunBudget())
+    # A run in a shell's background ignores Ctrl-C, and so would every process that tests interrupt.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items):

@@ -33,8 +33,6 @@ class Terminal:
             stdout=other,
             stderr=other,
             start_new_session=True,
-            # where the tests themselves were started to ignore Ctrl-C, the wizard must not
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         os.close(other)
         self.text = ""
