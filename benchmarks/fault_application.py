@@ -12,7 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.boundary import session_boundary
 from hw.controller import Controller
@@ -27,6 +26,7 @@ from tams_app.records import (
     ServoMode,
     Vector,
 )
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from scipy.spatial.transform import Rotation
+from scipy.spatial import transform
 
 from calibration.frame.asking import fit_moves
 from calibration.frame.fit import Matrix, fit_strokes, turn_deg
@@ -23,6 +23,7 @@ from calibration.frame.stroke import RefusedError, Stroke
 from calibration.frame.touches import Touch, fit_touches
 from calibration.ui import WizardUI
 from tams_app.config import load_config
+from tams_app.rotation import Rotation
 
 Errors = tuple[float, float]  # of the rotation, and what the fit says it may be [deg]
 _ONE_AXIS = 1 / math.sqrt(3)  # a sample that is 5 mm off in space is 2.9 mm off along each axis
@@ -96,7 +97,7 @@ def _add(
 ) -> None:
     found: list[Errors] = []
     for seed in range(seeds):
-        truth = Rotation.random(random_state=seed).as_matrix()
+        truth = transform.Rotation.random(random_state=seed).as_matrix()
         try:
             found.append(trial(truth, seed, *how))
         except RefusedError:

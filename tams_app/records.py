@@ -2,20 +2,19 @@
 
 Units inside TAMS: metres, radians, seconds; `*_ns` are integer nanoseconds of one monotonic clock,
 taken where the thing happened; `*_kbps` are kbit/s of IP datagram bytes (RTP packet + 28).
-Vectors are float64 arrays of shape (3,), rotations scipy `Rotation`s, joints shape (6,).
+Vectors are float64 arrays of shape (3,), joints of shape (6,).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, StrEnum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # half a second, in every helper process
-    from scipy.spatial.transform import Rotation
+from tams_app.rotation import Rotation
 
 Vector: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]

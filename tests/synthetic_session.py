@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tams_app.recording import FrameCaptured, FrameSent, FrameShown, Header, SessionLog
 from tams_app.records import (
@@ -33,6 +32,7 @@ from tams_app.records import (
     Tick,
     Twist,
 )
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 START_NS = 5 * NS_PER_S

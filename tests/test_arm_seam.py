@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.recording.codec import Codec
 from tams_app.records import Activity, ArmFault, ArmState, Pose, ServoMode
+from tams_app.rotation import Rotation
 
 pytestmark = pytest.mark.untimed
 

@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
-from scipy.spatial.transform import Rotation
 
 from tams_app.errors import LogError
 from tams_app.recording import (
@@ -62,6 +61,7 @@ from tams_app.records import (
     SystemSample,
     Tick,
 )
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_S

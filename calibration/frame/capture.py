@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
-from calibration.frame.touches import Touch
+from calibration.frame.touches import Touch, mean_rotation
 from tams_app.config import Config
 from tams_app.errors import UnreadableLogError
 from tams_app.recording import read_log, read_ticks
@@ -99,7 +98,7 @@ def touch_of(held: Held, robot: Vector, number: int) -> Touch:
             f"The hand moved by {1000 * tremble:.0f} mm while touching point {number}: "
             "rest the controller on the point, then squeeze the trigger.",
         )
-    turn = Rotation.concatenate([pose.rotation for pose in held.poses]).mean()
+    turn = mean_rotation([pose.rotation for pose in held.poses])
     return Touch(robot, place, turn)
 
 

@@ -16,9 +16,9 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.spatial.transform import Rotation
 
 from calibration.frame.stroke import AXES, Line, Reason, RefusedError, Stroke, check_line, fit_line
+from tams_app.rotation import Rotation
 
 Matrix = NDArray[np.float64]
 

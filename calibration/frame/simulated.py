@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from typing import Generic
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calibration.frame.fit import Matrix
 from calibration.frame.sources import (
@@ -32,6 +31,7 @@ from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Haptic, Vector
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 

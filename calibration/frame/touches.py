@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 from scipy import stats
-from scipy.spatial.transform import Rotation
+from scipy.spatial import transform
 
 from calibration.frame.fit import Matrix, bound_rad, kabsch
 from calibration.frame.stroke import Reason, RefusedError
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
+from tams_app.rotation import Rotation
 
 MIN_TOUCHES = 4
 MIN_SPREAD_M = 0.05  # RMS, across the line that fits the robot's points best
@@ -158,8 +159,13 @@ def check_points(points: Sequence[Vector]) -> None:
         raise _too_flat(extents[1])
 
 
+def mean_rotation(rotations: Sequence[Rotation]) -> Rotation:
+    """The rotation that is least turned from all of them."""
+    return Rotation.from_quat(transform.Rotation.from_quat(rotations).mean().as_quat())
+
+
 def _check_hand(touches: Sequence[Touch]) -> None:
-    mean = Rotation.concatenate([touch.hand_rotation for touch in touches]).mean()
+    mean = mean_rotation([touch.hand_rotation for touch in touches])
     for number, touch in enumerate(touches, start=1):
         turn = math.degrees((mean.inv() * touch.hand_rotation).magnitude())
         if turn > MAX_HAND_TURN_DEG:

@@ -83,7 +83,7 @@ def pose_refusal(pose: Pose, servo: ServoMode | None, last: Pose | None) -> str:
     """Why this pose is not sent after `last`, "" if it may be."""
     if servo is ServoMode.VELOCITY:
         return "The arm is in the velocity servo and takes no poses; enable it anew."
-    if not np.isfinite(pose.rotation.as_quat()).all():
+    if not np.isfinite(pose.rotation).all():
         return "A pose without a rotation was refused; please report this error."
     if last is None:
         return ""

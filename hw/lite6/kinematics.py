@@ -13,10 +13,10 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from hw.lite6.commands import LIMITS
 from tams_app.records import Pose, Vector
+from tams_app.rotation import Rotation
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -172,8 +172,13 @@ def rotation_matrix(vector: Vector) -> Matrix:
 
 def rotation_from_rpy(rpy: Sequence[float] | Vector) -> Rotation:
     """UFACTORY's roll, pitch, yaw [rad]: Rz(yaw) Ry(pitch) Rx(roll)."""
-    rotation: Rotation = Rotation.from_euler("xyz", rpy)
-    return rotation
+    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(part / 2), math.cos(part / 2)) for part in rpy)
+    return Rotation(
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
 
 
 def rpy_from_matrix(matrix: Matrix) -> Vector:

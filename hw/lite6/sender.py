@@ -154,7 +154,7 @@ class CommandSender:
         )
 
     def _pose_call(self, pose: Pose) -> Callable[[], int]:
-        axis_angle = [*(pose.position * _MM_PER_M).tolist(), *pose.rotation.as_rotvec().tolist()]
+        axis_angle = [*(pose.position * _MM_PER_M).tolist(), *pose.rotation.as_rotvec()]
         return lambda: int(self._api.set_servo_cartesian_aa(axis_angle, is_radian=True))
 
     # --- gripper --------------------------------------------------------------------------------

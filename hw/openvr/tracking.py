@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 RELEASED_FOR_NS = NS_PER_S  # how long the trigger must have been up

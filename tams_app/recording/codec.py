@@ -17,9 +17,9 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import Activity, ArmState, FrameQuality, ServoMode
+from tams_app.rotation import Rotation
 
 T = TypeVar("T")
 Convert = Callable[[Any], Any]
@@ -53,8 +53,6 @@ def _plain(value: Any) -> Any:
     """What the encoder does not know by itself."""
     if isinstance(value, np.ndarray):
         return value.tolist()
-    if isinstance(value, Rotation):
-        return value.as_quat().tolist()
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"a {type(value).__name__} cannot be recorded")
@@ -64,7 +62,7 @@ _ENCODER = msgspec.json.Encoder(enc_hook=_plain)
 
 
 def _hints(record_type: type) -> list[tuple[str, Any]]:
-    hints = typing.get_type_hints(record_type, localns={"Rotation": Rotation})
+    hints = typing.get_type_hints(record_type)
     return [(field.name, hints[field.name]) for field in dataclasses.fields(record_type)]
 
 

@@ -135,7 +135,7 @@ class McapLog:
 
     def _write_transform(self, name: str, pose: Pose, t_ns: int) -> None:
         x, y, z = pose.position.tolist()
-        qx, qy, qz, qw = pose.rotation.as_quat().tolist()
+        qx, qy, qz, qw = pose.rotation
         message = FrameTransform(
             timestamp=self._timestamp(t_ns),
             parent_frame_id="base",

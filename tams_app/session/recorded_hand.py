@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scipy.spatial.transform import Rotation
-
 from hw.controller import Controller
 from tams_app.errors import ConfigError
 from tams_app.recording import read_ticks
@@ -97,8 +95,8 @@ def _interpolated(before: Pose | None, after: Pose | None, part: float) -> Pose 
     """The pose `part` of the way, 0 to 1, on the shortest turn; `before` where one is not known."""
     if before is None or after is None or part == 0.0:
         return before
-    turn = (after.rotation * before.rotation.inv()).as_rotvec()
+    turn = [part * angle for angle in before.rotation.turn_to(after.rotation)]
     return Pose(
         before.position + part * (after.position - before.position),
-        Rotation.from_rotvec(part * turn) * before.rotation,
+        before.rotation.turned(turn),
     )

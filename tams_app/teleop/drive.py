@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, Pose, Twist
+from tams_app.rotation import Rotation
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.motion import HandMotion
-from tams_app.teleop.quaternion import turn_between
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import MAX_POSE_STEP_M, Target, Tcp, TcpPredictor
@@ -160,7 +159,7 @@ class Drive:
         target = self._target.tcp
         return Twist(
             self._gain_per_s * (target.position - tcp.position),
-            self._gain_per_s * turn_between(tcp.rotation, target.rotation),
+            self._gain_per_s * np.array(tcp.rotation.turn_to(target.rotation)),
         )
 
     def _gated(self, twist: Twist) -> Twist:

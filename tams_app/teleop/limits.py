@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config, ProfileConfig
 from tams_app.records import Twist, Vector
-from tams_app.teleop.quaternion import Quaternion
+from tams_app.rotation import Rotation
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
@@ -113,7 +112,7 @@ class Limits:
 
         return admissible
 
-    def _stays_in_cone(self, rotation: Quaternion) -> Admissible:
+    def _stays_in_cone(self, rotation: Rotation) -> Admissible:
         def admissible(angular: Vector, acceleration: Vector) -> bool:
             offset = self._cone.offset(rotation)
             reach = self.angular.braking_reach(angular, acceleration, self._deadman_s)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from scipy.spatial.transform import Rotation
-
 from tams_app.config import Config
 from tams_app.records import Activity, Haptic, Twist
+from tams_app.rotation import Rotation
 from tams_app.teleop.clutch import Buttons, Clutch
 from tams_app.teleop.drive import Drive
 from tams_app.teleop.records import ArmModel, TeleopInput, TeleopOutput

@@ -8,7 +8,6 @@ import numpy as np
 
 from tams_app.config import HandConfig
 from tams_app.records import ControllerSample, Pose, Twist, Vector
-from tams_app.teleop.quaternion import of_rotation, turn_between
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _MIN_INTERVAL_S = 0.002  # two poses closer than this are one with jitter
@@ -70,7 +69,7 @@ class HandMotion:
             self._accepted_ns = pose_ns
             return
         interval_s = min(max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S), _MAX_INTERVAL_S)
-        turned = turn_between(of_rotation(last.rotation), of_rotation(pose.rotation))
+        turned = np.array(last.rotation.turn_to(pose.rotation))
         linear = _banded(
             (pose.position - last.position) / interval_s,
             self._config.clamp_above_m_s,

@@ -14,14 +14,7 @@ import numpy as np
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Pose, Twist, Vector
-from tams_app.teleop.quaternion import (
-    IDENTITY,
-    Quaternion,
-    of_rotation,
-    to_rotation,
-    turn_between,
-    turned,
-)
+from tams_app.rotation import Rotation
 from tams_app.teleop.trajectory import norm
 from tams_app.units import NS_PER_S
 
@@ -35,14 +28,14 @@ class Tcp:
     """Position [m], shape (3,), and rotation of the tool centre point in the base frame."""
 
     position: Vector
-    rotation: Quaternion
+    rotation: Rotation
 
     @staticmethod
     def of(pose: Pose) -> Tcp:
-        return Tcp(pose.position, of_rotation(pose.rotation))
+        return Tcp(pose.position, pose.rotation)
 
     def to_pose(self) -> Pose:
-        return Pose(self.position, to_rotation(self.rotation))
+        return Pose(self.position, self.rotation)
 
 
 class TcpPredictor:
@@ -65,7 +58,7 @@ class TcpPredictor:
         """The TCP now, from a report in which the last `delay_ns` of commands do not show yet."""
         linear, angular = self._travelled_until(received_ns - max(0, delay_ns))
         turn = self._angular - angular
-        return Tcp(measured.position + self._linear - linear, turned(measured.rotation, turn))
+        return Tcp(measured.position + self._linear - linear, measured.rotation.turned(turn))
 
     def _travelled_until(self, t_ns: int) -> tuple[Vector, Vector]:
         """Displacement and turn that were commanded until `t_ns`, linear between ticks."""
@@ -89,7 +82,7 @@ class Target:
         self._leash_rad = limits.leash_rad
         self._fault_m = limits.leash_fault_mm / 1000.0
         self._withheld_m = 0.0
-        self.tcp = Tcp(np.zeros(3), IDENTITY)
+        self.tcp = Tcp(np.zeros(3), Rotation.identity())
         self.following_error_m = 0.0
 
     @property
@@ -106,7 +99,7 @@ class Target:
     def advance(self, linear: Vector, angular: Vector, interval_s: float) -> None:
         """Integrate a velocity [m/s] and an angular velocity [rad/s] over `interval_s`."""
         position = self.tcp.position + linear * interval_s
-        self.tcp = Tcp(position, turned(self.tcp.rotation, angular * interval_s))
+        self.tcp = Tcp(position, self.tcp.rotation.turned(angular * interval_s))
 
     def watch(self, measured: Tcp) -> None:
         """Measure the following error [m]."""
@@ -123,17 +116,17 @@ class Target:
             self._withheld_m += distance - self._leash_m
         else:
             self._withheld_m = 0.0
-        turn = turn_between(measured.rotation, self.tcp.rotation)
+        turn = np.array(measured.rotation.turn_to(self.tcp.rotation))
         angle = norm(turn)
         rotation = self.tcp.rotation
         if angle > self._leash_rad:
-            rotation = turned(measured.rotation, turn * (self._leash_rad / angle))
+            rotation = measured.rotation.turned(turn * (self._leash_rad / angle))
         self.tcp = Tcp(position, rotation)
 
     def held_back(self, twist: Twist, measured: Tcp) -> Twist:
         """`twist` without what would lead a target beyond its leash still further away."""
         offset = self.tcp.position - measured.position
-        turn = turn_between(measured.rotation, self.tcp.rotation)
+        turn = np.array(measured.rotation.turn_to(self.tcp.rotation))
         return Twist(
             _without_beyond(twist.linear, offset, self._leash_m),
             _without_beyond(twist.angular, turn, self._leash_rad),

@@ -133,12 +133,12 @@ class Watch:
 def _is_sane(sample: ControllerSample, now_ns: int) -> bool:
     if sample.pose is None or not is_fresh(sample.pose_ns, now_ns, float("inf")):
         return False
-    values = (*sample.pose.position, *sample.pose.rotation.as_quat(), sample.trigger, sample.grip)
+    values = (*sample.pose.position, *sample.pose.rotation, sample.trigger, sample.grip)
     return _are_sane(values)
 
 
 def _is_sane_arm(arm: ArmState) -> bool:
-    return _are_sane((*arm.joints, *arm.tcp.position, *arm.tcp.rotation.as_quat()))
+    return _are_sane((*arm.joints, *arm.tcp.position, *arm.tcp.rotation))
 
 
 def _are_sane(values: tuple[float, ...]) -> bool:

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Vector
-from tams_app.teleop.quaternion import Quaternion, of_rotation, turn_between
+from tams_app.rotation import Rotation
 from tams_app.teleop.trajectory import Profile, VelocityTrajectory
 
 _INSET_M = 5e-4  # the cap's bounds lie inside the hard ones: room for rounding and sampling
@@ -120,13 +119,13 @@ class RotationCone:
         self, limits: LimitsConfig, motion: Profile, deadman_s: float, ready: Rotation
     ) -> None:
         self._angle = math.radians(limits.cone_deg)
-        self._ready = of_rotation(ready)
+        self._ready = ready
         self._deadman_s = deadman_s
         self._outward = _cap(motion, deadman_s, math.inf)
 
-    def offset(self, rotation: Quaternion) -> Vector:
+    def offset(self, rotation: Rotation) -> Vector:
         """Rotation vector [rad], shape (3,), from the ready orientation, in the base frame."""
-        return turn_between(self._ready, rotation)
+        return np.array(self._ready.turn_to(rotation))
 
     def cap(self, angular: Vector, offset: Vector) -> Vector:
         """`angular` [rad/s] with the component that leads away from ready capped."""

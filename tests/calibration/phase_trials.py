@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calibration.phases.labels import Geometry
 from calibration.phases.trials import Motion, StepInput
 from tams_app.recording import Recorder
 from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tests.synthetic_session import START_NS, header, tick
 

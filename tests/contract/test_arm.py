@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.arm import Arm, TcpBoundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Pose, ServoMode, Twist
+from tams_app.rotation import Rotation
 from tests.contract.conftest import READY_JOINTS, ArmRig, Lite6Rig
 
 pytestmark = pytest.mark.waiting

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
 from tests.faults.hand import Distortion
 

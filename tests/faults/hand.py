@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.controller import Controller
 from tams_app.config import Config
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Vector
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 
 _TREMOR_M = 2e-5

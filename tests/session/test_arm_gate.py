@@ -4,11 +4,11 @@ import threading
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.arm import TcpBoundary
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmState, Pose, ServoMode
+from tams_app.rotation import Rotation
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.session.arm_gate import ArmGate
 from tams_app.teleop.safety import Request

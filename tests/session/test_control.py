@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.controller import Controller
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
@@ -11,6 +10,7 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
 from tams_app.config.devices import CameraConfig
 from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose, ServoMode
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.listener import Listener

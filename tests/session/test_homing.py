@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.lite6.kinematics import HOME_JOINTS
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmFault, ArmState, CommandLink, LinkFault, Pose
+from tams_app.rotation import Rotation
 from tams_app.session.homing import (
     Action,
     HeldKey,

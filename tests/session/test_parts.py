@@ -6,12 +6,12 @@ import time
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.camera import Camera
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.realtime import use_fifo
 from tams_app.session import build

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.rotation import Rotation
 from tams_app.session.recorded_hand import ReplayedController
 from tams_app.units import NS_PER_MS
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import TrialConfig
 from tams_app.records import Pose, SceneTruth
+from tams_app.rotation import Rotation
 from tams_app.study.trial import TaskGeometry, TrialJudge
 
 pytestmark = pytest.mark.untimed
@@ -20,7 +20,7 @@ def truth(t_s, block, speed=0.0):
     return SceneTruth(
         t_ns=round(t_s * S),
         block=Pose(np.array(block, dtype=float), upright),
-        container=Pose(CONTAINER, Rotation.from_euler("z", 20, degrees=True)),
+        container=Pose(CONTAINER, Rotation.from_rotvec((0, 0, np.radians(20)))),
         tcp=Pose(np.zeros(3), upright),
         block_speed=speed,
         fingers_opening=0.016,
@@ -127,7 +127,7 @@ def test_the_clock_starts_at_the_first_engagement_and_only_there():
 
 @pytest.mark.parametrize("offset", [(0.044, 0, 0), (0, -0.044, 0)])
 def test_the_container_is_measured_in_its_own_frame(offset):
-    turned = Rotation.from_euler("z", 20, degrees=True)
+    turned = Rotation.from_rotvec((0, 0, np.radians(20)))
     scene = truth(0, CONTAINER + turned.apply(offset))
     assert judge().contains(scene.container, scene.block)
     scene = truth(0, CONTAINER + turned.apply(np.array(offset) * 1.05))

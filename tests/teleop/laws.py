@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from tams_app.config.motion import MAX_STOP_TIME_S
 from tams_app.records import Pose
+from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
 from tests.teleop.motions import unit
 from tests.teleop.rig import PERIOD_NS, Bench, make_config
@@ -92,7 +92,7 @@ def _moved(before: Pose | None, now: Pose | None) -> tuple[np.ndarray, np.ndarra
     if before is None or now is None or before is now:
         return np.zeros(3), np.zeros(3)
     turn: Rotation = now.rotation * before.rotation.inv()
-    return now.position - before.position, turn.as_rotvec()
+    return now.position - before.position, np.array(turn.as_rotvec())
 
 
 def assert_profile_is_kept(bench: Bench) -> None:

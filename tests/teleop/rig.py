@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import Config, load_config
 from tams_app.records import (
@@ -21,12 +20,13 @@ from tams_app.records import (
     ServoMode,
     Twist,
 )
+from tams_app.rotation import Rotation
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import ArmingState
 
 PERIOD_NS = 8_333_333
-READY_ROTATION = Rotation.from_euler("x", 180, degrees=True)
+READY_ROTATION = Rotation.from_rotvec((np.pi, 0.0, 0.0))
 READY_POSITION = (0.35, 0.0, 0.18)
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import ClutchConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.teleop.clutch import MENU_HOLD_NS, Buttons, Clutch, is_fresh
 from tams_app.units import NS_PER_MS, NS_PER_S
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import ServoMode
 from tams_app.teleop import drive as drive_module
@@ -196,7 +195,7 @@ def test_pushing_against_the_floor_holds_and_names_the_workspace(engaged: Bench)
 
 
 def test_a_rotation_of_the_ready_pose_is_the_axis_of_the_cone() -> None:
-    tilted = Rotation.from_euler("y", 30, degrees=True) * READY_ROTATION
+    tilted = READY_ROTATION.turned((0.0, np.radians(30), 0.0))
     bench = Bench()
     bench.arm.pose = replace(bench.arm.pose, rotation=tilted)
     bench.engage()

@@ -5,7 +5,6 @@ import pytest
 
 from tams_app.records import Twist
 from tams_app.teleop.limits import Limits, clamp_norm
-from tams_app.teleop.quaternion import of_rotation, turn_between, turned
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
 from tests.teleop.rig import READY_ROTATION, RoomyModel, make_config
@@ -13,7 +12,7 @@ from tests.teleop.rig import READY_ROTATION, RoomyModel, make_config
 pytestmark = pytest.mark.waiting
 
 JOINTS = np.zeros(6)
-MIDDLE = Tcp(np.array([0.33, 0.0, 0.18]), of_rotation(READY_ROTATION))
+MIDDLE = Tcp(np.array([0.33, 0.0, 0.18]), READY_ROTATION)
 NOTHING = np.zeros(3)
 
 
@@ -76,7 +75,7 @@ def test_what_leaves_nothing_is_named() -> None:
     down = Twist(np.array([0, 0, -0.1]), NOTHING)
     assert limits().limit(down, on_floor, JOINTS, 1.0).limited_by is Reason.WORKSPACE
     assert limits().limit(down, MIDDLE, JOINTS, 1.0).limited_by is None
-    tilted = Tcp(MIDDLE.position, turned(MIDDLE.rotation, np.array([0, np.radians(36), 0])))
+    tilted = Tcp(MIDDLE.position, MIDDLE.rotation.turned((0, np.radians(36), 0)))
     out = Twist(NOTHING, np.array([0, 0.3, 0]))
     assert limits().limit(out, tilted, JOINTS, 1.0).limited_by is Reason.ROTATION_LIMIT
     still = Twist(np.array([0, 0, -0.004]), np.array([0, 0.01, 0]))
@@ -99,8 +98,8 @@ def test_shaping_brakes_before_an_orientation_it_could_not_stop_from() -> None:
     rotation = MIDDLE.rotation
     for _ in range(300):  # without the cap, as above
         angular = shaper.shape(out, Tcp(MIDDLE.position, rotation), 1 / 120).angular
-        rotation = turned(rotation, angular / 120)
-    angle = np.linalg.norm(turn_between(of_rotation(READY_ROTATION), rotation))
+        rotation = rotation.turned(angular / 120)
+    angle = np.linalg.norm(READY_ROTATION.turn_to(rotation))
     assert np.radians(25) < angle <= np.radians(35) + 1e-9
 
 
@@ -126,7 +125,7 @@ def test_a_hand_that_asks_for_just_enough_is_told_what_stops_it() -> None:
 
 
 def test_a_hand_that_turns_just_enough_is_told_what_stops_it() -> None:
-    tilted = Tcp(MIDDLE.position, turned(MIDDLE.rotation, np.array([0, np.radians(36), 0])))
+    tilted = Tcp(MIDDLE.position, MIDDLE.rotation.turned((0, np.radians(36), 0)))
     for speed, told in ((0.02, Reason.ROTATION_LIMIT), (0.01999, None)):
         asked = Twist(NOTHING, np.array([0, speed, 0]))
         assert limits().limit(asked, tilted, JOINTS, 1.0).limited_by is told

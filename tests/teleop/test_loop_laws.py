@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import Activity, ArmFault, ArmState, CommandLink, ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.teleop.laws import (
     CONFIG,

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.teleop.motion import HandMotion, is_frozen
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -55,7 +55,7 @@ def test_turning_speeds_pass_are_clamped_or_rejected(speed: float, expected: flo
 def test_velocities_are_of_the_tracking_frame_and_mapped_with_their_scales() -> None:
     config = HandConfig(translation_scale=0.5, rotation_scale=2.0, smoothing_s=1e-6)
     hand = HandMotion(config, HOLD_NS)
-    start = Rotation.from_euler("xyz", [40, 50, 60], degrees=True)
+    start = Rotation.from_rotvec(np.radians([40, 50, 60]))
     hand.anchor(sample((0, 0, 0), 0, start))
     turn = Rotation.from_rotvec([0.004, 0.0, 0.0])
     twist = hand.update(sample((0, 0, -0.004), 10 * NS_PER_MS, turn * start), 10**7, 1.0)

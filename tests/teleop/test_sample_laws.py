@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import Activity, ControllerSample, Pose, ServoMode
+from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
 from tests.teleop.laws import (
     MS,

@@ -2,21 +2,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Pose, Twist
-from tams_app.teleop.quaternion import IDENTITY, turn_between, turned
+from tams_app.rotation import Rotation
 from tams_app.teleop.servo import Target, Tcp, TcpPredictor
 
 pytestmark = pytest.mark.waiting
 
 MS = 1_000_000
+IDENTITY = Rotation.identity()
 HERE = Tcp(np.array([0.3, 0.0, 0.2]), IDENTITY)
 
 
 def at(x: float, turn: float = 0.0) -> Tcp:
-    return Tcp(HERE.position + np.array([x, 0, 0]), turned(IDENTITY, np.array([0, 0, turn])))
+    return Tcp(HERE.position + np.array([x, 0, 0]), IDENTITY.turned((0, 0, turn)))
 
 
 def predictor_after(ticks: int) -> TcpPredictor:
@@ -36,7 +36,7 @@ def test_the_predicted_tcp_is_the_report_and_what_was_sent_since(
 ) -> None:
     now = predictor_after(10).predict(HERE, received_ms * MS, delay_ms * MS)
     assert now.position[0] == pytest.approx(0.3 + 0.1 * unseen_ms / 1000)
-    assert turn_between(IDENTITY, now.rotation)[2] == pytest.approx(unseen_ms / 1000)
+    assert IDENTITY.turn_to(now.rotation)[2] == pytest.approx(unseen_ms / 1000)
 
 
 def test_a_report_older_than_memory_counts_all_that_is_remembered() -> None:
@@ -56,7 +56,7 @@ def test_the_target_integrates_velocity_and_rotation() -> None:
     for _ in range(10):
         target.advance(np.array([0.1, 0, 0]), np.array([0, 0, 0.5]), 0.01)
     assert target.tcp.position[0] == pytest.approx(0.31)
-    assert turn_between(IDENTITY, target.tcp.rotation)[2] == pytest.approx(0.05)
+    assert IDENTITY.turn_to(target.tcp.rotation)[2] == pytest.approx(0.05)
 
 
 def test_the_target_never_gets_further_from_the_arm_than_its_leash() -> None:
@@ -65,7 +65,7 @@ def test_the_target_never_gets_further_from_the_arm_than_its_leash() -> None:
     target.advance(np.array([1.0, 0, 0]), np.array([0, 0, 10.0]), 0.02)
     target.pull_back(HERE)
     assert target.tcp.position[0] == pytest.approx(0.315)
-    assert turn_between(IDENTITY, target.tcp.rotation)[2] == pytest.approx(0.15)
+    assert IDENTITY.turn_to(target.tcp.rotation)[2] == pytest.approx(0.15)
 
 
 def test_a_target_within_its_leash_is_left_alone() -> None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tams_app.records import (
     Activity,
@@ -17,6 +16,7 @@ from tams_app.records import (
     Pose,
     ServoMode,
 )
+from tams_app.rotation import Rotation
 from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.teleop.watch import Watch

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from tams_app.config import LimitsConfig
-from tams_app.teleop.quaternion import of_rotation, to_rotation, turned
+from tams_app.rotation import Rotation
 from tams_app.teleop.trajectory import Profile, VelocityTrajectory
 from tams_app.teleop.workspace import OutwardCap, RotationCone, Workspace
 from tests.teleop.motions import within
@@ -21,7 +20,7 @@ MOTION, STOP = Profile(1.5, 20.0), Profile(5.0, 130.0)
 TURN, TURN_STOP = Profile(4.0, 60.0), Profile(12.0, 280.0)
 DEADMAN_S = 0.1
 SPACE = Workspace(LIMITS, MOTION, DEADMAN_S)
-READY = Rotation.from_euler("x", 180, degrees=True)
+READY = Rotation.from_rotvec((np.pi, 0, 0))
 CONE = RotationCone(LIMITS, TURN, DEADMAN_S, READY)
 
 positions = (  # the arm's own column stands within 0.1 m of the axis
@@ -266,7 +265,7 @@ def test_on_the_bound_itself_the_way_may_turn_as_long_as_it_stays_inside() -> No
 
 def offset_of(degrees: float, axis: tuple[float, float, float] = (0, 1, 0)) -> np.ndarray:
     turn = np.radians(degrees) * np.array(axis)
-    return CONE.offset(turned(of_rotation(READY), turn))
+    return CONE.offset(READY.turned(turn))
 
 
 def test_the_offset_is_the_rotation_from_ready_in_the_base_frame() -> None:
@@ -290,11 +289,11 @@ def test_what_the_cone_admits_brakes_inside(offset: np.ndarray, angular: np.ndar
     plan = VelocityTrajectory(angular, np.zeros(3), np.zeros(3), TURN_STOP)
     if not CONE.admits(offset, angular, plan):
         return
-    start = turned(of_rotation(READY), offset)
+    start = READY.turned(offset)
     bound = max(math.radians(LIMITS.cone_deg), float(np.linalg.norm(offset)))
     for t_s in np.linspace(0, plan.duration_s, 10):
         turn = angular * DEADMAN_S + plan.at(float(t_s)).displacement
-        angle = (to_rotation(turned(start, turn)) * READY.inv()).magnitude()
+        angle = (start.turned(turn) * READY.inv()).magnitude()
         assert angle <= bound + 1e-4
 
 
@@ -328,12 +327,12 @@ def test_exactly_what_turns_and_brakes_inside_the_cone_is_admitted(
     offset: np.ndarray, angular: np.ndarray, acceleration: np.ndarray
 ) -> None:
     plan = VelocityTrajectory(angular, acceleration, np.zeros(3), TURN_STOP)
-    start = turned(of_rotation(READY), offset)
+    start = READY.turned(offset)
     angles = []
     for t_s in np.linspace(0, plan.duration_s, 9):
         for held in (0.0, DEADMAN_S):
             turn = angular * held + plan.at(float(t_s)).displacement
-            angles.append(float(np.linalg.norm(CONE.offset(turned(start, turn)))))
+            angles.append(float(np.linalg.norm(CONE.offset(start.turned(turn)))))
     breach = max(angles) - max(math.radians(LIMITS.cone_deg), float(np.linalg.norm(offset)))
     if abs(breach) > 1e-6:
         assert CONE.admits(offset, angular, plan) is (breach < 0)

@@ -94,7 +94,7 @@ class FollowCheck:
         self._mark = None
         if moved >= _DUE_M and _size(tool.position - mark_tool.position) < _FOLLOWED * moved:
             return False
-        seen_turn = float((tool.rotation * mark_tool.rotation.inv()).magnitude())
+        seen_turn = (tool.rotation * mark_tool.rotation.inv()).magnitude()
         return turned < _DUE_RAD or seen_turn >= _FOLLOWED * turned
 
 

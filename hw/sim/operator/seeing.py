@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TO_BLOCK, TO_CONTAINER, TOOL_YAW
@@ -28,6 +27,7 @@ from hw.sim.operator.vision.detections import Glance, Thing
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Pose, Vector
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 
 Images = Callable[[], Mapping[str, Image | None]]

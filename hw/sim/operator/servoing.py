@@ -11,13 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Percept
 from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.config import Config, HandConfig
 from tams_app.records import Pose, Vector
+from tams_app.rotation import Rotation
 
 _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
 

@@ -13,7 +13,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from hw.controller import Controller
 from hw.openvr.components import (
@@ -28,6 +27,7 @@ from hw.sim.operator.hand import Button, Hand
 from tams_app.config import Config, OperatorConfig
 from tams_app.errors import ConfigError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
 
 # Runtimes fuse cameras with inertial sensors: the error wanders rather than jumps at each sample.

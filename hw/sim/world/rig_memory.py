@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, Image, Pose, SceneTruth, Vector
+from tams_app.rotation import Rotation
 from tams_app.runtime.shared_ring import (
     RingShape,
     SharedRing,

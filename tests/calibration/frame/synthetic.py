@@ -1,10 +1,10 @@
 """Strokes and touches of known truth."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calibration.frame.stroke import Stroke
 from calibration.frame.touches import Touch
+from tams_app.rotation import Rotation
 
 
 def stroke(

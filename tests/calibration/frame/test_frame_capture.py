@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from calibration.frame.capture import Capture, Held, touch_of
 from calibration.frame.stroke import Reason, RefusedError
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial import transform
 
 from calibration.frame.asking import Compass, direction_of
 from calibration.frame.result import rows
 from calibration.frame.sources import SIX_DIRECTIONS
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -26,7 +27,7 @@ def lit_by(velocity, hand, seconds=0.5):
 
 @pytest.mark.parametrize("way", SIX_DIRECTIONS, ids=lambda way: way.name)
 def test_each_direction_lights_up_for_a_hand_that_moves_along_it(way):
-    truth = Rotation.random(random_state=3).as_matrix()
+    truth = transform.Rotation.random(random_state=3).as_matrix()
     hand = load_config().hand.model_copy(update={"rotation": rows(truth)})
     compass = lit_by(0.2 * truth.T @ way.direction, hand)
     assert compass.lit == way

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial import transform
 
 from calibration.frame.capture import find_strokes, strokes_of_log
 from calibration.frame.fit import fit_strokes, turn_deg
@@ -13,12 +13,13 @@ from tams_app.config import load_config
 from tams_app.errors import LogError
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Pose
+from tams_app.rotation import Rotation
 from tests.calibration.frame.synthetic import stroke
 from tests.synthetic_session import header, tick
 
 pytestmark = pytest.mark.untimed
 
-TRUTH = Rotation.random(random_state=11).as_matrix()
+TRUTH = transform.Rotation.random(random_state=11).as_matrix()
 
 
 def session(*positions, arming="disarmed"):

@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
+from scipy.spatial import transform
 
 from calibration.frame.fit import turn_deg
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.touches import Touch, fit_touches
+from tams_app.rotation import Rotation
 from tests.calibration.frame.synthetic import POINTS, touches
 
 pytestmark = pytest.mark.untimed
 
-TRUTH = Rotation.from_euler("xyz", [80, 10, -95], degrees=True).as_matrix()
+TRUTH = transform.Rotation.from_euler("xyz", [80, 10, -95], degrees=True).as_matrix()
 
 
 def refusal(made):
@@ -25,7 +26,7 @@ def refusal(made):
 @settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1), st.floats(0.3, 3.0))
 def test_exact_touches_give_rotation_and_scale_exactly(seed, scale):
-    truth = Rotation.random(random_state=seed).as_matrix()
+    truth = transform.Rotation.random(random_state=seed).as_matrix()
     fit = fit_touches(touches(truth, np.random.default_rng(seed), scale=scale))
     assert turn_deg(fit.rotation, truth) < 1e-5
     assert fit.scale == pytest.approx(scale)
@@ -37,7 +38,7 @@ def test_exact_touches_give_rotation_and_scale_exactly(seed, scale):
 def test_its_own_bound_holds_as_often_as_it_says(count, noise_m):
     inside, bounds, errors = 0, [], []
     for seed in range(200):
-        truth = Rotation.random(random_state=seed).as_matrix()
+        truth = transform.Rotation.random(random_state=seed).as_matrix()
         made = touches(truth, np.random.default_rng(seed), POINTS[:count], noise_m=noise_m)
         fit = fit_touches(made)
         errors.append(turn_deg(fit.rotation, truth))
@@ -103,7 +104,7 @@ def test_a_mirrored_list_is_refused_as_such_and_no_touch_blamed(count, noise_m):
 
 def test_a_hand_that_turned_between_touches_is_refused():
     made = touches(TRUTH, np.random.default_rng(0))
-    turned = Rotation.from_euler("x", 40, degrees=True)
+    turned = Rotation.from_rotvec((np.radians(40), 0, 0))
     made[2] = Touch(made[2].robot, made[2].hand, turned)
     error = refusal(made)
     assert error.reason is Reason.TURNED_HAND

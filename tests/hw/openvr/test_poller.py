@@ -78,7 +78,7 @@ def test_pose_and_buttons_of_the_right_hand_are_read(rig):
     sample = rig.step()
     assert sample.status is ControllerStatus.OK
     assert sample.pose.position.tolist() == [0.25, 1.5, -0.75]
-    assert (sample.pose.rotation.inv() * turn).magnitude() < 1e-6
+    assert (Rotation.from_quat(sample.pose.rotation).inv() * turn).magnitude() < 1e-6
     assert (sample.trigger, sample.grip) == (0.75, 0.5)
     assert (sample.a, sample.b, sample.menu) == (False, True, False)
     assert sample.pose_ns == sample.buttons_ns == rig.now_ns

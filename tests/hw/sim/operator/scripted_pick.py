@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
 from hw.sim.layout import CONTAINER_INNER_M, Layout
 from hw.sim.world.world import World
 from tams_app.records import Pose, Vector
+from tams_app.rotation import Rotation
 
 READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])
 ARM = Lite6Model(offset_from_mm_deg((0, 0, 82, 0, 0, 0)))
@@ -73,7 +73,7 @@ class ScriptedPick:
         return bool(np.abs(inside[:2]).max() < CONTAINER_INNER_M / 2 and inside[2] < 0.03)
 
     def _step_to(self, place: Vector, yaw: float) -> None:
-        rotation = Rotation.from_euler("z", yaw) * Rotation.from_euler("x", math.pi)
+        rotation = Rotation.from_rotvec((0.0, 0.0, yaw)) * Rotation.from_rotvec((math.pi, 0.0, 0.0))
         joints = ARM.follow(matrix_from_pose(Pose(place, rotation)), self._joints, max_steps=60)
         assert joints is not None
         self._joints = joints

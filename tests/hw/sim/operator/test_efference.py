@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy, FollowCheck
 from tams_app.records import Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed

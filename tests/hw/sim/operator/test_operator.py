@@ -3,7 +3,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.sim.layout import draw_layout
 from hw.sim.operator.hand import REST_POSITION_M
@@ -12,6 +11,7 @@ from hw.sim.operator.perception import Percept
 from hw.sim.operator.task import Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.toy_robot import TICK_NS, Trial
 

@@ -2,11 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.perception import Estimate, GapSigmas
 from tams_app.records import Pose, SceneTruth
+from tams_app.rotation import Rotation
 
 pytestmark = pytest.mark.untimed
 

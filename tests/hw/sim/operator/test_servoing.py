@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.servoing import HandMap, approach, grasp_turn, speed_factor
 from tams_app.config import HandConfig
+from tams_app.rotation import Rotation
 
 pytestmark = pytest.mark.untimed
 
@@ -18,8 +18,8 @@ angles = st.floats(-math.pi, math.pi)
 
 @given(angles, angles)
 def test_the_fingers_take_the_nearest_face_of_a_standing_block(block_yaw, tool_yaw):
-    block = Rotation.from_euler("z", block_yaw)
-    tool = Rotation.from_euler("z", tool_yaw) * DOWN
+    block = Rotation.from_rotvec((0, 0, block_yaw))
+    tool = Rotation.from_rotvec((0, 0, tool_yaw)) * DOWN
     turn = grasp_turn(tool, block)
     assert abs(turn[2]) <= math.pi / 4 + 1e-6
     closing = (Rotation.from_rotvec(turn) * tool).apply([0, 1, 0])
@@ -28,7 +28,7 @@ def test_the_fingers_take_the_nearest_face_of_a_standing_block(block_yaw, tool_y
 
 @given(st.floats(-0.5, 0.5))
 def test_the_fingers_never_close_along_the_length_of_a_lying_block(yaw):
-    lying = Rotation.from_euler("z", yaw) * Rotation.from_euler("x", math.pi / 2)
+    lying = Rotation.from_rotvec((0, 0, yaw)) * Rotation.from_rotvec((math.pi / 2, 0, 0))
     turn = grasp_turn(DOWN, lying)
     closing = (Rotation.from_rotvec(turn) * DOWN).apply([0, 1, 0])
     assert abs(lying.inv().apply(closing)[0]) == pytest.approx(1.0, abs=1e-6)

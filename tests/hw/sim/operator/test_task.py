@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from hw.sim.operator.hand import Button
 from hw.sim.operator.participant import ParticipantProfile
@@ -12,6 +11,7 @@ from hw.sim.operator.servoing import Sight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import OperatorConfig
 from tams_app.records import Pose
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed

@@ -7,7 +7,6 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.sim.layout import (
     BLOCK_EDGE_M,
@@ -21,6 +20,7 @@ from hw.sim.operator.operator import Operator
 from hw.sim.operator.task import Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, SceneTruth, Vector
+from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.faulty_controller import FaultyController
 
@@ -233,7 +233,7 @@ class Trial:
 
 
 def _on_table(place: Placement, height: float) -> Pose:
-    return Pose(np.array([place.x, place.y, height]), Rotation.from_euler("z", place.yaw))
+    return Pose(np.array([place.x, place.y, height]), Rotation.from_rotvec((0.0, 0.0, place.yaw)))
 
 
 def _limited(vector: Vector, size: float) -> Vector:
