@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import platform
+import sys
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
@@ -18,7 +19,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from benchmarks import faults
+from benchmarks import faults, paired
 from benchmarks.figures import Figure
 from benchmarks.idle import measure_idle
 from benchmarks.measures import (
@@ -44,7 +45,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="sessions on s2 (default 3)")
     parser.add_argument("--json", type=Path, default=RESULTS / "bench.json")
-    options = parser.parse_args()
+    parser.add_argument("--against", metavar="DIR", help="compare with the checkout in DIR instead "
+                        "(python -m benchmarks.paired --help)")  # fmt: skip
+    options, others = parser.parse_known_args()
+    if options.against:
+        sys.exit(paired.main(sys.argv[1:]))
+    if others:
+        parser.error(f"unknown: {' '.join(others)}")
     console = Console()
     with (
         tempfile.TemporaryDirectory(prefix="tams-bench-") as folder,
