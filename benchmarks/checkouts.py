@@ -37,7 +37,7 @@ Measures = dict[str, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What is run: the same on both sides, but for the seed on every pair."""
+    """What both sides of a pair run; `seconds`: of a session or a trial, at most."""
 
     seed: int
     fps: int
@@ -112,7 +112,8 @@ def run_trial(checkout: Checkout, setting: Setting) -> Measures:
             "networks": [setting.network],
             "repetitions": 1,
         }
-        config = _write(folder, checkout.configuration({"study": study, "seed": setting.seed}))
+        limits = {"seed": setting.seed, "seconds": setting.seconds}
+        config = _write(folder, checkout.configuration({"study": study, **limits}))
         command = [sys.executable, "run_tams.py", "study", "run", "--sim", "--participants", "1"]
         command += ["--workers", "1", "--config", str(config), "--out", str(folder / "study")]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -136,6 +137,8 @@ def session_measures(profile: Profile, log: SessionLog, summary: Mapping[str, An
     frames = sum(frame.capture_ns in during for frame in log.captured)
     if not ticks or not frames:
         raise RuntimeError(f"{ticks} ticks and {frames} frames while the control loop ran")
+    if not profile.helpers.keys() >= {"rig", "renderer"}:
+        raise RuntimeError(f"no rig or no renderer among {', '.join(sorted(profile.helpers))}")
     seconds, views = profile.seconds, len(log.header.views)
     beyond_s = profile.application_s - profile.encoding_s - profile.decoding_s
     latencies = [view["latency_ms"]["p50"] for view in summary["views"].values()]
@@ -162,12 +165,11 @@ def _process(
     command: list[str], directory: Path, folder: Path
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A command of a checkout, which is ended with what it has started when we are."""
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     with (folder / "output").open("wb") as output:
         process = subprocess.Popen(
             command,
             cwd=directory,
-            env=environment,
+            env=_environment(),
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -202,17 +204,26 @@ def _write(folder: Path, content: Mapping[str, Any]) -> Path:
 
 
 def _commit(directory: Path) -> str:
-    commit = _output(["git", "rev-parse", "--short", "HEAD"], directory).strip()
-    changed = _output(["git", "status", "--porcelain", "--untracked-files=no"], directory).strip()
-    return f"{commit} with changes" if changed else commit
+    """The commit's short name and whether files differ from it; of a copy without git, its path."""
+    try:
+        commit = _output(["git", "rev-parse", "--short", "HEAD"], directory).strip()
+        changed = _output(["git", "status", "--porcelain", "--untracked-files=no"], directory)
+    except RuntimeError:
+        return str(directory)
+    return f"{commit} with changes" if changed.strip() else commit
 
 
 def _output(command: list[str], directory: Path) -> str:
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    """What a command of the checkout prints; RuntimeError with its last words if it fails."""
     done = subprocess.run(
-        command, cwd=directory, env=environment, capture_output=True, text=True, check=False
+        command, cwd=directory, env=_environment(), capture_output=True, text=True, check=False
     )
     if done.returncode:
         said = done.stderr.strip().splitlines()
         raise RuntimeError(f"{directory}: {said[-1] if said else f'exit code {done.returncode}'}")
     return done.stdout
+
+
+def _environment() -> dict[str, str]:
+    """Ours, without paths to packages of this checkout."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

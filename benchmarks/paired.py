@@ -16,6 +16,7 @@ import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,9 @@ from rich.console import Console
 from rich.progress import Progress
 
 from benchmarks.checkouts import Checkout, Setting, run_session, run_trial
-from benchmarks.ratios import Run, Side, doubts, markdown, rows, table, turns
+from benchmarks.ratios import Run, Side, doubts, markdown, rows, table, turn
 from benchmarks.threads import shares
+from tams_app.errors import TamsError
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.runner import machine
 
@@ -47,13 +49,14 @@ class Comparison:
     def measure(self, path: Path, progress: Progress) -> None:
         """All runs in turn; each is kept at once, and one that fails is told and left out."""
         task = progress.add_task("", total=4 * self.pairs)
-        for pair, side in turns(self.pairs):
-            for kind, measure in (("session", self._session), ("virtual trial", self._trial)):
+        for pair in range(self.pairs):
+            for kind, side in product(("session", "virtual trial"), turn(pair)):
+                measure = self._session if kind == "session" else self._trial
                 name = f"pair {pair + 1} of {self.pairs}, {side.value}: {kind}"
                 progress.update(task, description=name)
                 try:
                     said = measure(pair, side)
-                except RuntimeError as failure:
+                except (RuntimeError, TamsError) as failure:
                     said = f"failed, {failure}"
                     self.failures.append(f"{name}: {failure}")
                 progress.console.print(f"{name}: {said}", highlight=False, soft_wrap=True)
@@ -117,7 +120,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--fps", type=int, default=5, help="of each view; both must hold it (5)")
     parser.add_argument("--seed", type=int, default=4, help="of the first pair (default 4)")
-    parser.add_argument("--seconds", type=float, default=30.0, help="of a live session, at most")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of each run, at most (30)")
     parser.add_argument(
         "--after-config", type=Path, help="settings for this checkout's runs, over its defaults"
     )

@@ -103,12 +103,9 @@ class Row:
         }
 
 
-def turns(pairs: int) -> list[tuple[int, Side]]:
-    """The order of the runs: alternating, and every other pair the other way round."""
-    forward = (Side.BEFORE, Side.AFTER)
-    return [
-        (pair, side) for pair in range(pairs) for side in (forward[::-1] if pair % 2 else forward)
-    ]
+def turn(pair: int) -> tuple[Side, Side]:
+    """Which side of a pair runs first: they take turns, so that a slow drift favours neither."""
+    return (Side.AFTER, Side.BEFORE) if pair % 2 else (Side.BEFORE, Side.AFTER)
 
 
 def rows(runs: Sequence[Run]) -> list[Row]:

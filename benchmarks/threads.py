@@ -14,6 +14,7 @@ from rich.table import Table
 
 from benchmarks.checkouts import Checkout, Setting, run_session
 from benchmarks.processor_time import DECODING, ENCODING, Profile
+from tams_app.errors import TamsError
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 _DOES = {**dict.fromkeys(ENCODING, " (encoding)"), **dict.fromkeys(DECODING, " (decoding)")}
@@ -68,8 +69,8 @@ def main() -> int:
     try:
         with console.status(f"a session of {options.seconds:g} s"):
             cost = run_session(Checkout.at(options.of), setting)
-    except RuntimeError as error:
-        console.print(f"the session failed: {error}", highlight=False)
+    except (RuntimeError, TamsError) as error:
+        console.print(f"the session failed: {error}", highlight=False, soft_wrap=True)
         return 1
     except KeyboardInterrupt:
         return 130

@@ -109,7 +109,7 @@ def test_ctrl_c_keeps_what_there_is(compare, figures) -> None:
 
     code, found = compare(session)
     assert code == 130
-    assert len(found["runs"]) == 6
+    assert len(found["runs"]) == 5
     assert {len(row["ratios"]) for row in found["rows"] if row["target"]} == {1}
 
 
