@@ -27,7 +27,7 @@ def name_in_kernel(start: Callable[[threading.Thread], None]) -> Callable[[threa
 
 
 if __name__ == "__main__":
-    threading.Thread.start = name_in_kernel(threading.Thread.start)  # type: ignore[method-assign]
+    threading.Thread.start = name_in_kernel(threading.Thread.start)  # type: ignore[assignment,method-assign]
     del sys.argv[0]
     sys.path[0] = os.getcwd()  # this file's directory otherwise
     runpy.run_path(sys.argv[0], run_name="__main__")

@@ -31,6 +31,7 @@ from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.runner import machine
 
 RESULTS = Path(__file__).parent / "results" / "paired.json"
+WIDTH = 105  # of the table at least; a terminal may fold it
 _INTERRUPTED = 130
 
 
@@ -142,7 +143,7 @@ def main(arguments: Sequence[str]) -> int:
         interrupted = True
     found = rows(comparison.runs)
     console.print(f"{comparison.before.commit} before, {comparison.after.commit} after")
-    console.print(table(found))
+    console.print(table(found), width=max(console.width, WIDTH), crop=False)
     for sentence in (*doubts(found, options.pairs), *comparison.failures):
         console.print(sentence, highlight=False, soft_wrap=True)
     comparison.write(options.json)

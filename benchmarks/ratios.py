@@ -36,20 +36,20 @@ class Measure:
 
 _CORE = "% of a core"
 MEASURES = (
-    Measure("beyond_share", "application beyond encoding and decoding", _CORE, 100, 0.40),
+    Measure("beyond_share", "application beyond video", _CORE, 100, 0.40),
     Measure("beyond_ms_per_frame", "the same, a frame", "ms"),
-    Measure("beyond_with_operator_share", "the same with the operator's process", _CORE, 100),
+    Measure("beyond_with_operator_share", "the same with the operator", _CORE, 100),
     Measure("control_ms_per_tick", "control thread, a tick", "ms", target=0.35),
     Measure("rig_share", "rig", _CORE, 100, 0.50),
     Measure("set_ms", "renderer, a set of frames", "ms", target=0.65),
-    Measure("virtual_cpu_s_per_s", "trial in virtual time, a virtual second", "s", target=0.60),
-    Measure("encoding_ms_per_frame", "encoding thread, a frame", "ms"),
-    Measure("decoding_ms_per_frame", "decoding thread, a frame", "ms"),
-    Measure("session_share", "application and all its processes", _CORE, 100),
+    Measure("virtual_cpu_s_per_s", "trial, a virtual second", "s", target=0.60),
+    Measure("encoding_ms_per_frame", "encoding, a frame", "ms"),
+    Measure("decoding_ms_per_frame", "decoding, a frame", "ms"),
+    Measure("session_share", "application and helpers", _CORE, 100),
     Measure("fps_given", "frames given, a view", "/s", is_cost=False),
     Measure("late_share", "late ticks", "%", 100, is_cost=False),
     Measure("latency_p50_ms", "latency p50, worst view", "ms", is_cost=False),
-    Measure("virtual_s", "length of the trial in virtual time", "s", is_cost=False),
+    Measure("virtual_s", "length of the trial", "s", is_cost=False),
     Measure("others_share", "other programs", _CORE, 100, is_cost=False),
 )
 
