@@ -143,7 +143,7 @@ def main(arguments: Sequence[str]) -> int:
         interrupted = True
     found = rows(comparison.runs)
     console.print(f"{comparison.before.commit} before, {comparison.after.commit} after")
-    console.print(table(found), width=max(console.width, WIDTH), crop=False)
+    Console(width=max(console.width, WIDTH)).print(table(found))
     for sentence in (*doubts(found, options.pairs), *comparison.failures):
         console.print(sentence, highlight=False, soft_wrap=True)
     comparison.write(options.json)
