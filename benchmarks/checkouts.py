@@ -22,6 +22,7 @@ import yaml
 from benchmarks import named_threads
 from benchmarks.processor_time import CONTROL, Profile, watch
 from tams_app.recording import SessionLog, read_log
+from tams_app.teleop.safety import ArmingState
 
 # Whether a session's frame rate can be fixed: one that adapts is no rate that both hold.
 _FIXES_FPS = """
@@ -133,7 +134,8 @@ def run_trial(checkout: Checkout, setting: Setting) -> Measures:
 def session_measures(profile: Profile, log: SessionLog, summary: Mapping[str, Any]) -> Measures:
     """The figures of a session; shares are of one core."""
     during = range(profile.start_ns, profile.end_ns)
-    ticks = sum(tick.started_ns in during for tick in log.ticks)
+    arming = [tick.arming for tick in log.ticks if tick.started_ns in during]
+    ticks = len(arming)
     frames = sum(frame.capture_ns in during for frame in log.captured)
     if not ticks or not frames:
         raise RuntimeError(f"{ticks} ticks and {frames} frames while the control loop ran")
@@ -154,6 +156,7 @@ def session_measures(profile: Profile, log: SessionLog, summary: Mapping[str, An
         "decoding_ms_per_frame": 1e3 * profile.decoding_s / frames,
         "session_share": (profile.application_s + sum(profile.helpers.values())) / seconds,
         "fps_given": frames / views / seconds,
+        "engaged_share": arming.count(ArmingState.ENGAGED.value) / ticks,
         "late_share": summary["control"]["late_fraction"],
         "latency_p50_ms": max((value for value in latencies if value is not None), default=None),
         "others_share": profile.others_s / seconds,

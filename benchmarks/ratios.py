@@ -12,6 +12,7 @@ from rich.table import Table
 
 LEAST_PAIRS = 3
 MOST_OTHERS = 0.1  # of a core, by other programs: above it the machine counts as busy
+MOST_ENGAGED_DIFFERENCE = 0.15  # of the ticks, between the sides of a pair
 MOST_RATE_DIFFERENCE = 0.05  # of the frames given, between the sides of a pair
 
 
@@ -47,6 +48,7 @@ MEASURES = (
     Measure("decoding_ms_per_frame", "decoding, a frame", "ms"),
     Measure("session_share", "application and helpers", _CORE, 100),
     Measure("fps_given", "frames given, a view", "/s", is_cost=False),
+    Measure("engaged_share", "ticks with the arm engaged", "%", 100, is_cost=False),
     Measure("late_share", "late ticks", "%", 100, is_cost=False),
     Measure("latency_p50_ms", "latency p50, worst view", "ms", is_cost=False),
     Measure("virtual_s", "length of the trial", "s", is_cost=False),
@@ -149,6 +151,15 @@ def doubts(rows: Sequence[Row], pairs: int) -> list[str]:
                 told.append(
                     f"The frames given differ by up to {differ:.0%} between the two: compare the "
                     "application by the frame."
+                )
+        if row.measure.key == "engaged_share":
+            differ = max(
+                abs(after - before) for before, after in zip(row.before, row.after, strict=True)
+            )
+            if differ > MOST_ENGAGED_DIFFERENCE:
+                told.append(
+                    f"The arm was engaged in shares of the ticks that differ by up to "
+                    f"{differ:.0%}: the sessions did not do the same work."
                 )
         if row.measure.target is not None and len(row.ratios) < pairs:
             told.append(f"{row.measure.name}: {len(row.ratios)} of {pairs} pairs.")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from itertools import cycle
 
 import pytest
 
@@ -28,6 +30,8 @@ PROFILE = Profile(
 @pytest.fixture
 def figures():
     log = Synthetic(6.0).log()
+    armings = cycle(("engaged", "ready"))
+    log.ticks = [replace(tick, arming=next(armings)) for tick in log.ticks]
     return session_measures(PROFILE, log, summarise(log))
 
 
@@ -39,6 +43,7 @@ def test_figures_count_the_ticks_and_frames_of_the_time_that_was_measured(figure
     assert figures["beyond_with_operator_share"] == pytest.approx(1.5 / 2)
     assert figures["rig_share"] == pytest.approx(0.25)
     assert figures["set_ms"] == pytest.approx(1800 / 60)
+    assert figures["engaged_share"] == pytest.approx(0.5, abs=0.01)
     assert figures["others_share"] == pytest.approx(0.1)
     assert figures["latency_p50_ms"] == pytest.approx(60)
 

@@ -81,6 +81,13 @@ def test_different_frame_rates_are_told() -> None:
     assert "differ by up to 25%" in told[0]
 
 
+def test_sessions_that_did_not_do_the_same_work_are_told() -> None:
+    told = doubts(rows(pairs((0.7, 0.7), (0.7, 0.6), (0.7, 0.1), key="engaged_share")), 3)
+    assert len(told) == 1
+    assert "differ by up to 60%" in told[0]
+    assert doubts(rows(pairs(*[(0.7, 0.6)] * 3, key="engaged_share")), 3) == []
+
+
 def test_what_is_no_cost_has_no_ratio() -> None:
     (row,) = rows(pairs((5, 4), key="fps_given"))
     assert row.ratios == ()
