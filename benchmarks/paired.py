@@ -31,7 +31,7 @@ from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.study.runner import machine
 
 RESULTS = Path(__file__).parent / "results" / "paired.json"
-WIDTH = 105  # of the table at least; a terminal may fold it
+WIDTH = 125  # of the table at least; a terminal may fold it
 _INTERRUPTED = 130
 
 

@@ -48,7 +48,7 @@ MEASURES = (
     Measure("decoding_ms_per_frame", "decoding, a frame", "ms"),
     Measure("session_share", "application and helpers", _CORE, 100),
     Measure("fps_given", "frames given, a view", "/s", is_cost=False),
-    Measure("engaged_share", "ticks with the arm engaged", "%", 100, is_cost=False),
+    Measure("engaged_share", "ticks with arm engaged", "%", 100, is_cost=False),
     Measure("late_share", "late ticks", "%", 100, is_cost=False),
     Measure("latency_p50_ms", "latency p50, worst view", "ms", is_cost=False),
     Measure("virtual_s", "length of the trial", "s", is_cost=False),
