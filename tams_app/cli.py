@@ -122,6 +122,9 @@ def run(
     budget: Annotated[str | None, typer.Option(help="oracle or sender.")] = None,
     seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
     seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
+    fps: Annotated[
+        int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
+    ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No windows.")] = False,
     arm: Annotated[
         bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
@@ -144,6 +147,8 @@ def run(
             "policy.budget.mode": budget,
             "seconds": seconds,
             "seed": seed,
+            "video.fps": fps,
+            "rig.fixed_fps": None if fps is None else True,
             "headless": True if headless else None,
             "recording.record_reference": True if record_reference else None,
             "recording.directory": str(out) if out else None,
@@ -170,9 +175,17 @@ def doctor(
     devices: Annotated[
         bool, typer.Option("--devices", help="List the arms, controllers and cameras found.")
     ] = False,
+    speed: Annotated[
+        bool,
+        typer.Option("--speed", help="Measure which frame rate this machine holds, on the rig."),
+    ] = False,
 ) -> None:
     """Check this machine, and print the fix for each thing that is missing."""
-    settings = load_config(config)
+    settings = load_config(config, {"rig.enabled": True if speed else None})
+    if speed:
+        from tams_app.console.speed import run_speed
+
+        raise typer.Exit(run_speed(settings))
     if devices:
         from tams_app.console.doctor import show_devices
 

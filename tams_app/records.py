@@ -238,6 +238,17 @@ class EncodedFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class CameraRates:
+    """How many frames a second the cameras gave lately, and what is asked of them from now on."""
+
+    t_ns: int
+    asked_fps: float  # less than the header's `fps` while the rig's cameras are stepped down
+    reason: str  # why `asked_fps` is another one from now on, "" if it is not
+    given_fps: dict[str, float]  # by view, over the last second; empty in the first record
+    overrun_fps: dict[str, float]  # frames that a camera had besides, and nobody took
+
+
+@dataclass(frozen=True, slots=True)
 class DroppedFrame:
     """A captured frame that was left out at the source because its target was below 80 kbit/s."""
 

@@ -17,6 +17,10 @@ def main() -> None:
     if behaviour == "stubborn":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     side.ready(number=side.specification["number"])
+    if behaviour == "listen":
+        while not side.told and not side.stop_requested.wait(0.005):
+            pass
+        side.ready(**side.told)
     side.stop_requested.wait()
     if behaviour == "stubborn":
         signal.pause()

@@ -147,6 +147,9 @@ def test_the_version_is_told(capsys):
         (["run", "--budget", "guess"], "policy.budget.mode"),
         (["run", "--seconds", 0], "seconds: must be greater than 0 (given: 0)"),
         (["run", "--seconds", "nan"], "seconds: must be a finite number (given: NaN)"),
+        (["run", "--fps", 0], "video.fps: must be greater than or equal to 5 (given: 0)"),
+        (["run", "--fps", 61], "video.fps: must be less than or equal to 60 (given: 61)"),
+        (["run", "--fps", "many"], "'many' is not a valid int"),
         (["run", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
         (["--seed", -1], "seed"),
         (["network", "s2", "--interface", "lo"], "lo"),
@@ -159,6 +162,18 @@ def test_wrong_use_is_one_sentence_and_exit_code_two(capsys, tmp_path, arguments
     assert out == ""
     assert sentence in err
     assert len(err.splitlines()) == 1
+
+
+def test_a_rate_that_is_asked_for_is_held_and_without_one_the_cameras_may_be_stepped_down(
+    capsys, monkeypatch
+):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
+    )
+    assert run(capsys, "run", "--fps", 12)[0] == 0
+    assert run(capsys, "run")[0] == 0
+    assert [(one.video.fps, one.rig.fixed_fps) for one in settings] == [(12, True), (30, False)]
 
 
 def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):

@@ -379,7 +379,14 @@ def test_a_log_of_the_first_schema_stays_readable(name: str, driven: set[Any]) -
     assert log.outcome is not None
     summary = summarise(log)
     expected = json.loads((DATA / name).with_suffix(".json").read_text())
-    assert {key: summary[key] for key in expected} == expected
+    assert of_the_keys(expected, summary) == expected
+
+
+def of_the_keys(expected: Any, found: Any) -> Any:
+    """`found` without what was not measured when `expected` was written."""
+    if not isinstance(expected, dict) or not isinstance(found, dict):
+        return found
+    return {key: of_the_keys(value, found[key]) for key, value in expected.items()}
 
 
 def test_damage_of_the_first_chunk_is_told_as_damage(tmp_path: Path) -> None:

@@ -45,6 +45,8 @@ VIEW_KEYS: dict[str, Any] = {
     "target_kbps_mean": 0,
     "sent_kbps_mean": 0,
     "tracking_error": 0.0,
+    "fps": {"asked": 30, "given": 30.0},
+    "frame_interval_ms": {"p50": 0.0, "p95": 0.0},
     "frames_captured": 0,
     "frames_sent": 0,
     "frames_shown": 0,
@@ -98,6 +100,7 @@ KEYS: dict[str, Any] = {
         "residual_loss_fraction": 0.0,
     },
     "views": {"eih": VIEW_KEYS, "gt": VIEW_KEYS, "gs": VIEW_KEYS},
+    "rates": {"steps": [], "shortfall": None},
     "primary_view": {
         **SSIM,
         "time_weighted": SSIM,

@@ -47,6 +47,8 @@ class RigConfig(Section):
     """Nice level of the renderer where no better scheduling is permitted."""
     camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5
     """Standard deviation of the cameras' noise in grey levels of 255."""
+    fixed_fps: bool = False
+    """Whether the cameras keep video.fps where the machine cannot; else they are stepped down."""
     operator: OperatorConfig = OperatorConfig()
     hand_rotation: tuple[Triple, Triple, Triple] | None = None
     """How the tracking frame truly stands to the arm; null: as hand.rotation says."""

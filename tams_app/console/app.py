@@ -93,7 +93,7 @@ def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines)
 
 def _open_windows(session: Session, stack: ExitStack) -> list[ViewWindow]:
     """A window per view where there is a display, unless --headless is given."""
-    if session.config.headless or not _has_display():
+    if session.config.headless or not has_display():
         return []
     windows = []
     for view in session.config.video.views:
@@ -112,7 +112,8 @@ def _refresh(session: Session, window: ViewWindow) -> None:
         session.end(failure)
 
 
-def _has_display() -> bool:
+def has_display() -> bool:
+    """Whether windows can be shown."""
     if os.name != "posix":
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

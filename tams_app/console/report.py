@@ -92,9 +92,10 @@ def _headline(summary: Mapping[str, Any]) -> Text:
     else:
         verdict = f"not completed, drops: {outcome['drops']}"
     reason = f" ({outcome['reason']})" if outcome["reason"] else ""
+    shortfall = summary["rates"]["shortfall"]
     return Text(
         f"{summary['strategy']} on {summary['network']}, {summary['duration_s']:.1f} s: "
-        f"{verdict}{reason}",
+        f"{verdict}{reason}" + (f"\n{shortfall}" if shortfall else ""),
         style="bold",
     )
 
@@ -135,7 +136,17 @@ def _quality(primary: Mapping[str, Any]) -> str:
 def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1))
     table.add_column("View")
-    for name in ("target", "sent kbit/s", "error", "shown", "p50 ms", "p95 ms", "freezes", "SSIM"):
+    for name in (
+        "target",
+        "sent kbit/s",
+        "error",
+        "fps",
+        "shown",
+        "p50 ms",
+        "p95 ms",
+        "freezes",
+        "SSIM",
+    ):
         table.add_column(name, justify="right")
     for view, entry in views.items():
         latency, freezes = entry["latency_ms"], entry["freezes"]
@@ -144,6 +155,7 @@ def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
             _number(entry["target_kbps_mean"], "{:.0f}"),
             _number(entry["sent_kbps_mean"], "{:.0f}"),
             _percent(entry["tracking_error"], 1),
+            f"{_number(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}",
             f"{entry['frames_shown']}/{entry['frames_captured']}",
             _number(latency["p50"], "{:.0f}"),
             _number(latency["p95"], "{:.0f}"),

@@ -23,7 +23,7 @@ def status_lines(snapshot: StatusSnapshot) -> list[str]:
     """The snapshot in words: the arm, the views, the link, and the last reason if there is one."""
     return [
         arm_line(snapshot),
-        "   ".join(_view(name, view) for name, view in snapshot.views.items()),
+        "   ".join(_view(name, view, snapshot.asked_fps) for name, view in snapshot.views.items()),
         f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)} kbit/s, "
         f"queue {_whole(snapshot.queue_ms)} ms{_ssim(snapshot)}",
         *reason_lines(snapshot),
@@ -112,10 +112,10 @@ def _gripper(closed: bool | None) -> str:
     return f", gripper {'closed' if closed else 'open'}"
 
 
-def _view(name: str, view: ViewStatus) -> str:
+def _view(name: str, view: ViewStatus, asked_fps: float | None) -> str:
     return (
         f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)} kbit/s "
-        f"{_whole(view.shown_age_ms)} ms"
+        f"{_whole(view.given_fps)}/{_whole(asked_fps)} fps {_whole(view.shown_age_ms)} ms"
     )
 
 

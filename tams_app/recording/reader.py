@@ -26,6 +26,7 @@ from tams_app.recording.topics import (
 )
 from tams_app.records import (
     Allocation,
+    CameraRates,
     DroppedFrame,
     EncodedFrame,
     FrameQuality,
@@ -62,6 +63,7 @@ class SessionLog:
     phases: list[PhaseChange] = field(default_factory=list)
     allocations: list[Allocation] = field(default_factory=list)
     capacities: list[LinkCapacity] = field(default_factory=list)
+    rates: list[CameraRates] = field(default_factory=list)
     captured: list[FrameCaptured] = field(default_factory=list)
     sent: list[FrameSent] = field(default_factory=list)
     dropped: list[DroppedFrame] = field(default_factory=list)

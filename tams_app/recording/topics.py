@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeAlias, TypeVar
 from tams_app.recording.codec import Codec
 from tams_app.records import (
     Allocation,
+    CameraRates,
     DroppedFrame,
     EncodedFrame,
     Frame,
@@ -151,6 +152,7 @@ Recordable: TypeAlias = (
     | PhaseChange
     | Allocation
     | LinkCapacity
+    | CameraRates
     | Frame
     | EncodedFrame
     | DroppedFrame
@@ -193,6 +195,7 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/phase", PhaseChange, lambda one: one.t_ns, "phases"),
         Topic("/allocation", Allocation, lambda one: one.t_ns, "allocations"),
         Topic("/capacity", LinkCapacity, lambda one: one.t_ns, "capacities"),
+        Topic("/rates", CameraRates, lambda one: one.t_ns, "rates"),
         Topic("/frames/captured", FrameCaptured, lambda one: one.capture_ns, "captured"),
         Topic("/frames/sent", FrameSent, lambda one: one.encoded_ns, "sent"),
         Topic("/frames/dropped", DroppedFrame, lambda one: one.capture_ns, "dropped"),

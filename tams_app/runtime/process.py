@@ -1,13 +1,15 @@
 """Helper processes: started, watched and ended by the session; and the helper's own side of it.
 
-A helper prints one JSON line when it is ready. Its standard input is a pipe from the session and
-carries nothing: when it closes, however the session died, the helper ends. Helpers live in a
+A helper prints one JSON line when it is ready. Its standard input is a pipe from the session, which
+may tell it something on the way, a JSON line each: when it closes, however the session died, the
+helper ends. Helpers live in a
 session of their own: what the terminal does to the application (Ctrl-C, Ctrl-Z, hanging up) does
 not reach them, the guard least of all.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -79,6 +81,14 @@ class HelperProcess:
             raise HelperError(str(ready["error"]))
         return dict(ready)
 
+    def tell(self, **facts: Any) -> None:
+        """Hand `facts` to the helper, which knows only what it was told last; never waits."""
+        process = self._process
+        if process is None or process.stdin is None or process.stdin.closed:
+            return
+        with contextlib.suppress(BrokenPipeError):  # it has ended: whoever watches it will see
+            os.write(process.stdin.fileno(), json.dumps(facts).encode() + b"\n")
+
     @property
     def pid(self) -> int | None:
         return self._process.pid if self._process else None
@@ -116,6 +126,7 @@ class HelperSide:
     def __init__(self) -> None:
         use_ordinary()  # not the priority of the thread that happened to start us
         self.specification: dict[str, Any] = json.loads(sys.argv[1])
+        self.told: dict[str, Any] = {}  # by the session, last
         self.stop_requested = threading.Event()
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, lambda *_: self.stop_requested.set())
@@ -135,6 +146,9 @@ class HelperSide:
 
     def _watch_parent(self) -> None:
         # os.read, not sys.stdin: a buffered reader blocked at exit would abort the interpreter
-        while os.read(0, 4096):
-            pass
+        rest = b""
+        while data := os.read(0, 4096):
+            *lines, rest = (rest + data).split(b"\n")
+            if lines:
+                self.told = json.loads(lines[-1])
         self.stop_requested.set()

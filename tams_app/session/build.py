@@ -14,6 +14,8 @@ from tams_app.policy.allocation import make_strategy
 from tams_app.records import Pose
 from tams_app.runtime.clock import Clock
 from tams_app.session.devices import Devices
+from tams_app.session.machine_speed import this_machine
+from tams_app.session.rate_ladder import RateLadder
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
@@ -71,16 +73,26 @@ def check_views(config: Config, dry_run: bool) -> None:
             )
 
 
-def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
+def devices(
+    config: Config, clock: Clock, log_directory: Path, arm_at_once: bool, fps: float
+) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
-    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none.
+    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none. `fps`: of
+    the rig's cameras at first.
     """
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
-        return SimulatedRig(config, clock, log_directory, operator_confirms=not arm_at_once)
+        return SimulatedRig(config, clock, log_directory, not arm_at_once, fps)
     return Devices(config, clock)
+
+
+def rate_ladder(config: Config) -> RateLadder | None:
+    """The ladder for the rig's cameras, begun where this machine should be; None for all others."""
+    if not config.rig.enabled or config.rig.fixed_fps:
+        return None
+    return RateLadder(config.video.fps, this_machine().starting_fps(config.video.fps))
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:

@@ -71,6 +71,9 @@ class Devices:
             for view in config.video.views
         ]
 
+    def ask_fps(self, fps: float) -> None:
+        """Have all cameras give `fps` frames a second from now on; no real one is ever slowed."""
+
     def close(self) -> None:
         """Let go of everything; may be called after a failed start."""
 

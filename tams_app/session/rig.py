@@ -27,9 +27,17 @@ class SimulatedRig(Devices):
     """World and arm controller in one process, the cameras' renderer in another."""
 
     def __init__(
-        self, config: Config, clock: Clock, log_directory: Path, operator_confirms: bool
+        self,
+        config: Config,
+        clock: Clock,
+        log_directory: Path,
+        operator_confirms: bool,
+        fps: float,
     ) -> None:
-        """`operator_confirms`: the scripted operator arms the arm by the menu button."""
+        """`operator_confirms`: the scripted operator arms the arm by the menu button.
+
+        `fps`: of the cameras, until another is asked for.
+        """
         super().__init__(config, clock)
         kind = arm_kind(config.arm.model)
         if not kind.rig:
@@ -52,7 +60,7 @@ class SimulatedRig(Devices):
         renderer = {
             "memory_name": self._memory_name,
             "seed": config.seed,
-            "fps": config.video.fps,
+            "fps": fps,
             "nice": config.rig.render_nice,
             "noise_sigma": config.rig.camera_noise_sigma,
         }
@@ -90,6 +98,9 @@ class SimulatedRig(Devices):
         return [
             SimCamera(view, self._memory_name, self._clock) for view in self._config.video.views
         ]
+
+    def ask_fps(self, fps: float) -> None:
+        self.helpers["renderer"].tell(fps=fps)
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None]:

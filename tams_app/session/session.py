@@ -25,6 +25,7 @@ from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.dry_run import DryRunArm
 from tams_app.session.engine import Engine
+from tams_app.session.frame_rates import FrameRates
 from tams_app.session.guarding import Guarding
 from tams_app.session.quality import LiveQuality
 from tams_app.session.recorders import LoadMonitor, Recorders
@@ -94,10 +95,21 @@ class Session:
         self._stack.callback(self._log.close)
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
-        self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
+        ladder = build.rate_ladder(config)
+        fps = ladder.fps if ladder else config.video.fps
+        self._devices = build.devices(config, clock, helper_logs, self._arm_at_once, fps)
         self._stack.callback(self._devices.close)
         self._devices.start()
         self._start_video(helper_logs)
+        self._rates = FrameRates(
+            config,
+            clock,
+            ladder,
+            self._devices.ask_fps,
+            self._video.waiting_frames,
+            self._log.record,
+            self.note,
+        )
         cameras = self._stack.enter_context(ExitStack())  # closed after arm and controller
         self._go_on()
         self._devices.wait_ready()
@@ -113,7 +125,7 @@ class Session:
             self._log,
             self.signals,
             lambda: self.end("the trial is over"),
-            (self.board,),
+            (self.board, self._rates),
             self._arm_at_once,
         )
         self._stack.callback(self._engine.stops.finish)
@@ -176,7 +188,8 @@ class Session:
         for camera in self._devices.make_cameras(self.note):
             camera.start()
             cameras.callback(camera.close)
-            self._run(f"capture-{camera.view}", Capture(camera, self._video.push).run)
+            capture = Capture(camera, self._rates.through(self._video.push))
+            self._run(f"capture-{camera.view}", capture.run)
         self._run("load", LoadMonitor(self._clock, self._helper_pids(), self._log.record).run)
         if connected.truth is not None:
             self._run("trial", engine.trial.run)
@@ -204,12 +217,13 @@ class Session:
     # --- while it runs --------------------------------------------------------------------------
 
     def poll(self) -> None:
-        """Look after helper processes, streams and the time limit. From the main thread."""
+        """Look after helpers, streams, frame rates and the time limit. From the main thread."""
         for name, process in self._helpers.items():
             if process.exit_code is not None:
                 self.fail(f"the helper process {name} ended unasked; see {self.folder}/helpers")
         if failure := self._video.poll():
             self.fail(failure)
+        self._rates.poll()
         if self._requested_end:
             self.end(self._requested_end)
         limit_s = self.config.seconds
@@ -251,10 +265,12 @@ class Session:
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
         now_ns, video = self._clock.now_ns(), self._video
-        snapshot = self.board.snapshot(now_ns, self.elapsed_s(), video, video.capacity)
+        given_fps = self._rates.given_fps
+        snapshot = self.board.snapshot(now_ns, self.elapsed_s(), video, video.capacity, given_fps)
         primary = self._weights.primary_view(self.board.phase)
         live_ssim = self._quality.recent_live(primary, now_ns)
-        return replace(snapshot, primary_view=primary, live_ssim=live_ssim)
+        asked_fps = self.config.video.fps
+        return replace(snapshot, primary_view=primary, live_ssim=live_ssim, asked_fps=asked_fps)
 
     def stop_arm(self) -> None:
         """Stop the arm: the first thing when a session ends; may be called twice.

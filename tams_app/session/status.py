@@ -36,6 +36,7 @@ class ViewStatus:
     target_kbps: float | None
     sent_kbps: float | None
     shown_age_ms: float | None  # age of the frame on the screen, counted from its capture
+    given_fps: float | None = None  # frames that came from the camera over the last second
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,7 @@ class StatusSnapshot:
     link_kbps: float | None
     capacity_kbps: float | None
     queue_ms: float | None
+    asked_fps: float | None = None  # of each camera
     primary_view: str = ""
     live_ssim: float | None = None  # of the primary view, over its last scored frames
 
@@ -108,7 +110,12 @@ class StatusBoard(Listener):
         return notes
 
     def snapshot(
-        self, now_ns: int, elapsed_s: float, video: ShownVideo, capacity: Capacity
+        self,
+        now_ns: int,
+        elapsed_s: float,
+        video: ShownVideo,
+        capacity: Capacity,
+        given_fps: Mapping[str, float],
     ) -> StatusSnapshot:
         """Everything at this moment."""
         with self._lock:
@@ -136,6 +143,7 @@ class StatusBoard(Listener):
                     target_kbps=targets.get(view),
                     sent_kbps=bits[view] / per_kbps,
                     shown_age_ms=None if (age := ages[view]) is None else age / NS_PER_MS,
+                    given_fps=given_fps.get(view),
                 )
                 for view in self._views
             },

@@ -101,6 +101,10 @@ class Uplink(Video):
     def wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())
 
+    def waiting_frames(self) -> int:
+        """Frames admitted and not yet encoded, of the view where these are most."""
+        return max(sender.waiting_frames for sender in self._senders.values())
+
     def poll(self) -> str:
         failures = [sender.poll() for sender in self._senders.values()]
         failures += [receiver.poll() for receiver in self.receivers.values()]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tams_app.recording import SessionLog
-from tams_app.summary.tables import Floats, PacketTable, Span, Targets
+from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targets
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 250 * NS_PER_MS
@@ -25,6 +25,7 @@ ROW_IN = 1.15
 _MEASURED = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _TARGET = "#000000"
 _PHASE_LINE = "#777777"
+_FRAMES = "#555555"
 _MIN_LABEL_FRACTION = 0.035  # of the width: phases shorter than this keep their line only
 _STYLE_PT = 8
 _TARGET_PT, _MEASURED_PT = 0.9, 1.3
@@ -33,10 +34,10 @@ _MEASURED_LABEL = f"Measured, {WINDOW_NS // NS_PER_MS} ms windows"
 
 @dataclass(frozen=True, slots=True)
 class RateCurve:
-    """A rate [kbit/s] at the end of each window, times in seconds since the session started."""
+    """A rate at the end of each window, times in seconds since the session started."""
 
     t_s: Floats
-    kbps: Floats
+    rate: Floats  # [kbit/s], or frames a second
 
 
 def measured_rate(
@@ -63,7 +64,9 @@ def measured_rate(
 
 
 def bitrates_figure(log: SessionLog) -> Figure:
-    """Target and measured rate of each view over time, phases as dashed lines with their names.
+    """Target and measured rate of each view over time, its frames a second dotted.
+
+    Phases are dashed lines with their names.
 
     Also drawn for a log without any video, so that every session leaves the same files.
     """
@@ -82,9 +85,10 @@ def bitrates_figure(log: SessionLog) -> Figure:
         handles=[
             Line2D([], [], color=_TARGET, linewidth=_TARGET_PT, label="Target"),
             Line2D([], [], color=_MEASURED[0], linewidth=_MEASURED_PT, label=_MEASURED_LABEL),
+            Line2D([], [], color=_FRAMES, linewidth=_TARGET_PT, linestyle=":", label="Frames/s"),
         ],
         loc="outside upper right",
-        ncols=2,
+        ncols=3,
         fontsize=_STYLE_PT,
         frameon=False,
     )
@@ -95,6 +99,14 @@ def bitrates_figure(log: SessionLog) -> Figure:
         fontsize=_STYLE_PT,
     )
     return figure
+
+
+def frame_rate(frames: FrameTable, span: Span, origin_ns: int) -> RateCurve:
+    """Frames a second of one view, counted over trailing seconds."""
+    ends_ns = np.arange(span.start_ns + NS_PER_S, span.end_ns + 1, NS_PER_S // 4)
+    until = np.searchsorted(frames.capture_ns, ends_ns, side="right")
+    since = np.searchsorted(frames.capture_ns, ends_ns - NS_PER_S, side="right")
+    return RateCurve((ends_ns - origin_ns) / NS_PER_S, (until - since).astype(np.float64))
 
 
 def save_bitrates(log: SessionLog, path: Path) -> None:
@@ -119,10 +131,23 @@ def _draw_view(
         curve = measured_rate(packets, place, span, log.header.fps, origin_ns)
         axis.plot(
             curve.t_s,
-            curve.kbps / 1000,
+            curve.rate / 1000,
             color=_MEASURED[place % len(_MEASURED)],
             linewidth=_MEASURED_PT,
         )
+    _draw_frame_rate(axis, log, place, span)
+
+
+def _draw_frame_rate(axis: Axes, log: SessionLog, place: int, span: Span) -> None:
+    """Frames a second against a scale of their own, up to what was asked for."""
+    frames = frame_rate(FrameTable.of(log, log.header.views[place]), span, log.header.started_ns)
+    right = axis.twinx()
+    right.plot(frames.t_s, frames.rate, color=_FRAMES, linewidth=_TARGET_PT, linestyle=":")
+    right.set_ylim(0, 1.05 * log.header.fps)
+    right.set_yticks([0, log.header.fps])
+    right.set_ylabel("frames/s", fontsize=_STYLE_PT - 1, color=_FRAMES)
+    right.tick_params(labelsize=_STYLE_PT - 1, colors=_FRAMES)
+    right.spines[["top", "left"]].set_visible(False)
 
 
 def _dress(axis: Axes, view: str) -> None:

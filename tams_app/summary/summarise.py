@@ -13,6 +13,7 @@ import numpy as np
 from tams_app.errors import LogError
 from tams_app.recording import Gap, SessionLog
 from tams_app.records import Outcome, PacketKind
+from tams_app.summary.frame_rate import rates, view_rate
 from tams_app.summary.operator import operator
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
 from tams_app.summary.tables import (
@@ -46,6 +47,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
     header = log.header
     packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
     quality = QualityTable.of(log)
+    views = {view: _view(log, view, packets, targets, quality, span) for view in header.views}
     return {
         "schema": SCHEMA,
         "version": header.version,
@@ -61,7 +63,8 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "arm": arm(log),
         "phases": phases(log),
         "uplink": uplink(log, packets, targets, span),
-        "views": {view: _view(log, view, packets, targets, quality, span) for view in header.views},
+        "views": views,
+        "rates": rates(log, views),
         "primary_view": primary_quality(log, quality),
         "operator": operator(log),
         "system": _system(log),
@@ -105,6 +108,7 @@ def _view(
         and step_mean(targets.t_ns, targets.kbps[view], span.start_ns, span.end_ns),
         "sent_kbps_mean": rate_kbps(packets, mine, packets.entered_ns, span),
         "tracking_error": tracking_error(found, steps(targets, view)),
+        **view_rate(log, frames, span),
         "frames_captured": len(frames.index),
         "frames_sent": sum(frame.view == view for frame in log.sent),
         "frames_shown": int(np.sum(shown)),

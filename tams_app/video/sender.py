@@ -120,6 +120,11 @@ class VideoSender:
         """IP datagram bytes sent so far, media and repair."""
         return wire_bytes_sent(self._udpsink, self._link)
 
+    @property
+    def waiting_frames(self) -> int:
+        """Frames admitted and not yet encoded."""
+        return self._frames.waiting
+
     def poll(self) -> str:
         """Why this sender no longer works, in one sentence; "" while it does."""
         if not self._failure and self._pipeline is not None:

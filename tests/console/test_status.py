@@ -23,10 +23,11 @@ SNAPSHOT = StatusSnapshot(
     reason="",
     tcp_mm=(350.2, -1.4, 180.0),
     gripper_closed=None,
-    views={"eih": ViewStatus(3000, 2950.4, 81.6), "gt": ViewStatus(None, None, None)},
+    views={"eih": ViewStatus(3000, 2950.4, 81.6, 14.9), "gt": ViewStatus(None, None, None)},
     link_kbps=5210.0,
     capacity_kbps=6000.0,
     queue_ms=12.2,
+    asked_fps=30,
 )
 
 
@@ -37,8 +38,8 @@ def test_the_line_says_all_an_operator_looks_for() -> None:
         "ENGAGED",
         "ALIGN",
         "trigger held, translation, TCP x 350 y -1 z 180 mm",
-        "eih 2950/3000 kbit/s 82 ms",
-        "gt –/– kbit/s – ms",
+        "eih 2950/3000 kbit/s 15/30 fps 82 ms",
+        "gt –/– kbit/s –/30 fps – ms",
         "link 5210/6000 kbit/s, queue 12 ms",
     ):
         assert part in text

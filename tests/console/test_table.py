@@ -9,8 +9,9 @@ from rich.console import Console
 
 from tams_app.console.report import summary_tables
 from tams_app.recording import SessionLog
-from tams_app.records import FrameQuality, Outcome, Phase, PhaseChange
+from tams_app.records import CameraRates, FrameQuality, Outcome, Phase, PhaseChange
 from tams_app.summary import summarise
+from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header
 
 pytestmark = pytest.mark.untimed
@@ -30,6 +31,7 @@ def test_the_table_shows_the_numbers_of_the_summary() -> None:
     assert "4500 of 6000 kbit/s, used 75 %" in text
     (row,) = (line.split() for line in text.splitlines() if line.strip().startswith("GT"))
     assert row[:5] == ["GT", "2000", "1800", "10.0", "%"]
+    assert "30.0/30" in row
     assert "150/150" in row
 
 
@@ -44,6 +46,23 @@ def test_the_primary_views_quality_is_told_with_how_much_of_it_was_looked_at() -
     ]
     text = " ".join(printed(log).split())
     assert "Primary view SSIM received 0.912, delivered 0.870, live 0.500; 50 % compared" in text
+
+
+def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
+    log = Synthetic(5.0).log()
+    log.captured = [one for one in log.captured if one.index % 2 == 0]
+    log.rates = [
+        CameraRates(START_NS, 30.0, "", {}, {}),
+        CameraRates(START_NS + NS_PER_S, 15.0, "34 % of the frames were missed", {}, {}),
+    ]
+    (headline, *_) = summary_tables(summarise(log)).renderables
+    verdict, sentence = str(headline).splitlines()
+    assert verdict.endswith("success (placed)")
+    assert sentence == (
+        "Too few frames came, eih 15.1, gt 15.1, gs 15.1 of 30 a second: the cameras were stepped "
+        "down to 15, because 34 % of the frames were missed; close other programs or use a faster "
+        "machine (`doctor --speed` tells what this one holds)."
+    )
 
 
 def test_a_failed_trial_says_so() -> None:

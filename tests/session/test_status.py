@@ -24,7 +24,7 @@ class NoFrames:
 
 
 def snapshot(board):
-    return board.snapshot(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0))
+    return board.snapshot(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {"gt": 14.0})
 
 
 @pytest.mark.parametrize(
@@ -53,3 +53,8 @@ def test_the_gripper_is_shown_as_the_arm_has_acknowledged_it(closed):
     arm = replace(arm_at(0.3, 0), gripper_closed=closed)
     board.on_output(0, output(ArmingState.READY), arm)
     assert snapshot(board).gripper_closed is closed
+
+
+def test_the_frames_that_each_camera_gives_are_shown():
+    assert snapshot(StatusBoard(("gt",))).views["gt"].given_fps == 14.0
+    assert snapshot(StatusBoard(("gs",))).views["gs"].given_fps is None

@@ -25,24 +25,40 @@ def test_the_measured_curve_is_the_rate_on_the_wire_without_a_saw() -> None:
     assert span is not None
     curve = measured_rate(PacketTable.of(log), 0, span, log.header.fps, START_NS)
     steady = (curve.t_s > 0.4) & (curve.t_s < 3.0)
-    np.testing.assert_allclose(curve.kbps[steady], 1000, rtol=0.02)
-    np.testing.assert_allclose(curve.kbps[curve.t_s > 3.4], 3000, rtol=0.02)
+    np.testing.assert_allclose(curve.rate[steady], 1000, rtol=0.02)
+    np.testing.assert_allclose(curve.rate[curve.t_s > 3.4], 3000, rtol=0.02)
     assert curve.t_s[0] == pytest.approx(0.25 + 0.025, abs=1e-6)  # never before a whole window
 
 
 def test_each_view_has_its_target_and_each_phase_its_dashed_line_and_name() -> None:
     log = Synthetic(6.0, switch_s=3.0).log()
     figure = bitrates_figure(log)
-    assert len(figure.axes) == 3
+    assert len(figure.axes) == 6  # one for the rate and one for the frames of each view
     target = figure.axes[0].lines[0]
     times, kbps = np.asarray(target.get_xdata()), np.asarray(target.get_ydata())
     assert kbps[times < 2.99].tolist() == [1.0] * np.sum(times < 2.99)
     assert kbps[-1] == 3.0
-    for axis in figure.axes:
+    for axis in figure.axes[:3]:
         dashed = [line for line in axis.lines if line.get_linestyle() == "--"]
         assert [float(np.asarray(line.get_xdata())[0]) for line in dashed] == [0.0, 3.0]
     names = [text.get_text() for text in figure.axes[0].texts if isinstance(text, Annotation)]
     assert names == ["REACH", "ALIGN"]
+
+
+def test_each_view_has_the_frames_it_was_given_on_a_scale_up_to_what_was_asked() -> None:
+    log = Synthetic(6.0).log()
+    log.captured = [
+        one
+        for one in log.captured
+        if one.view == "gt" or one.index % 2 == 0 or one.capture_ns < START_NS + 3 * NS_PER_S
+    ]
+    figure = bitrates_figure(log)
+    for axis, last in zip(figure.axes[3:], (15, 30, 15), strict=True):
+        (line,) = axis.lines
+        rates = np.asarray(line.get_ydata())
+        assert rates[0] == pytest.approx(30, abs=1)
+        assert rates[-1] == pytest.approx(last, abs=1)
+        assert max(axis.get_yticks()) == 30
 
 
 def test_a_phase_too_short_for_its_name_keeps_its_line() -> None:

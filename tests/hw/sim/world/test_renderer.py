@@ -96,6 +96,42 @@ def test_restart_keeps_the_time_grid_and_leaves_a_gap(writer: FrameWriter) -> No
     assert eih.due_ns == start_ns + 11 * PERIOD_NS
 
 
+def test_at_another_rate_the_indices_go_on_and_the_views_stay_a_third_apart(
+    writer: FrameWriter,
+) -> None:
+    schedule, now_ns = CameraSchedule(writer, 30, now_ns=NS_PER_S), NS_PER_S
+    taken: dict[str, list[tuple[int, int]]] = {view: [] for view in VIEWS}
+    for number, fps in enumerate([30] * 7 + [7.5] * 8 + [20] * 9):
+        schedule.keep_to(fps)
+        camera = schedule.next(now_ns)
+        now_ns = camera.due_ns
+        taken[camera.view].append((camera.next_index, now_ns))
+        camera.taken()
+        if number == 14:
+            last = [times[-1][1] for times in taken.values()]
+            assert sorted(np.diff(sorted(last))) == pytest.approx([NS_PER_S / 22.5] * 2, abs=4)
+    for frames in taken.values():
+        assert [index for index, _ in frames] == list(range(8))
+        times = [t_ns for _, t_ns in frames]
+        shortest, longest = 0.99 * NS_PER_S / 30, 1.7 * NS_PER_S / 7.5
+        assert all(shortest <= b - a <= longest for a, b in pairwise(times))
+    ends = sorted(frames[-1][1] for frames in taken.values())
+    assert np.diff(ends) == pytest.approx([NS_PER_S / 60] * 2, abs=4)
+
+
+def test_restart_keeps_the_rate_that_was_in_force(writer: FrameWriter) -> None:
+    schedule, now_ns = CameraSchedule(writer, 30, now_ns=NS_PER_S), NS_PER_S
+    schedule.keep_to(10)
+    for _ in range(3 * len(VIEWS)):
+        camera = schedule.next(now_ns)
+        now_ns = camera.due_ns
+        writer.publish(camera.view, camera.next_index, now_ns, BLACK, camera.grid)
+        camera.taken()
+    again = CameraSchedule(writer, 30, now_ns + 1).next(now_ns + 1)
+    assert again.next_index == 3
+    assert again.due_ns - now_ns == pytest.approx(NS_PER_S / 30, abs=4)
+
+
 def renderer_process(name: str, directory: Path) -> HelperProcess:
     specification: dict[str, Any] = {
         "memory_name": name, "seed": 3, "fps": 30, "nice": 10, "noise_sigma": 1.0,
@@ -161,6 +197,10 @@ def test_rig_and_renderer_deliver_every_view_and_survive_being_killed(
                 assert frame.image.std() > 10
                 assert frame.capture_ns <= clock.now_ns()
                 last[view] = frame.index
+        helpers[1].tell(fps=5)
+        slow = [cameras["gs"].next_frame(10.0) for _ in range(4)]
+        times = [frame.capture_ns for frame in slow if frame is not None]
+        assert times[-1] - times[-2] > 0.1 * NS_PER_S
         truth = WorldReader(name)
         first = truth.truth()
         kill(helpers.pop())

@@ -1,0 +1,130 @@
+"""The ladder of frame rates: which one a machine that cannot keep up should hold.
+
+Pure: time and observations go in, the rate comes out. `frame_rates.FrameRates` feeds it.
+
+Down is quick, because every second on a rate too high costs the operator uneven frames and the
+control loop late ticks: two observations of trouble in a row, and where frames were missed straight
+to the rate that was reached. Up is slow, because nothing but a trial tells whether the machine
+holds more (what it has left goes to the comparison of frames, so no core is ever idle), and a trial
+that fails costs up to three seconds of uneven frames. So it takes five calm seconds, twice as many
+after each trial of the same rate that failed, up to 80: trials then take less than 4 % of the time.
+Between calm and trouble lies a band in which a rate is kept: one step up is up to 1.5 times the
+work, and what only just holds should not be left for that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tams_app.units import NS_PER_S
+
+LADDER_FPS = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0)
+TROUBLE_MISSED, CALM_MISSED = 0.10, 0.05  # of the frames due
+TROUBLE_LATE, CALM_LATE = 0.02, 0.01  # of the control ticks
+SUSTAINED = 2  # observations of trouble in a row
+PATIENCE_NS = 5 * NS_PER_S
+LONGEST_PATIENCE_NS = 80 * NS_PER_S
+PROBATION_NS = 30 * NS_PER_S  # a step down within this time after one up is a failed trial
+_MEASURING = 1.05  # a rate reached is counted to within a frame or so
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """How it went since the last one, about a second ago."""
+
+    missed: float  # of the frames due, in the view that misses most
+    late: float  # of the control ticks, skipped ones among them
+    encoder_behind: bool = False  # frames waited for an encoder all the time
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong, "" if nothing is."""
+        if self.missed > TROUBLE_MISSED:
+            return f"{100 * self.missed:.0f} % of the frames were missed"
+        if self.late > TROUBLE_LATE:
+            return f"{100 * self.late:.0f} % of the control ticks were late"
+        return "frames waited for an encoder" if self.encoder_behind else ""
+
+    @property
+    def calm(self) -> bool:
+        """Whether there may be room for more."""
+        return self.missed <= CALM_MISSED and self.late <= CALM_LATE and not self.encoder_behind
+
+
+def rungs(asked_fps: float) -> tuple[float, ...]:
+    """`asked_fps` and the rates of the ladder below it, falling."""
+    return (asked_fps, *(fps for fps in LADDER_FPS if fps < asked_fps))
+
+
+class RateLadder:
+    """Frames a second of all cameras together: never more than asked, never below the last rung."""
+
+    def __init__(self, asked_fps: float, start_fps: float | None = None) -> None:
+        """Begins at the highest rung that is at most `start_fps`, by default at the top."""
+        self._rungs = rungs(asked_fps)
+        start = asked_fps if start_fps is None else start_fps
+        self._rung = self._highest(start, 0)
+        self._last_ns: int | None = None
+        self._settling = True  # the observation under way began before the last change
+        self._troubles = 0
+        self._calm_ns = 0
+        self._patience_ns = [PATIENCE_NS] * len(self._rungs)  # before each is tried
+        self._raised_ns: int | None = None  # of the last step up, while it is on probation
+
+    @property
+    def fps(self) -> float:
+        """The rate in force."""
+        return self._rungs[self._rung]
+
+    def step(self, now_ns: int, seen: Observation) -> str:
+        """Take what was seen until `now_ns`; why the rate changed in one clause, "" if not."""
+        passed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
+        self._last_ns = now_ns
+        if self._settling:
+            self._settling = False
+            return ""
+        trouble = seen.trouble
+        self._troubles = self._troubles + 1 if trouble else 0
+        if trouble:
+            self._calm_ns = 0
+        elif seen.calm:
+            self._calm_ns += passed_ns
+        self._end_probation(now_ns)
+        if self._troubles >= SUSTAINED and self._rung < len(self._rungs) - 1:
+            return self._lower(now_ns, seen, trouble)
+        if self._rung > 0 and self._calm_ns >= self._patience_ns[self._rung - 1]:
+            return self._raise(now_ns)
+        return ""
+
+    def _end_probation(self, now_ns: int) -> None:
+        if self._raised_ns is not None and now_ns - self._raised_ns > PROBATION_NS:
+            self._raised_ns = None
+            self._patience_ns[self._rung] = PATIENCE_NS
+
+    def _lower(self, now_ns: int, seen: Observation, trouble: str) -> str:
+        if self._raised_ns is not None:
+            doubled_ns = 2 * self._patience_ns[self._rung]
+            self._patience_ns[self._rung] = min(doubled_ns, LONGEST_PATIENCE_NS)
+        self._raised_ns = None
+        reached_fps = self.fps * (1.0 - max(seen.missed, 0.0)) * _MEASURING
+        self._change(self._highest(reached_fps, self._rung + 1))
+        return trouble
+
+    def _raise(self, now_ns: int) -> str:
+        calm_s = self._calm_ns / NS_PER_S
+        self._raised_ns = now_ns
+        self._change(self._rung - 1)
+        return f"{calm_s:.0f} s without trouble"
+
+    def _change(self, rung: int) -> None:
+        self._rung = rung
+        self._settling = True
+        self._troubles = 0
+        self._calm_ns = 0
+
+    def _highest(self, fps: float, first: int) -> int:
+        """The first rung from `first` on with at most `fps`, else the last one."""
+        for rung in range(first, len(self._rungs)):
+            if self._rungs[rung] <= fps:
+                return rung
+        return len(self._rungs) - 1

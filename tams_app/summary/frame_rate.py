@@ -1,0 +1,94 @@
+"""Frames a second, asked and given, and what is short where too few were given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from tams_app.recording import SessionLog
+from tams_app.records import CameraRates
+from tams_app.summary.tables import FrameTable, Span, mean, percentiles
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+ENOUGH = 0.9  # of what was asked
+
+
+def view_rate(log: SessionLog, frames: FrameTable, span: Span | None) -> dict[str, Any]:
+    """Frames a second of one view over the span, and the times between them."""
+    given: float | None = None
+    if span is not None:
+        first, end = np.searchsorted(frames.capture_ns, [span.start_ns, span.end_ns])
+        given = round(float(end - first) / span.seconds, 2)
+    intervals_ms = np.diff(frames.capture_ns) / NS_PER_MS
+    return {
+        "fps": {"asked": log.header.fps, "given": given},
+        "frame_interval_ms": percentiles(intervals_ms, ("p50", "p95")),
+    }
+
+
+def rates(log: SessionLog, views: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """When the rig's cameras were stepped down and up, and the sentence on what is short.
+
+    `views`: their entries in the summary. `shortfall` is null where every view was given enough.
+    """
+    asked_fps, began_ns = log.header.fps, log.header.started_ns
+    given_fps = {view: entry["fps"]["given"] or 0.0 for view, entry in views.items()}
+    steps = [one for one in log.rates if one.reason]
+    overrun_fps = {
+        view: mean(np.array([one.overrun_fps.get(view, 0.0) for one in log.rates])) or 0.0
+        for view in views
+    }
+    simulated = log.header.config.get("rig", {}).get("enabled", True)
+    short = log.captured and min(given_fps.values()) < ENOUGH * asked_fps
+    return {
+        "steps": [
+            {
+                "t_s": round((one.t_ns - began_ns) / NS_PER_S, 4),
+                "fps": one.asked_fps,
+                "reason": one.reason,
+            }
+            for one in steps
+        ],
+        "shortfall": shortfall(asked_fps, given_fps, overrun_fps, simulated, steps)
+        if short
+        else None,
+    }
+
+
+def shortfall(
+    asked_fps: float,
+    given_fps: Mapping[str, float],
+    overrun_fps: Mapping[str, float],
+    simulated: bool,
+    steps: Sequence[CameraRates] = (),
+) -> str:
+    """What is short where too few frames came, and what to do, in one sentence.
+
+    Args:
+        asked_fps: frames a second that were asked for.
+        given_fps: by view, what came.
+        overrun_fps: by view, what the camera had besides, and nobody took.
+        simulated: the cameras are the rig's.
+        steps: where the rate of the rig's cameras was changed.
+    """
+    given = ", ".join(f"{view} {fps:.1f}" for view, fps in given_fps.items())
+    what = f"Too few frames came, {given} of {asked_fps:g} a second"
+    lowest = min(steps, key=lambda one: one.asked_fps, default=None)
+    if lowest is not None and lowest.asked_fps < asked_fps:
+        return (
+            f"{what}: the cameras were stepped down to {lowest.asked_fps:g}, because "
+            f"{lowest.reason}; close other programs or use a faster machine "
+            "(`doctor --speed` tells what this one holds)."
+        )
+    less = f"ask for less with --fps {max(int(min(given_fps.values())), 5)}"
+    short = [view for view, fps in given_fps.items() if fps < ENOUGH * asked_fps]
+    if all(given_fps[view] + overrun_fps.get(view, 0.0) >= ENOUGH * asked_fps for view in short):
+        return f"{what}: the application missed the others; close other programs, or {less}."
+    if simulated:
+        return f"{what}: the machine drew no more; close other programs, or {less}."
+    return (
+        f"{what}: the cameras gave no more, as many do in dim light; add light, shorten their "
+        f"exposure, or {less}."
+    )

@@ -1,0 +1,96 @@
+"""Frames a second in summary.json, and the sentence where too few were given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tams_app.recording import SessionLog, read_log
+from tams_app.records import CameraRates
+from tams_app.summary import summarise
+from tams_app.summary.frame_rate import shortfall
+from tams_app.units import NS_PER_S
+from tests.synthetic_session import START_NS, VIEWS, Synthetic, header
+
+pytestmark = pytest.mark.untimed
+
+DATA = Path(__file__).parent / "data"
+
+
+def thinned(step: int, **changes: Any) -> SessionLog:
+    """Five seconds of every `step`-th frame of 30 a second."""
+    log = Synthetic(5.0).log()
+    log.captured = [one for one in log.captured if one.index % step == 0]
+    log.header = header(**changes)
+    return log
+
+
+def shortfall_of(log: SessionLog) -> str:
+    sentence = summarise(log)["rates"]["shortfall"]
+    assert isinstance(sentence, str)
+    return sentence
+
+
+def test_frames_and_their_intervals_are_those_of_the_captures() -> None:
+    summary = summarise(thinned(2))
+    for view in VIEWS:
+        assert summary["views"][view]["fps"]["asked"] == 30
+        assert summary["views"][view]["fps"]["given"] == pytest.approx(15, rel=0.01)
+        assert summary["views"][view]["frame_interval_ms"]["p95"] == pytest.approx(66.67, abs=0.01)
+
+
+@pytest.mark.parametrize("short", [(), ("gs",)])
+def test_one_view_is_enough_to_be_told_of(short: tuple[str, ...]) -> None:
+    log = Synthetic(5.0).log()
+    log.captured = [one for one in log.captured if one.view not in short or one.index % 2]
+    assert (summarise(log)["rates"]["shortfall"] is not None) == bool(short)
+
+
+def test_nine_tenths_of_what_was_asked_for_are_enough() -> None:
+    log = Synthetic(5.0).log()
+    log.captured = [one for one in log.captured if one.index % 15]
+    assert summarise(log)["rates"]["shortfall"] is None
+
+
+def test_steps_of_the_rate_are_listed_and_the_lowest_gives_the_reason() -> None:
+    log = thinned(3)
+    log.rates = [
+        CameraRates(START_NS, 20.0, "the machine was measured", {}, {}),
+        CameraRates(START_NS + NS_PER_S, 20.0, "", {}, {}),
+        CameraRates(START_NS + 2 * NS_PER_S, 10.0, "5 % of the control ticks were late", {}, {}),
+        CameraRates(START_NS + 4 * NS_PER_S, 15.0, "5 s without trouble", {}, {}),
+    ]
+    assert summarise(log)["rates"]["steps"] == [
+        {"t_s": 0.0, "fps": 20.0, "reason": "the machine was measured"},
+        {"t_s": 2.0, "fps": 10.0, "reason": "5 % of the control ticks were late"},
+        {"t_s": 4.0, "fps": 15.0, "reason": "5 s without trouble"},
+    ]
+    assert "stepped down to 10, because 5 % of the control ticks were late;" in shortfall_of(log)
+
+
+def test_cameras_that_give_too_few_are_told_from_an_application_that_takes_too_few() -> None:
+    real = {"rig": {"enabled": False}}
+    assert "the cameras gave no more, as many do in dim light; add light" in shortfall_of(
+        thinned(2, config=real)
+    )
+    log = thinned(2, config=real)
+    log.rates = [CameraRates(START_NS, 30.0, "", {}, dict.fromkeys(VIEWS, 14.0))]
+    assert "the application missed the others; close other programs" in shortfall_of(log)
+    assert "the machine drew no more" in shortfall_of(thinned(2, config={"rig": {"enabled": True}}))
+
+
+def test_what_to_ask_for_instead_is_a_rate_that_run_takes() -> None:
+    assert "--fps 14" in shortfall(30, {"eih": 14.9, "gt": 20.0}, {}, simulated=False)
+    assert shortfall(30, {"eih": 0.0}, {}, simulated=False).endswith("--fps 5.")
+
+
+@pytest.mark.parametrize("name", ["live-0.1.mcap", "virtual-0.1.mcap"])
+def test_a_log_from_before_has_its_rates_as_far_as_its_frames_tell(name: str) -> None:
+    log = read_log(DATA / name)
+    summary = summarise(log)
+    assert summary["rates"]["steps"] == []
+    for entry in summary["views"].values():
+        assert entry["fps"]["asked"] == log.header.fps
+        assert entry["fps"]["given"] > 0
