@@ -149,7 +149,7 @@ def test_the_version_is_told(capsys):
         (["run", "--seconds", "nan"], "seconds: must be a finite number (given: NaN)"),
         (["run", "--fps", 0], "video.fps: must be greater than or equal to 5 (given: 0)"),
         (["run", "--fps", 61], "video.fps: must be less than or equal to 60 (given: 61)"),
-        (["run", "--fps", "many"], "'many' is not a valid int"),
+        (["run", "--fps", "many"], "Invalid value for '--fps'"),
         (["run", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
         (["--seed", -1], "seed"),
         (["network", "s2", "--interface", "lo"], "lo"),

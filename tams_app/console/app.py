@@ -86,7 +86,8 @@ def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines)
                 _refresh(session, window)
             for note in session.board.take_notes():
                 line.say(note)
-            line.update(session.snapshot())
+            if line.due(session.elapsed_s()):
+                line.update(session.snapshot())
         for note in session.board.take_notes():
             line.say(note)
 

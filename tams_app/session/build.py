@@ -73,18 +73,15 @@ def check_views(config: Config, dry_run: bool) -> None:
             )
 
 
-def devices(
-    config: Config, clock: Clock, log_directory: Path, arm_at_once: bool, fps: float
-) -> Devices:
+def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
-    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none. `fps`: of
-    the rig's cameras at first.
+    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none.
     """
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
-        return SimulatedRig(config, clock, log_directory, not arm_at_once, fps)
+        return SimulatedRig(config, clock, log_directory, operator_confirms=not arm_at_once)
     return Devices(config, clock)
 
 

@@ -133,9 +133,9 @@ class FrameRates(Listener):
     def _look(self, before: _Totals, after: _Totals) -> None:
         taken = {view: after.taken[view] - before.taken[view] for view in self._counts}
         due = {view: after.due[view] - before.due[view] for view in self._counts}
+        flowing = [view for view in due if due[view]]  # no frame at all: stale video is for that
         seen = Observation(
-            # of a view without a frame nothing is known to be due, and all was missed
-            missed=max(1.0 - taken[view] / due[view] if due[view] else 1.0 for view in due),
+            missed=max((1.0 - taken[view] / due[view] for view in flowing), default=0.0),
             late=(after.late - before.late) / max(after.ticks - before.ticks, 1),
             encoder_behind=self._least_waiting >= BEHIND_FRAMES,
         )
@@ -144,10 +144,10 @@ class FrameRates(Listener):
         self.given_fps = {view: count / passed_s for view, count in taken.items()}
         overrun_fps = {view: count / passed_s for view, count in overrun.items()}
         self._before, self._least_waiting = after, BEHIND_FRAMES
+        reason = ""
         if self._ladder is None:
-            reason = ""
             self._tell(overrun_fps)
-        else:
+        elif flowing:
             reason = self._climb(self._ladder, after.t_ns, seen)
         self._record(
             CameraRates(after.t_ns, self._asked_fps, reason, dict(self.given_fps), overrun_fps)

@@ -27,17 +27,9 @@ class SimulatedRig(Devices):
     """World and arm controller in one process, the cameras' renderer in another."""
 
     def __init__(
-        self,
-        config: Config,
-        clock: Clock,
-        log_directory: Path,
-        operator_confirms: bool,
-        fps: float,
+        self, config: Config, clock: Clock, log_directory: Path, operator_confirms: bool
     ) -> None:
-        """`operator_confirms`: the scripted operator arms the arm by the menu button.
-
-        `fps`: of the cameras, until another is asked for.
-        """
+        """`operator_confirms`: the scripted operator arms the arm by the menu button."""
         super().__init__(config, clock)
         kind = arm_kind(config.arm.model)
         if not kind.rig:
@@ -60,7 +52,7 @@ class SimulatedRig(Devices):
         renderer = {
             "memory_name": self._memory_name,
             "seed": config.seed,
-            "fps": fps,
+            "fps": config.video.fps,
             "nice": config.rig.render_nice,
             "noise_sigma": config.rig.camera_noise_sigma,
         }

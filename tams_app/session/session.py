@@ -96,10 +96,11 @@ class Session:
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         ladder = build.rate_ladder(config)
-        fps = ladder.fps if ladder else config.video.fps
-        self._devices = build.devices(config, clock, helper_logs, self._arm_at_once, fps)
+        self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
         self._stack.callback(self._devices.close)
         self._devices.start()
+        if ladder is not None:
+            self._devices.ask_fps(ladder.fps)
         self._start_video(helper_logs)
         self._rates = FrameRates(
             config,

@@ -35,19 +35,24 @@ class Bench:
         self.asked: list[float] = []
         self.records: list[CameraRates] = []
         self.notes: list[tuple[str, str]] = []
-        self.waiting = 0
+        self.waiting = self.polls = 0
+        self.drained_every = 1 << 30  # polls
         self.rates = FrameRates(
             load_config(None, overrides),
             self.clock,
             ladder,
             self.asked.append,
-            lambda: self.waiting,
+            self._waiting_frames,
             self.records.append,
             lambda level, text: self.notes.append((level, text)),
         )
         self.push_ns = 0
         self.take = self.rates.through(lambda _: self.clock.advance_ns(self.push_ns))
         self.ticks = 0
+
+    def _waiting_frames(self) -> int:
+        self.polls += 1
+        return self.waiting if self.polls % self.drained_every else 0
 
     def frame(self, view: str, index: int, capture_ns: int) -> None:
         self.take(Frame(view, index, capture_ns, IMAGE))
@@ -98,17 +103,17 @@ HARDWARE = {"rig.enabled": False, "cameras": {view: {"source": "pattern"} for vi
 def test_frames_that_were_there_before_anybody_waited_count_against_the_application() -> None:
     bench = Bench(None, **HARDWARE)
     start_ns = bench.clock.now_ns()
-    bench.push_ns = 90 * NS_PER_MS  # the camera has two frames meanwhile, and the third is taken
-    for number in range(100):
-        for view in VIEWS:
-            bench.push_ns = 90 * NS_PER_MS if view == "gt" else 0
-            bench.frame(view, 3 * number, start_ns + number * 100 * NS_PER_MS)
+    for number in range(100):  # every third frame of each view, 20 ms after its capture
+        bench.clock.sleep_until_ns(start_ns + number * 100 * NS_PER_MS)
+        capture_ns = bench.clock.now_ns() - 20 * NS_PER_MS
         bench.tick()
-        bench.clock.sleep_until_ns(start_ns + (number + 1) * 100 * NS_PER_MS - 15 * NS_PER_MS)
+        for view in ("eih", "gs", "gt"):
+            bench.push_ns = 90 * NS_PER_MS if view == "gt" else 0
+            bench.frame(view, 3 * number, capture_ns)
         bench.rates.poll()
     last = bench.records[-1]
-    assert last.overrun_fps["eih"] == 0.0
-    assert last.given_fps["gt"] == pytest.approx(10.0, rel=0.15)
+    assert last.given_fps == pytest.approx(dict.fromkeys(VIEWS, 10.0), rel=0.15)
+    assert last.overrun_fps == pytest.approx({"eih": 0.0, "gt": 20.0, "gs": 0.0}, rel=0.15)
 
 
 def test_lasting_late_ticks_slow_the_rigs_cameras_and_are_told_with_the_reason() -> None:
@@ -132,9 +137,17 @@ def test_frames_that_wait_for_an_encoder_all_the_time_slow_the_rigs_cameras() ->
 
 def test_frames_that_wait_for_an_encoder_now_and_then_do_not() -> None:
     bench = Bench(RateLadder(30.0))
-    for second in range(40):
-        bench.waiting = second % 2 * 3
-        bench.seconds(1)
+    bench.waiting = 3
+    bench.drained_every = 25
+    bench.seconds(10)
+    assert bench.asked == []
+
+
+def test_a_source_that_stands_still_is_a_matter_of_stale_video_and_not_of_the_rate() -> None:
+    bench = Bench(RateLadder(30.0, 15.0))
+    bench.seconds(2)
+    bench.seconds(12, step=10_000)
+    bench.seconds(1)
     assert bench.asked == []
 
 

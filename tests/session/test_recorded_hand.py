@@ -46,5 +46,5 @@ def test_a_log_without_a_hand_and_a_file_that_is_none_are_one_sentence(tmp_path)
 def test_the_live_rig_takes_the_configured_hand(tmp_path):
     path = write(tmp_path / "session.mcap", 3)
     config = load_config(None, {"rig.hand_trajectory": str(path)})
-    rig = SimulatedRig(config, VirtualClock(), tmp_path, operator_confirms=True, fps=30)
+    rig = SimulatedRig(config, VirtualClock(), tmp_path, operator_confirms=True)
     assert isinstance(rig.make_controller(lambda level, text: None), ReplayedController)
