@@ -86,8 +86,7 @@ def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines)
                 _refresh(session, window)
             for note in session.board.take_notes():
                 line.say(note)
-            if line.due(session.elapsed_s()):
-                line.update(session.snapshot())
+            line.update(session.snapshot())
         for note in session.board.take_notes():
             line.say(note)
 

@@ -79,13 +79,9 @@ class StatusLine:
         if self._live is not None:
             self._live.stop()
 
-    def due(self, t_s: float) -> bool:
-        """Whether `update` would show a snapshot of this time: one takes .2 ms to make."""
-        return t_s >= self._next_s
-
     def update(self, snapshot: StatusSnapshot) -> None:
         """Show `snapshot`, unless the last one was shown a moment ago."""
-        if not self.due(snapshot.t_s):
+        if snapshot.t_s < self._next_s:
             return
         self._next_s = snapshot.t_s + self._every_s
         lines = self._lines_of(snapshot)

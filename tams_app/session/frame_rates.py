@@ -18,7 +18,7 @@ from tams_app.units import NS_PER_S
 PERIOD_NS = NS_PER_S
 MEASURED = "the machine was measured to hold no more at the start"
 TOLD_AFTER = 5  # periods in a row with too few frames
-BEHIND_FRAMES = 2  # waiting for an encoder all the time, one of them in it
+BEHIND_PERIODS = 1.5  # all the time; one period while a frame is in the encoder
 
 
 @dataclass(slots=True)
@@ -66,23 +66,23 @@ class FrameRates(Listener):
         clock: Clock,
         ladder: RateLadder | None,
         ask_fps: Callable[[float], None],
-        waiting_frames: Callable[[], int],
+        encoders_behind_ns: Callable[[], int],
         record: Callable[[CameraRates], None],
         note: Note,
     ) -> None:
-        """`ask_fps` sets the cameras' rate; `waiting_frames`: in the fullest encoder, now."""
+        """`ask_fps` sets the cameras' rate; `encoders_behind_ns`: their cameras, now."""
         self._fps = float(config.video.fps)
         self._simulated = config.rig.enabled
         self._clock = clock
         self._ladder = ladder
         self._ask_fps = ask_fps
-        self._waiting_frames = waiting_frames
+        self._encoders_behind_ns = encoders_behind_ns
         self._record = record
         self._note = note
         self._counts = {view: _Count() for view in config.video.views}
         self._ticks = self._late = self._skipped = 0
         self._before: _Totals | None = None
-        self._least_waiting = BEHIND_FRAMES
+        self._least_behind_ns: int | None = None  # in this period
         self._short_periods = 0
         self.given_fps: Mapping[str, float] = {}  # by view, in the last period
 
@@ -111,7 +111,8 @@ class FrameRates(Listener):
                 reason = "" if self._asked_fps == self._fps else MEASURED
                 self._record(CameraRates(now_ns, self._asked_fps, reason, {}, {}))
             return
-        self._least_waiting = min(self._least_waiting, self._waiting_frames())
+        behind_ns, least_ns = self._encoders_behind_ns(), self._least_behind_ns
+        self._least_behind_ns = behind_ns if least_ns is None else min(behind_ns, least_ns)
         if now_ns - self._before.t_ns >= PERIOD_NS:
             self._look(self._before, self._totals(now_ns))
 
@@ -137,13 +138,14 @@ class FrameRates(Listener):
         seen = Observation(
             missed=max((1.0 - taken[view] / due[view] for view in flowing), default=0.0),
             late=(after.late - before.late) / max(after.ticks - before.ticks, 1),
-            encoder_behind=self._least_waiting >= BEHIND_FRAMES,
+            encoder_behind=(self._least_behind_ns or 0)
+            > BEHIND_PERIODS * NS_PER_S / self._asked_fps,
         )
         passed_s = (after.t_ns - before.t_ns) / NS_PER_S
         overrun = {view: after.overrun[view] - before.overrun[view] for view in self._counts}
         self.given_fps = {view: count / passed_s for view, count in taken.items()}
         overrun_fps = {view: count / passed_s for view, count in overrun.items()}
-        self._before, self._least_waiting = after, BEHIND_FRAMES
+        self._before, self._least_behind_ns = after, None
         reason = ""
         if self._ladder is None:
             self._tell(overrun_fps)

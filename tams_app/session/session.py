@@ -107,7 +107,7 @@ class Session:
             clock,
             ladder,
             self._devices.ask_fps,
-            self._video.waiting_frames,
+            self._video.behind_ns,
             self._log.record,
             self.note,
         )

@@ -101,9 +101,9 @@ class Uplink(Video):
     def wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())
 
-    def waiting_frames(self) -> int:
-        """Frames admitted and not yet encoded, of the view where these are most."""
-        return max(sender.waiting_frames for sender in self._senders.values())
+    def behind_ns(self) -> int:
+        """By how much the encoder that is furthest behind its camera is so."""
+        return max(sender.behind_ns for sender in self._senders.values())
 
     def poll(self) -> str:
         failures = [sender.poll() for sender in self._senders.values()]

@@ -34,10 +34,10 @@ _MEASURED_LABEL = f"Measured, {WINDOW_NS // NS_PER_MS} ms windows"
 
 @dataclass(frozen=True, slots=True)
 class RateCurve:
-    """A rate at the end of each window, times in seconds since the session started."""
+    """A rate [kbit/s] at the end of each window, times in seconds since the session started."""
 
     t_s: Floats
-    rate: Floats  # [kbit/s], or frames a second
+    kbps: Floats
 
 
 def measured_rate(
@@ -101,14 +101,6 @@ def bitrates_figure(log: SessionLog) -> Figure:
     return figure
 
 
-def frame_rate(frames: FrameTable, span: Span, origin_ns: int) -> RateCurve:
-    """Frames a second of one view, counted over trailing seconds."""
-    ends_ns = np.arange(span.start_ns + NS_PER_S, span.end_ns + 1, NS_PER_S // 4)
-    until = np.searchsorted(frames.capture_ns, ends_ns, side="right")
-    since = np.searchsorted(frames.capture_ns, ends_ns - NS_PER_S, side="right")
-    return RateCurve((ends_ns - origin_ns) / NS_PER_S, (until - since).astype(np.float64))
-
-
 def save_bitrates(log: SessionLog, path: Path) -> None:
     """Write bitrates.png."""
     bitrates_figure(log).savefig(path, dpi=DPI)
@@ -131,18 +123,21 @@ def _draw_view(
         curve = measured_rate(packets, place, span, log.header.fps, origin_ns)
         axis.plot(
             curve.t_s,
-            curve.rate / 1000,
+            curve.kbps / 1000,
             color=_MEASURED[place % len(_MEASURED)],
             linewidth=_MEASURED_PT,
         )
-    _draw_frame_rate(axis, log, place, span)
+    _draw_frames(axis, log, log.header.views[place], span)
 
 
-def _draw_frame_rate(axis: Axes, log: SessionLog, place: int, span: Span) -> None:
-    """Frames a second against a scale of their own, up to what was asked for."""
-    frames = frame_rate(FrameTable.of(log, log.header.views[place]), span, log.header.started_ns)
+def _draw_frames(axis: Axes, log: SessionLog, view: str, span: Span) -> None:
+    """Frames in each trailing second, on a scale of their own up to what was asked for."""
+    capture_ns = FrameTable.of(log, view).capture_ns
+    ends_ns = np.arange(span.start_ns + NS_PER_S, span.end_ns + 1, NS_PER_S // 4)
+    frames = np.searchsorted(capture_ns, ends_ns) - np.searchsorted(capture_ns, ends_ns - NS_PER_S)
+    t_s = (ends_ns - log.header.started_ns) / NS_PER_S
     right = axis.twinx()
-    right.plot(frames.t_s, frames.rate, color=_FRAMES, linewidth=_TARGET_PT, linestyle=":")
+    right.plot(t_s, frames, color=_FRAMES, linewidth=_TARGET_PT, linestyle=":")
     right.set_ylim(0, 1.05 * log.header.fps)
     right.set_yticks([0, log.header.fps])
     right.set_ylabel("frames/s", fontsize=_STYLE_PT - 1, color=_FRAMES)

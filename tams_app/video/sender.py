@@ -60,8 +60,10 @@ class VideoSender:
         self._config = config
         self._rtx = rtx
         self._frames = ViewEncoder(
-            view, config, clock, start_kbps, source_drop_below_kbps, on_encoded, on_dropped
+            view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
+        self._on_encoded = on_encoded
+        self._admitted_ns = self._encoded_ns = 0  # capture times
         self._failure = ""
         self._pipeline: Any = None
         ports = requested_ports(config, view)
@@ -109,6 +111,7 @@ class VideoSender:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
         buffer = self._frames.admit(frame, self.wire_bytes)
         if buffer is not None:
+            self._admitted_ns = frame.capture_ns
             self._source.emit("push-buffer", buffer)
 
     def set_target_kbps(self, kbps: float) -> None:
@@ -121,9 +124,9 @@ class VideoSender:
         return wire_bytes_sent(self._udpsink, self._link)
 
     @property
-    def waiting_frames(self) -> int:
-        """Frames admitted and not yet encoded."""
-        return self._frames.waiting
+    def behind_ns(self) -> int:
+        """From the capture of the frame encoded last to that of the one admitted last."""
+        return max(0, self._admitted_ns - self._encoded_ns)
 
     def poll(self) -> str:
         """Why this sender no longer works, in one sentence; "" while it does."""
@@ -138,6 +141,10 @@ class VideoSender:
         if self._pipeline is not None:
             gst.shut_down(self._pipeline)
         self._socket.close()
+
+    def _encoded(self, frame: EncodedFrame) -> None:
+        self._encoded_ns = frame.capture_ns
+        self._on_encoded(frame)
 
     def _set_structure(self, name: str, text: str) -> None:
         structure, _ = gst.load().Gst.Structure.from_string(text)

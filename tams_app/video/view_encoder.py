@@ -58,11 +58,6 @@ class ViewEncoder:
             gst.load().Gst.PadProbeType.BUFFER, self._on_encoder_output
         )
 
-    @property
-    def waiting(self) -> int:
-        """Frames admitted and not yet encoded."""
-        return len(self._underway)
-
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
         self._target_kbps = kbps

@@ -35,14 +35,14 @@ class Bench:
         self.asked: list[float] = []
         self.records: list[CameraRates] = []
         self.notes: list[tuple[str, str]] = []
-        self.waiting = self.polls = 0
+        self.behind_ns = self.polls = 0
         self.drained_every = 1 << 30  # polls
         self.rates = FrameRates(
             load_config(None, overrides),
             self.clock,
             ladder,
             self.asked.append,
-            self._waiting_frames,
+            self._encoders_behind_ns,
             self.records.append,
             lambda level, text: self.notes.append((level, text)),
         )
@@ -50,9 +50,9 @@ class Bench:
         self.take = self.rates.through(lambda _: self.clock.advance_ns(self.push_ns))
         self.ticks = 0
 
-    def _waiting_frames(self) -> int:
+    def _encoders_behind_ns(self) -> int:
         self.polls += 1
-        return self.waiting if self.polls % self.drained_every else 0
+        return self.behind_ns if self.polls % self.drained_every else 0
 
     def frame(self, view: str, index: int, capture_ns: int) -> None:
         self.take(Frame(view, index, capture_ns, IMAGE))
@@ -129,7 +129,7 @@ def test_lasting_late_ticks_slow_the_rigs_cameras_and_are_told_with_the_reason()
 
 def test_frames_that_wait_for_an_encoder_all_the_time_slow_the_rigs_cameras() -> None:
     bench = Bench(RateLadder(30.0))
-    bench.waiting = 3
+    bench.behind_ns = 70 * NS_PER_MS
     bench.seconds(4)
     assert bench.asked == [20.0]
     assert "frames waited for an encoder" in bench.notes[0][1]
@@ -137,7 +137,7 @@ def test_frames_that_wait_for_an_encoder_all_the_time_slow_the_rigs_cameras() ->
 
 def test_frames_that_wait_for_an_encoder_now_and_then_do_not() -> None:
     bench = Bench(RateLadder(30.0))
-    bench.waiting = 3
+    bench.behind_ns = 70 * NS_PER_MS
     bench.drained_every = 25
     bench.seconds(10)
     assert bench.asked == []

@@ -25,8 +25,8 @@ def test_the_measured_curve_is_the_rate_on_the_wire_without_a_saw() -> None:
     assert span is not None
     curve = measured_rate(PacketTable.of(log), 0, span, log.header.fps, START_NS)
     steady = (curve.t_s > 0.4) & (curve.t_s < 3.0)
-    np.testing.assert_allclose(curve.rate[steady], 1000, rtol=0.02)
-    np.testing.assert_allclose(curve.rate[curve.t_s > 3.4], 3000, rtol=0.02)
+    np.testing.assert_allclose(curve.kbps[steady], 1000, rtol=0.02)
+    np.testing.assert_allclose(curve.kbps[curve.t_s > 3.4], 3000, rtol=0.02)
     assert curve.t_s[0] == pytest.approx(0.25 + 0.025, abs=1e-6)  # never before a whole window
 
 
