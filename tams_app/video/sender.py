@@ -57,13 +57,13 @@ class VideoSender:
         """
         gst.require_elements()
         self.view = view
+        self._on_encoded = on_encoded
+        self._admitted_ns = self._encoded_ns = 0  # capture times
         self._config = config
         self._rtx = rtx
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
-        self._on_encoded = on_encoded
-        self._admitted_ns = self._encoded_ns = 0  # capture times
         self._failure = ""
         self._pipeline: Any = None
         ports = requested_ports(config, view)

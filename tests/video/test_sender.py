@@ -6,6 +6,7 @@ import os
 import socket
 import threading
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -14,6 +15,7 @@ from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.records import EncodedFrame
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_MS
 from tams_app.video.packets import media_ssrc
 from tams_app.video.sender import VideoSender
 from tams_app.video.udp import ViewPorts
@@ -79,6 +81,19 @@ def test_frames_overrun_in_front_of_the_encoder_cost_the_others_nothing() -> Non
         assert joined.sender.poll() == ""
     assert len(joined.encoded) < 60
     assert all(each.capture_ns == captured_ns[each.index] for each in joined.encoded)
+
+
+def test_an_encoder_is_behind_its_camera_until_it_has_taken_the_last_frame() -> None:
+    with stream() as joined:
+        assert joined.sender.behind_ns == 0
+        for index in range(20):
+            joined.sender.push(replace(frame(index), capture_ns=(1 + index) * NS_PER_MS))
+        assert joined.sender.behind_ns > 0
+        assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [19])
+        assert joined.sender.behind_ns == 0
+        joined.sender.set_target_kbps(40.0)
+        joined.push(range(20, 30))  # every other one is dropped and waits for nothing
+        assert joined.wait_until(lambda: joined.sender.behind_ns == 0)
 
 
 def test_a_failing_hand_over_is_told_to_the_owner() -> None:
