@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tams_app.config import load_config
+from tams_app.session import build
 from tams_app.session.machine_speed import MachineSpeed, this_machine
 from tams_app.session.rate_ladder import rungs
 
@@ -29,6 +31,18 @@ def test_a_session_begins_on_a_rung(machine: MachineSpeed, asked_fps: int) -> No
 def test_a_faster_machine_never_begins_lower(one: MachineSpeed, other: MachineSpeed) -> None:
     slower, faster = sorted((one, other), key=lambda machine: machine.capacity)
     assert slower.starting_fps(30) <= faster.starting_fps(30)
+
+
+def test_only_the_rigs_cameras_have_a_ladder_and_only_where_no_rate_is_fixed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(build, "this_machine", lambda: MachineSpeed(1, 0.2))
+    ladder = build.rate_ladder(load_config(None))
+    assert ladder is not None
+    assert ladder.fps == 5
+    assert build.rate_ladder(load_config(None, {"rig.fixed_fps": True})) is None
+    cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
+    assert build.rate_ladder(load_config(None, {"rig.enabled": False, "cameras": cameras})) is None
 
 
 def test_the_ends_of_the_scale() -> None:
