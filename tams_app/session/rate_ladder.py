@@ -4,10 +4,11 @@ Pure: time and observations go in, the rate comes out. `frame_rates.FrameRates` 
 
 Down is quick, because every second on a rate too high costs the operator uneven frames and the
 control loop late ticks: two observations of trouble in a row, and where frames were missed straight
-to the rate that was reached. Up is slow, because nothing but a trial tells whether the machine
-holds more (what it has left goes to the comparison of frames, so no core is ever idle), and a trial
-that fails costs up to three seconds of uneven frames. So it takes five calm seconds, twice as many
-after each trial of the same rate that failed, up to 80: trials then take less than 4 % of the time.
+to the rate that was reached in the better of them. Up is slow, because nothing but a trial tells
+whether the machine holds more (what it has left goes to the comparison of frames, so no core is
+ever idle), and a trial that fails costs up to three seconds of uneven frames. So it takes five calm
+seconds, twice as many after each trial of the same rate that failed, up to 80: trials then take
+less than 4 % of the time.
 Between calm and trouble lies a band in which a rate is kept: one step up is up to 1.5 times the
 work, and what only just holds should not be left for that.
 """
@@ -22,6 +23,8 @@ LADDER_FPS = (30.0, 20.0, 15.0, 10.0, 7.5, 5.0)
 TROUBLE_MISSED, CALM_MISSED = 0.10, 0.05  # of the frames due
 TROUBLE_LATE, CALM_LATE = 0.02, 0.01  # of the control ticks
 SUSTAINED = 2  # observations of trouble in a row
+STARTING = 3  # observations that do not count: at the start much is done that is done once
+SETTLING = 1  # ... and after a change: the one under way began before it
 PATIENCE_NS = 5 * NS_PER_S
 LONGEST_PATIENCE_NS = 80 * NS_PER_S
 PROBATION_NS = 30 * NS_PER_S  # a step down within this time after one up is a failed trial
@@ -65,8 +68,9 @@ class RateLadder:
         start = asked_fps if start_fps is None else start_fps
         self._rung = self._highest(start, 0)
         self._last_ns: int | None = None
-        self._settling = True  # the observation under way began before the last change
+        self._ignored = STARTING  # observations from now on
         self._troubles = 0
+        self._least_missed = 1.0  # in these
         self._calm_ns = 0
         self._patience_ns = [PATIENCE_NS] * len(self._rungs)  # before each is tried
         self._raised_ns: int | None = None  # of the last step up, while it is on probation
@@ -80,18 +84,20 @@ class RateLadder:
         """Take what was seen until `now_ns`; why the rate changed in one clause, "" if not."""
         passed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
         self._last_ns = now_ns
-        if self._settling:
-            self._settling = False
+        if self._ignored:
+            self._ignored -= 1
             return ""
         trouble = seen.trouble
-        self._troubles = self._troubles + 1 if trouble else 0
         if trouble:
+            self._troubles += 1
+            self._least_missed = min(self._least_missed, seen.missed)
             self._calm_ns = 0
-        elif seen.calm:
-            self._calm_ns += passed_ns
+        else:
+            self._troubles, self._least_missed = 0, 1.0
+            self._calm_ns += passed_ns if seen.calm else 0
         self._end_probation(now_ns)
         if self._troubles >= SUSTAINED and self._rung < len(self._rungs) - 1:
-            return self._lower(now_ns, seen, trouble)
+            return self._lower(trouble)
         if self._rung > 0 and self._calm_ns >= self._patience_ns[self._rung - 1]:
             return self._raise(now_ns)
         return ""
@@ -101,12 +107,12 @@ class RateLadder:
             self._raised_ns = None
             self._patience_ns[self._rung] = PATIENCE_NS
 
-    def _lower(self, now_ns: int, seen: Observation, trouble: str) -> str:
+    def _lower(self, trouble: str) -> str:
         if self._raised_ns is not None:
             doubled_ns = 2 * self._patience_ns[self._rung]
             self._patience_ns[self._rung] = min(doubled_ns, LONGEST_PATIENCE_NS)
         self._raised_ns = None
-        reached_fps = self.fps * (1.0 - max(seen.missed, 0.0)) * _MEASURING
+        reached_fps = self.fps * (1.0 - self._least_missed) * _MEASURING
         self._change(self._highest(reached_fps, self._rung + 1))
         return trouble
 
@@ -118,8 +124,8 @@ class RateLadder:
 
     def _change(self, rung: int) -> None:
         self._rung = rung
-        self._settling = True
-        self._troubles = 0
+        self._ignored = SETTLING
+        self._troubles, self._least_missed = 0, 1.0
         self._calm_ns = 0
 
     def _highest(self, fps: float, first: int) -> int:

@@ -118,7 +118,7 @@ def test_frames_that_were_there_before_anybody_waited_count_against_the_applicat
 
 def test_lasting_late_ticks_slow_the_rigs_cameras_and_are_told_with_the_reason() -> None:
     bench = Bench(RateLadder(30.0))
-    bench.seconds(4, late=0.05)
+    bench.seconds(6, late=0.05)
     assert bench.asked == [20.0]
     ((level, text),) = bench.notes
     assert level == "warning"
@@ -130,7 +130,7 @@ def test_lasting_late_ticks_slow_the_rigs_cameras_and_are_told_with_the_reason()
 def test_frames_that_wait_for_an_encoder_all_the_time_slow_the_rigs_cameras() -> None:
     bench = Bench(RateLadder(30.0))
     bench.behind_ns = 70 * NS_PER_MS
-    bench.seconds(4)
+    bench.seconds(6)
     assert bench.asked == [20.0]
     assert "frames waited for an encoder" in bench.notes[0][1]
 

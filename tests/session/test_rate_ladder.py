@@ -12,6 +12,8 @@ from tams_app.session.rate_ladder import (
     LADDER_FPS,
     LONGEST_PATIENCE_NS,
     PATIENCE_NS,
+    SETTLING,
+    STARTING,
     SUSTAINED,
     Observation,
     RateLadder,
@@ -77,9 +79,10 @@ def test_lasting_trouble_steps_down_within_three_seconds(
     before: list[Observation], trouble: Observation
 ) -> None:
     ladder = RateLadder(30.0)
+    before = [CALM] * STARTING + before
     climb(ladder, before)
     fps = ladder.fps
-    climb(ladder, [trouble] * (SUSTAINED + 1), len(before))
+    climb(ladder, [trouble] * (SETTLING + SUSTAINED), len(before))
     assert ladder.fps < fps or fps == LADDER_FPS[-1]
 
 
@@ -122,22 +125,33 @@ def test_where_frames_are_missed_it_goes_straight_to_what_was_reached(
     holds_fps: float, rung: float
 ) -> None:
     ladder = RateLadder(30.0)
-    assert machine(ladder, holds_fps, 4)[-1] == rung
+    assert machine(ladder, holds_fps, STARTING + SUSTAINED)[-1] == rung
 
 
 @pytest.mark.parametrize("seen", [LATE, BEHIND])
 def test_late_ticks_and_full_encoders_cost_one_rung_at_a_time(seen: Observation) -> None:
-    assert climb(RateLadder(30.0), [CALM, seen, seen])[-1] == 20.0
+    assert climb(RateLadder(30.0), [CALM] * STARTING + [seen] * SUSTAINED)[-1] == 20.0
 
 
 def test_between_calm_and_trouble_a_rate_is_kept() -> None:
     assert set(climb(RateLadder(30.0, 15.0), [BETWEEN] * 300)) == {15.0}
 
 
+def test_the_better_of_the_troubled_seconds_says_what_was_reached() -> None:
+    worse = Observation(missed=0.8, late=0.0)
+    for seen in ([worse, MISSING], [MISSING, worse]):
+        assert climb(RateLadder(30.0), [CALM] * STARTING + seen)[-1] == 20.0
+
+
+def test_the_first_seconds_do_not_count() -> None:
+    assert climb(RateLadder(30.0), [MISSING] * STARTING + [CALM]) == [30.0] * (STARTING + 1)
+
+
 def test_what_was_seen_before_a_change_does_not_count_for_the_new_rate() -> None:
     ladder = RateLadder(30.0)
-    assert climb(ladder, [LATE, LATE]) == [30.0, 30.0]
-    assert climb(ladder, [LATE, LATE, LATE, CALM], 2) == [20.0, 20.0, 20.0, 20.0]
+    climb(ladder, [CALM] * STARTING)
+    assert climb(ladder, [LATE, LATE], STARTING) == [30.0, 20.0]
+    assert climb(ladder, [LATE, LATE, CALM], STARTING + 2) == [20.0] * 3
 
 
 @pytest.mark.parametrize(
@@ -150,4 +164,5 @@ def test_what_was_seen_before_a_change_does_not_count_for_the_new_rate() -> None
 )
 def test_a_change_has_its_reason(seen: Observation, reason: str) -> None:
     ladder = RateLadder(30.0)
-    assert [ladder.step(number * NS_PER_S, seen) for number in range(3)] == ["", "", reason]
+    climb(ladder, [CALM] * STARTING)
+    assert [ladder.step(number * NS_PER_S, seen) for number in (4, 5)] == ["", reason]
