@@ -176,6 +176,13 @@ def test_a_rate_that_is_asked_for_is_held_and_without_one_the_cameras_may_be_ste
     assert [(one.video.fps, one.rig.fixed_fps) for one in settings] == [(12, True), (30, False)]
 
 
+def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, monkeypatch):
+    settings = []
+    monkeypatch.setattr("tams_app.console.speed.run_speed", lambda one: settings.append(one) or 1)
+    assert run(capsys, "doctor", "--speed", "--config", HARDWARE)[0] == 1
+    assert settings[0].rig.enabled
+
+
 def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
     trace = tmp_path / "bad.csv"
     trace.write_text("t_ms,kbps\n0,1000\nsoon,1000\n")

@@ -134,7 +134,9 @@ def _quality(primary: Mapping[str, Any]) -> str:
 
 
 def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
-    table = Table(box=None, header_style="dim", padding=(0, 1))
+    table = Table(
+        box=None, header_style="dim", padding=(0, 1), collapse_padding=True, pad_edge=False
+    )
     table.add_column("View")
     for name in (
         "target",

@@ -65,6 +65,15 @@ def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
     )
 
 
+def test_a_row_of_a_view_fits_a_terminal_of_eighty_columns() -> None:
+    log = Synthetic(40.0).log()
+    log.shown = [one for one in log.shown if one.index % 60 < 30]
+    output = io.StringIO()
+    Console(file=output, width=80).print(summary_tables(summarise(log)))
+    lines = output.getvalue().splitlines()
+    assert [line.split()[0] for line in lines[-4:]] == ["View", "EIH", "GT", "GS"]
+
+
 def test_a_failed_trial_says_so() -> None:
     log = Synthetic(1.0).log()
     log.outcome = Outcome(False, False, None, 3, "time is over")
