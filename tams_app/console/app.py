@@ -53,10 +53,12 @@ def show_session(
     console: Console,
     lines_of: LinesOf = status_lines,
     interrupted: Callable[[str], None] = lambda _reason: None,
+    limit_s: float | None = None,
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
-    `interrupted` is told of a signal that ends it, by the signal's handler.
+    `interrupted` is told of a signal that ends it, by the signal's handler. `limit_s`: from when
+    it has started, in place of `seconds`, which count its start.
     """
 
     def end(reason: str) -> None:
@@ -66,13 +68,19 @@ def show_session(
     with handled_signals(end, session.signals.estop):
         session.start()
         try:
-            _watch(session, console, lines_of)
+            _watch(session, console, lines_of, limit_s)
         finally:
             session.close()
 
 
-def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines) -> None:
+def _watch(
+    session: Session,
+    console: Console,
+    lines_of: LinesOf = status_lines,
+    limit_s: float | None = None,
+) -> None:
     """Show the session until it ends; from the main thread."""
+    end_s = None if limit_s is None else session.elapsed_s() + limit_s
     with ExitStack() as stack:
         windows = _open_windows(session, stack)
         has_keys = _read_keys(session, stack)
@@ -82,6 +90,8 @@ def _watch(session: Session, console: Console, lines_of: LinesOf = status_lines)
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S if not windows else 1 / session.config.video.fps):
             session.poll()
+            if end_s is not None and session.elapsed_s() >= end_s:
+                session.end(f"ended after {limit_s:g} s")
             for window in windows:
                 _refresh(session, window)
             for note in session.board.take_notes():

@@ -23,7 +23,7 @@ from tams_app.summary.frame_rate import ENOUGH
 from tams_app.summary.summarise import LATE_NS
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-SESSION_S = 14.0  # of which the start takes about four
+SESSION_S = 10.0
 SETTLING_NS = NS_PER_S
 SHORTEST_NS = 2 * NS_PER_S  # at one rate, for a judgement of it
 MOST_LATE = 0.005  # of the control ticks
@@ -124,12 +124,13 @@ def _session(config: Config, headless: bool) -> SessionLog:
     with TemporaryDirectory(prefix="tams-speed-") as directory:
         recording = config.recording.model_copy(update={"directory": directory})
         config = config.model_copy(
-            update={"recording": recording, "headless": headless, "seconds": SESSION_S}
+            update={"recording": recording, "headless": headless, "seconds": None}
         )
         folder = create_session_folder(config)
         session = Session(config, MonotonicClock(), folder, arm_at_once=True)
         signals: list[str] = []
-        show_session(session, Console(quiet=True), interrupted=signals.append)
+        quiet = Console(quiet=True)
+        show_session(session, quiet, interrupted=signals.append, limit_s=SESSION_S)
         if session.failure:
             raise TamsError(session.failure)
         if signals:

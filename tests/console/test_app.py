@@ -110,6 +110,38 @@ def test_who_runs_a_session_is_told_of_the_signal_that_ends_it(monkeypatch):
     assert session.asked == ["ended by SIGINT", "closed"]
 
 
+class EndlessSession(EndedSession):
+    """A session of which a second passes at each look."""
+
+    def __init__(self):
+        super().__init__("tams.yaml")
+        self.ended = threading.Event()
+        self.passed_s, self.reason = 3.0, ""
+        self.ended.wait = lambda _timeout: self.ended.is_set()
+
+    def poll(self):
+        pass
+
+    def elapsed_s(self):
+        self.passed_s += 1.0
+        return self.passed_s
+
+    def snapshot(self):
+        return SimpleNamespace(t_s=0.0, arming="ready")
+
+    def end(self, reason):
+        self.reason = reason
+        self.ended.set()
+
+
+def test_a_limit_counts_from_when_the_session_has_started(monkeypatch):
+    monkeypatch.setattr(app, "_read_keys", keys(False))
+    session = EndlessSession()
+    app._watch(session, Console(quiet=True), lambda snapshot: [""], limit_s=10.0)
+    assert session.reason == "ended after 10 s"
+    assert session.passed_s == 14.0
+
+
 class NotedSession:
     """Notes what the keys ask of it."""
 
