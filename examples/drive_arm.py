@@ -28,7 +28,7 @@ arm.advance(5_000 * NS_PER_MS)
 show("ready pose")
 
 arm.enable(ServoMode.VELOCITY)
-upwards = Twist(linear=np.array([0.0, 0.0, 0.05]), angular=np.zeros(3))  # [m/s], [rad/s]
+upwards = Twist(linear=(0.0, 0.0, 0.05), angular=(0.0, 0.0, 0.0))  # [m/s], [rad/s]
 for _ in range(120):  # one second at 120 Hz: a velocity counts for `arm.duration_s` only
     arm.send_twist(upwards)
     arm.advance(1000 * NS_PER_MS // 120)

@@ -2,7 +2,8 @@
 
 Units inside TAMS: metres, radians, seconds; `*_ns` are integer nanoseconds of one monotonic clock,
 taken where the thing happened; `*_kbps` are kbit/s of IP datagram bytes (RTP packet + 28).
-Vectors are float64 arrays of shape (3,), joints of shape (6,).
+Vectors are float64 arrays of shape (3,), joints of shape (6,); what a tick computes with is plain
+floats (`Floats3`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.rotation import Rotation
+from tams_app.vectors import ZERO, Floats3
 
 Vector: TypeAlias = NDArray[np.float64]
 Image: TypeAlias = NDArray[np.uint8]
@@ -32,18 +34,18 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Linear [m/s] and angular [rad/s] velocity, shape (3,) each, in the arm's base frame."""
+    """Linear [m/s] and angular [rad/s] velocity in the arm's base frame."""
 
-    linear: Vector
-    angular: Vector
+    linear: Floats3
+    angular: Floats3
 
     @staticmethod
     def zero() -> Twist:
-        return Twist(np.zeros(3), np.zeros(3))
+        return Twist(ZERO, ZERO)
 
     @property
     def is_zero(self) -> bool:
-        return not (self.linear.any() or self.angular.any())
+        return not (any(self.linear) or any(self.angular))
 
 
 # --- the operator's hand ------------------------------------------------------------------------

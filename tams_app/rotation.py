@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats3: TypeAlias = tuple[float, float, float]
-Numbers: TypeAlias = Sequence[float] | NDArray[np.float64]
+from tams_app.vectors import ZERO, Floats3, Numbers
 
 _SMALL_RAD = 1e-9
 
@@ -112,4 +111,4 @@ class Rotation(NamedTuple):
 
     def turn_to(self, end: Rotation) -> Floats3:
         """The rotation vector [rad], parent frame, that leads from here to `end`."""
-        return (0.0, 0.0, 0.0) if self == end else (end * self.inv()).as_rotvec()
+        return ZERO if self == end else (end * self.inv()).as_rotvec()

@@ -34,7 +34,7 @@ def test_the_fingertips_reach_every_block_and_container_of_the_rig():
             (layout.container, RELEASE_HEIGHT_M),
         ):
             points += [(placement.x, placement.y, z) for z in (low, *TRAVEL_HEIGHT_M)]
-    assert workspace.excess(np.array(points)).max() < -ROOM_M
+    assert max(max(workspace.excess(point)) for point in points) < -ROOM_M
 
 
 def test_the_arm_can_work_from_the_ready_pose():

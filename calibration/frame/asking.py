@@ -281,7 +281,7 @@ class Compass:
         interval_s = (now_ns - self._last_ns) / 1e9
         self._last_ns = now_ns
         twist = self._motion.update(sample, now_ns, interval_s)
-        self.lit = direction_of(twist.linear / self._scale)
+        self.lit = direction_of(np.array(twist.linear) / self._scale)
         if held and self.lit is not None:
             self._seen[self.lit] += 1
         return self.lit

@@ -14,6 +14,7 @@ from hw.arm import ArmLimits, TcpBoundary
 from hw.lite6.codes import Mode, State
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, Pose, ServoMode, Twist, Vector
+from tams_app.vectors import floats, norm
 
 LIMITS = ArmLimits(
     joint_lower_deg=(-360.0, -150.0, -3.5, -360.0, -124.0, -360.0),
@@ -68,8 +69,8 @@ def checked_goal(joints: list[float], speed: float) -> Vector:
 
 def twist_refusal(twist: Twist, servo: ServoMode | None) -> str:
     """Why this twist is not sent, "" if it may be."""
-    speed_mm_s = float(np.linalg.norm(twist.linear)) * _MM_PER_M
-    turn_rad_s = float(np.linalg.norm(twist.angular))
+    speed_mm_s = norm(twist.linear) * _MM_PER_M
+    turn_rad_s = norm(twist.angular)
     if servo is ServoMode.POSE:
         return "The arm is in the pose servo and takes no velocities; enable it anew."
     if not speed_mm_s <= LIMITS.tcp_speed_mm_s:  # also true for NaN
@@ -83,11 +84,11 @@ def pose_refusal(pose: Pose, servo: ServoMode | None, last: Pose | None) -> str:
     """Why this pose is not sent after `last`, "" if it may be."""
     if servo is ServoMode.VELOCITY:
         return "The arm is in the velocity servo and takes no poses; enable it anew."
-    if not np.isfinite(pose.rotation).all():
+    if not all(map(math.isfinite, pose.rotation)):
         return "A pose without a rotation was refused; please report this error."
     if last is None:
         return ""
-    step_mm = float(np.linalg.norm(pose.position - last.position)) * _MM_PER_M
+    step_mm = norm(floats(pose.position - last.position)) * _MM_PER_M
     if not step_mm <= MAX_POSE_STEP_MM:
         return (
             f"The arm answered too late to be led on (a step of {step_mm:.0f} mm was refused); "

@@ -8,7 +8,7 @@ shape (6,), transforms of shape (4, 4) in the base frame (z up), twists and Jaco
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hw.lite6.commands import LIMITS
 from tams_app.records import Pose, Vector
 from tams_app.rotation import Rotation
+from tams_app.vectors import ZERO, Floats3, cross, floats, minus, plus_times, times
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -24,9 +25,9 @@ JOINTS = 6
 BASE_TO_SHOULDER_M = 0.2433
 
 _THETA_0 = np.radians([0.0, -90.0, -90.0, 0.0, 0.0, 0.0])
-_D = np.array([BASE_TO_SHOULDER_M, 0.0, 0.0, 0.2276, 0.0, 0.0615])
+_D = (BASE_TO_SHOULDER_M, 0.0, 0.0, 0.2276, 0.0, 0.0615)
 _ALPHA = np.radians([0.0, -90.0, 180.0, 90.0, 90.0, -90.0])
-_A = np.array([0.0, 0.0, 0.200, 0.087, 0.0, 0.0])
+_A = (0.0, 0.0, 0.200, 0.087, 0.0, 0.0)
 
 JOINT_LOWER: Vector = np.radians(LIMITS.joint_lower_deg)
 JOINT_UPPER: Vector = np.radians(LIMITS.joint_upper_deg)
@@ -40,37 +41,41 @@ _FOLLOW_TOLERANCE = 5e-6
 _LINEAR_STEP_RAD = 0.004  # what a step this small leaves out of the arc is 0.5·440 mm·0.004² < 5 µm
 
 
-def _link_constants() -> tuple[Matrix, Matrix, Matrix]:
-    """What does not depend on the angles: axes x and y before the turn (6, 4), the rest (6, 4, 2).
-
-    A link is Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d); only its first two columns turn.
-    """
-    before = np.zeros((JOINTS, 4, 4))
-    cos, sin = np.cos(_ALPHA), np.sin(_ALPHA)
-    before[:, 0, 0] = before[:, 3, 3] = 1.0
-    before[:, 1, 1], before[:, 1, 2] = cos, -sin
-    before[:, 2, 1], before[:, 2, 2] = sin, cos
-    before[:, 0, 3] = _A
-    origin = before[:, :, 3] + _D[:, None] * before[:, :, 2]
-    return before[:, :, 0], before[:, :, 1], np.stack([before[:, :, 2], origin], axis=2)
-
-
-_X_AXES, _Y_AXES, _FIXED_COLUMNS = _link_constants()
+_TWISTS = tuple(zip(np.cos(_ALPHA).tolist(), np.sin(_ALPHA).tolist(), strict=True))
 
 for _constant in (JOINT_LOWER, JOINT_UPPER, JOINT_SPEED_LIMITS, HOME_JOINTS):
     _constant.setflags(write=False)
 
 
+_Axes: TypeAlias = tuple[Floats3, Floats3, Floats3, Floats3]  # x, y, z and the origin
+
+
+def _links(joints: Vector) -> Iterator[_Axes]:
+    """The frames of the six links in the base frame, the flange last.
+
+    Each is the one before times Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d).
+    """
+    x, y, z, origin = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), ZERO
+    angles = (joints + _THETA_0).tolist()
+    for angle, (cos, sin), a, d in zip(angles, _TWISTS, _A, _D, strict=True):
+        origin = plus_times(origin, x, a)
+        y, z = plus_times(times(y, cos), z, sin), plus_times(times(z, cos), y, -sin)
+        cos, sin = math.cos(angle), math.sin(angle)
+        x, y = plus_times(times(x, cos), y, sin), plus_times(times(y, cos), x, -sin)
+        origin = plus_times(origin, z, d)
+        yield x, y, z, origin
+
+
 def link_frames(joints: Vector) -> Matrix:
     """Frames of the six links in the base frame, shape (6, 4, 4); the last is the flange."""
-    angles = joints + _THETA_0
-    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    frames = np.empty((JOINTS, 4, 4))
-    frames[:, :, 0] = cos * _X_AXES + sin * _Y_AXES
-    frames[:, :, 1] = cos * _Y_AXES - sin * _X_AXES
-    frames[:, :, 2:] = _FIXED_COLUMNS
-    for link in range(1, JOINTS):
-        frames[link] = frames[link - 1] @ frames[link]
+    return _transforms(list(_links(joints)))
+
+
+def _transforms(links: list[_Axes]) -> Matrix:
+    """Frames as transforms, shape (n, 4, 4)."""
+    frames = np.zeros((len(links), 4, 4))
+    frames[:, :3] = np.array(links).transpose(0, 2, 1)
+    frames[:, 3, 3] = 1.0
     return frames
 
 
@@ -81,6 +86,7 @@ class Lite6Model:
 
     def __init__(self, tcp_offset: Pose | None = None) -> None:
         self._offset = np.eye(4) if tcp_offset is None else matrix_from_pose(tcp_offset)
+        self._tool = floats(self._offset[:3, 3])
 
     def tcp_matrix(self, joints: Vector) -> Matrix:
         """The TCP in the base frame, shape (4, 4)."""
@@ -93,21 +99,18 @@ class Lite6Model:
 
     def jacobian(self, joints: Vector) -> Matrix:
         """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
-        return self.tcp_and_jacobian(joints)[1]
+        return self._jacobian(list(_links(joints)))
 
     def tcp_and_jacobian(self, joints: Vector) -> tuple[Matrix, Matrix]:
         """`tcp_matrix` and `jacobian` for the price of one."""
-        frames = link_frames(joints)
-        tcp = frames[-1] @ self._offset
-        axis = frames[:, :3, 2]
-        lever = tcp[:3, 3] - frames[:, :3, 3]
-        rows = np.empty((6, JOINTS))
-        # the cross product axis x lever, written out: np.cross costs more than all the rest
-        rows[0] = axis[:, 1] * lever[:, 2] - axis[:, 2] * lever[:, 1]
-        rows[1] = axis[:, 2] * lever[:, 0] - axis[:, 0] * lever[:, 2]
-        rows[2] = axis[:, 0] * lever[:, 1] - axis[:, 1] * lever[:, 0]
-        rows[3:] = axis.T
-        return tcp, rows
+        links = list(_links(joints))
+        return _transforms(links[-1:])[0] @ self._offset, self._jacobian(links)
+
+    def _jacobian(self, links: list[_Axes]) -> Matrix:
+        (x, y, z, tcp), tool = links[-1], self._tool
+        for axis, part in zip((x, y, z), tool, strict=True):
+            tcp = plus_times(tcp, axis, part)
+        return np.array([(*cross(axis, minus(tcp, at)), *axis) for _, _, axis, at in links]).T
 
     def follow(self, target: Matrix, joints: Vector, max_steps: int = 10) -> Vector | None:
         """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.

@@ -9,6 +9,7 @@ sooner; both keep within 0.2 ms of the 10 ms period at the median.
 
 from __future__ import annotations
 
+import math
 import selectors
 import socket
 import struct
@@ -91,7 +92,7 @@ class FrameBuffer:
 def parse_motion(frame: bytes, received_ns: int) -> MotionReport | None:
     """Joints, TCP, mode and state of any report frame; None if the numbers are not finite."""
     mode_and_state, *numbers = _MOTION.unpack_from(frame, _MOTION_AT)
-    if not np.isfinite(numbers).all():
+    if not all(map(math.isfinite, numbers)):
         return None
     return MotionReport(
         received_ns=received_ns,

@@ -20,6 +20,7 @@ from tams_app.records import CommandLink, LinkFault, Pose, ServoMode, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
+from tams_app.vectors import times
 
 KEEPALIVE_PERIOD_S = 0.25
 MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then
@@ -148,7 +149,7 @@ class CommandSender:
         self._moved(opening, "a motion command", self._timed(send))
 
     def _velocity_call(self, twist: Twist) -> Callable[[], int]:
-        speeds = [*(twist.linear * _MM_PER_M).tolist(), *twist.angular.tolist()]
+        speeds = [*times(twist.linear, _MM_PER_M), *twist.angular]
         return lambda: int(
             self._api.vc_set_cartesian_velocity(speeds, is_radian=True, duration=self._deadman_s)
         )

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from tams_app.config import PhasesConfig
 from tams_app.records import ArmState, Phase, PhaseChange, Vector
 from tams_app.units import NS_PER_S
+from tams_app.vectors import floats, norm
 
 _MIN_INTERVAL_S = 0.002  # two reports closer than this came out of one socket read
 
@@ -153,9 +152,9 @@ class SmoothedSpeed:
         interval_s = (received_ns - self._received_ns) / NS_PER_S
         if interval_s < _MIN_INTERVAL_S:
             return
-        velocity = (position - self._position) / interval_s
+        way = floats(position - self._position)
         self._position, self._received_ns = position, received_ns
-        self._smooth(float(np.linalg.norm(velocity)), float(velocity[2]), interval_s)
+        self._smooth(norm(way) / interval_s, way[2] / interval_s, interval_s)
 
     def _smooth(self, speed: float, vertical_speed: float, interval_s: float) -> None:
         if not self._started:

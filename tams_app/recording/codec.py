@@ -113,9 +113,8 @@ def _dict_decoder(key_hint: Any, value_hint: Any) -> Convert | None:
 
 def _decode_rotation(tree: list[float | None]) -> Rotation:
     """A rotation that was not finite when recorded cannot be represented: identity stands in."""
-    if None in tree:
-        return Rotation.identity()
-    return Rotation.from_quat(tree)
+    numbers = [number for number in tree if number is not None]
+    return Rotation.from_quat(numbers) if len(numbers) == len(tree) else Rotation.identity()
 
 
 def _record_decoder(record_type: type) -> Convert:

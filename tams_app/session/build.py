@@ -20,6 +20,7 @@ from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
+from tams_app.vectors import floats
 from tams_app.video.networks import resolve_network
 
 # of `Workspace.excess`, in its order
@@ -50,12 +51,13 @@ def check_ready_pose(config: Config) -> None:
     check_limits(config.arm, limits)
     ready = _ready_pose(config).position
     workspace = Workspace(limits, linear_profile(limits.motion), config.arm.velocity_deadman_s)
-    beyond = workspace.excess(ready[np.newaxis])[0]
-    if beyond.max() > 0.0:
+    beyond = workspace.excess(floats(ready))
+    most = max(beyond)
+    if most > 0.0:
         where = ", ".join(str(round(value * 1000)) for value in ready)
         raise ConfigError(
             f"arm.ready_joints_deg puts the fingertips at ({where}) mm, "
-            f"{beyond.max() * 1000:.0f} mm outside limits.{_BOUNDS[int(beyond.argmax())]}: "
+            f"{most * 1000:.0f} mm outside limits.{_BOUNDS[beyond.index(most)]}: "
             "change one of the two"
         )
 

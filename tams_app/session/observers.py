@@ -5,8 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-import numpy as np
-
 from hw.arm import Arm
 from tams_app.config import TrialConfig
 from tams_app.records import ArmState, Outcome, SceneTruth, StopRecord
@@ -19,6 +17,7 @@ from tams_app.study.trial import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
+from tams_app.vectors import floats, norm
 
 CONFIRM_AGAIN_NS = NS_PER_S
 STANDING_M_S = 0.001
@@ -112,7 +111,7 @@ class StopWatch(Listener):
         if interval_s < _MIN_INTERVAL_S:
             return None
         self._last = arm
-        return float(np.linalg.norm(arm.tcp.position - last.tcp.position)) / interval_s
+        return norm(floats(arm.tcp.position - last.tcp.position)) / interval_s
 
 
 class TrialObserver(Listener):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, Pose, Twist
 from tams_app.rotation import Rotation
@@ -12,8 +10,8 @@ from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import MAX_POSE_STEP_M, Target, Tcp, TcpPredictor
-from tams_app.teleop.trajectory import norm
 from tams_app.units import NS_PER_MS
+from tams_app.vectors import ZERO, floats, minus, norm, plus, plus_times, times
 
 _LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
 
@@ -116,8 +114,8 @@ class Drive:
         tcp = self._target.tcp
         if self._follows_velocity:
             tcp = self._predictor.predict(measured, arm.received_ns, delay_ns)
-        correction = self._gated(self._correction(tcp))
-        wanted = Twist(hand.linear + correction.linear, hand.angular + correction.angular)
+        correction = self._correction(tcp)
+        wanted = Twist(plus(hand.linear, correction.linear), plus(hand.angular, correction.angular))
         if not self._follows_velocity:
             wanted = self._target.held_back(wanted, measured)
         limited = self._limits.limit(wanted, tcp, arm.joints, scale)
@@ -132,8 +130,8 @@ class Drive:
         """The target moves as the arm was told to, without what was told to catch up with it."""
         if self._follows_velocity:
             self._target.advance(
-                self.twist.linear - correction.linear * scale,
-                self.twist.angular - correction.angular * scale,
+                plus_times(self.twist.linear, correction.linear, -scale),
+                plus_times(self.twist.angular, correction.angular, -scale),
                 interval_s,
             )
             self._target.pull_back(measured)
@@ -154,19 +152,18 @@ class Drive:
 
     def _correction(self, tcp: Tcp) -> Twist:
         """The P-loop that takes the arm back to the target; a commanded pose needs none."""
+        target = self._target.tcp
         if not self._follows_velocity:
             return Twist.zero()
-        target = self._target.tcp
-        return Twist(
-            self._gain_per_s * (target.position - tcp.position),
-            self._gain_per_s * np.array(tcp.rotation.turn_to(target.rotation)),
-        )
+        if self.orientation_mode:
+            return Twist(ZERO, times(tcp.rotation.turn_to(target.rotation), self._gain_per_s))
+        return Twist(times(minus(target.position, tcp.position), self._gain_per_s), ZERO)
 
     def _gated(self, twist: Twist) -> Twist:
         """Translation has no ω, orientation no v."""
         if self.orientation_mode:
-            return Twist(np.zeros(3), twist.angular)
-        return Twist(twist.linear, np.zeros(3))
+            return Twist(ZERO, twist.angular)
+        return Twist(twist.linear, ZERO)
 
     def _count_limited(self, limited_by: Reason | None, interval_s: float) -> None:
         self._limited_s = self._limited_s + interval_s if limited_by is not None else 0.0
@@ -197,6 +194,6 @@ class Drive:
         if self._follows_velocity:
             return
         held = self.commanded_pose
-        if held is None or norm(held.position - measured.position) > self._leash_m:
+        if held is None or norm(floats(held.position - measured.position)) > self._leash_m:
             self._target.anchor(Tcp.of(measured))
             self.commanded_pose = measured

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import truediv
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
 from tams_app.teleop.shaping import Admissible, VelocityShaper
-from tams_app.teleop.trajectory import Profile, norm
+from tams_app.teleop.trajectory import Profile
 from tams_app.teleop.workspace import RotationCone, Workspace
+from tams_app.vectors import ZERO, Floats3, norm, shortened, times
 
 _DEMAND_M_S = 0.005  # below this the hand is at rest
 _DEMAND_RAD_S = 0.02
@@ -50,6 +52,7 @@ class Limits:
         self._max_rotation = limits.max_rotation_rad_s
         self._joint_share = limits.singularity_scale_from
         self._model = model
+        self._joint_speeds = model.joint_speed_limits.tolist()
         self._workspace = Workspace(limits, linear_profile(limits.motion), deadman_s)
         self._cone = RotationCone(limits, angular_profile(limits.motion), deadman_s, ready)
         self.linear = VelocityShaper(
@@ -61,14 +64,16 @@ class Limits:
 
     def limit(self, wanted: Twist, tcp: Tcp, joints: Vector, scale: float) -> LimitedTwist:
         """`wanted` at the TCP pose and `joints` [rad], all of it slowed by `scale` (0..1)."""
-        linear = clamp_norm(wanted.linear, self._max_speed) * scale
-        angular = clamp_norm(wanted.angular, self._max_rotation) * scale
+        linear = times(shortened(wanted.linear, self._max_speed), scale)
+        angular = times(shortened(wanted.angular, self._max_rotation), scale)
         inside = self._workspace.cap(linear, tcp.position)
-        turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
+        turning = angular
+        if any(angular):
+            turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
         joint_scale = self._joint_scale(inside, turning, joints)
         twist = Twist(
-            clamp_norm(inside, self._max_speed) * joint_scale,
-            clamp_norm(turning, self._max_rotation) * joint_scale,
+            times(shortened(inside, self._max_speed), joint_scale),
+            times(shortened(turning, self._max_rotation), joint_scale),
         )
         stopped_by = _what_stopped(Twist(linear, angular), Twist(inside, turning), joint_scale)
         return LimitedTwist(twist, joint_scale, stopped_by)
@@ -83,11 +88,7 @@ class Limits:
         """The next twist of braking, exactly zero once the arm is at rest."""
         self.linear.brake()
         self.angular.brake()
-        nowhere = np.zeros(3)
-        return Twist(
-            self.linear.step(nowhere, interval_s),
-            self.angular.step(nowhere, interval_s),
-        )
+        return Twist(self.linear.step(ZERO, interval_s), self.angular.step(ZERO, interval_s))
 
     def reset(self) -> None:
         self.linear.reset()
@@ -102,8 +103,8 @@ class Limits:
         """Whether the last twist was shaped by the stop profile."""
         return self.linear.used_stop_profile or self.angular.used_stop_profile
 
-    def _stays_inside(self, position: Vector) -> Admissible:
-        def admissible(velocity: Vector, acceleration: Vector) -> bool:
+    def _stays_inside(self, position: Floats3) -> Admissible:
+        def admissible(velocity: Floats3, acceleration: Floats3) -> bool:
             reach = self.linear.braking_reach(velocity, acceleration, self._deadman_s)
             if self._workspace.is_far(position, reach):
                 return True
@@ -113,7 +114,7 @@ class Limits:
         return admissible
 
     def _stays_in_cone(self, rotation: Rotation) -> Admissible:
-        def admissible(angular: Vector, acceleration: Vector) -> bool:
+        def admissible(angular: Floats3, acceleration: Floats3) -> bool:
             offset = self._cone.offset(rotation)
             reach = self.angular.braking_reach(angular, acceleration, self._deadman_s)
             if self._cone.is_far(offset, reach):
@@ -123,26 +124,18 @@ class Limits:
 
         return admissible
 
-    def _joint_scale(self, linear: Vector, angular: Vector, joints: Vector) -> float:
+    def _joint_scale(self, linear: Floats3, angular: Floats3, joints: Vector) -> float:
         """Keeps the predicted largest joint speed within its share of the limit."""
-        if not (linear.any() or angular.any()):
+        if not (any(linear) or any(angular)):
             return 1.0
         try:
-            speeds = np.linalg.solve(
-                self._model.jacobian(joints), np.concatenate((linear, angular))
-            )
+            speeds = np.linalg.solve(self._model.jacobian(joints), (*linear, *angular)).tolist()
         except np.linalg.LinAlgError:  # exactly singular: no joint speed gives this twist
             return 0.0
-        share = float(np.max(np.abs(speeds) / self._model.joint_speed_limits))
-        if not math.isfinite(share):
+        if not all(map(math.isfinite, speeds)):
             return 0.0
+        share = max(map(truediv, map(abs, speeds), self._joint_speeds))
         return 1.0 if share <= self._joint_share else self._joint_share / share
-
-
-def clamp_norm(vector: Vector, bound: float) -> Vector:
-    """`vector` shortened to the norm `bound`, direction kept."""
-    size = norm(vector)
-    return vector if size <= bound else vector * (bound / size)
 
 
 def _what_stopped(wanted: Twist, left: Twist, joint_scale: float) -> Reason | None:
@@ -150,11 +143,11 @@ def _what_stopped(wanted: Twist, left: Twist, joint_scale: float) -> Reason | No
         (wanted.linear, left.linear, _DEMAND_M_S, Reason.WORKSPACE),
         (wanted.angular, left.angular, _DEMAND_RAD_S, Reason.ROTATION_LIMIT),
     ):
-        demanded = math.sqrt(float(demand @ demand))
+        demanded = norm(demand)
         if demanded < least:
             continue
         if joint_scale <= _NOTHING_LEFT:
             return Reason.SINGULARITY
-        if math.sqrt(float(rest @ rest)) <= _NOTHING_LEFT * demanded:
+        if norm(rest) <= _NOTHING_LEFT * demanded:
             return bound
     return None

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from tams_app.config import HandConfig
-from tams_app.records import ControllerSample, Pose, Twist, Vector
+from tams_app.records import ControllerSample, Pose, Twist
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.vectors import ZERO, Floats3, dot, floats, minus, norm, plus_times, times
 
 _MIN_INTERVAL_S = 0.002  # two poses closer than this are one with jitter
 _MAX_INTERVAL_S = 0.1
@@ -25,14 +24,14 @@ class HandMotion:
     def __init__(self, config: HandConfig, hold_ns: float) -> None:
         self._config = config
         self._hold_ns = hold_ns
-        self._rotation = np.array(config.rotation)
+        self._rotation: tuple[Floats3, Floats3, Floats3] = config.rotation
         self._last: Pose | None = None
         self._last_ns = 0
         self._accepted_ns = 0
-        self._linear: Vector = np.zeros(3)
-        self._angular: Vector = np.zeros(3)
-        self._smooth_linear: Vector = np.zeros(3)
-        self._smooth_angular: Vector = np.zeros(3)
+        self._linear = ZERO
+        self._angular = ZERO
+        self._smooth_linear = ZERO
+        self._smooth_angular = ZERO
         self.rejects = 0  # in a row
 
     @property
@@ -44,8 +43,8 @@ class HandMotion:
         """Start anew from this pose: nothing of what the hand did before counts."""
         self._last, self._last_ns = sample.pose, sample.pose_ns
         self._accepted_ns = sample.pose_ns
-        self._linear, self._angular = np.zeros(3), np.zeros(3)
-        self._smooth_linear, self._smooth_angular = np.zeros(3), np.zeros(3)
+        self._linear = self._angular = ZERO
+        self._smooth_linear = self._smooth_angular = ZERO
         self.rejects = 0
 
     def update(self, sample: ControllerSample, now_ns: int, interval_s: float) -> Twist:
@@ -53,14 +52,18 @@ class HandMotion:
         if sample.pose is not None and sample.pose_ns > self._last_ns:
             self._take(sample.pose, sample.pose_ns)
         if now_ns - self._accepted_ns > self._hold_ns:
-            self._linear, self._angular = np.zeros(3), np.zeros(3)
+            self._linear = self._angular = ZERO
         alpha = 1.0 - math.exp(-max(0.0, interval_s) / self._config.smoothing_s)
-        self._smooth_linear = self._smooth_linear + alpha * (self._linear - self._smooth_linear)
-        self._smooth_angular = self._smooth_angular + alpha * (self._angular - self._smooth_angular)
+        self._smooth_linear = _approach(self._smooth_linear, self._linear, alpha)
+        self._smooth_angular = _approach(self._smooth_angular, self._angular, alpha)
         return Twist(
-            self._config.translation_scale * (self._rotation @ self._smooth_linear),
-            self._config.rotation_scale * (self._rotation @ self._smooth_angular),
+            times(self._mapped(self._smooth_linear), self._config.translation_scale),
+            times(self._mapped(self._smooth_angular), self._config.rotation_scale),
         )
+
+    def _mapped(self, vector: Floats3) -> Floats3:
+        x, y, z = self._rotation
+        return dot(x, vector), dot(y, vector), dot(z, vector)
 
     def _take(self, pose: Pose, pose_ns: int) -> None:
         last, last_ns = self._last, self._last_ns
@@ -69,14 +72,13 @@ class HandMotion:
             self._accepted_ns = pose_ns
             return
         interval_s = min(max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S), _MAX_INTERVAL_S)
-        turned = np.array(last.rotation.turn_to(pose.rotation))
         linear = _banded(
-            (pose.position - last.position) / interval_s,
+            times(floats(pose.position - last.position), 1.0 / interval_s),
             self._config.clamp_above_m_s,
             self._config.reject_above_m_s,
         )
         angular = _banded(
-            turned / interval_s,
+            times(last.rotation.turn_to(pose.rotation), 1.0 / interval_s),
             self._config.clamp_above_rad_s,
             self._config.reject_above_rad_s,
         )
@@ -93,11 +95,15 @@ def is_frozen(sample: ControllerSample, now_ns: int, limit_ms: float) -> bool:
     return now_ns - sample.pose_ns >= limit_ms * NS_PER_MS
 
 
-def _banded(velocity: Vector, clamp: float, reject: float) -> Vector | None:
+def _approach(smoothed: Floats3, value: Floats3, alpha: float) -> Floats3:
+    return plus_times(smoothed, minus(value, smoothed), alpha)
+
+
+def _banded(velocity: Floats3, clamp: float, reject: float) -> Floats3 | None:
     """Pass, clamp or (None) reject by the norm."""
-    speed = math.sqrt(float(velocity @ velocity))
+    speed = norm(velocity)
     if speed <= clamp:
         return velocity
     if speed <= reject:
-        return velocity * (clamp / speed)
+        return times(velocity, clamp / speed)
     return None

@@ -8,48 +8,57 @@ reported pose plus all that was commanded since. Pose servo: the arm gets the ta
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from tams_app.config import LimitsConfig
-from tams_app.records import Pose, Twist, Vector
+from tams_app.records import Pose, Twist
 from tams_app.rotation import Rotation
-from tams_app.teleop.trajectory import norm
 from tams_app.units import NS_PER_S
+from tams_app.vectors import (
+    ZERO,
+    Floats3,
+    dot,
+    floats,
+    minus,
+    norm,
+    plus,
+    plus_times,
+    times,
+)
 
 MAX_POSE_STEP_M = 0.0099  # arms take 10 mm (FINDINGS 8), and rounding must not pass that
 _MEMORY_NS = NS_PER_S // 2
 _TINY = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class Tcp:
-    """Position [m], shape (3,), and rotation of the tool centre point in the base frame."""
+class Tcp(NamedTuple):
+    """Position [m] and rotation of the tool centre point in the base frame; a `Pose` of floats."""
 
-    position: Vector
+    position: Floats3
     rotation: Rotation
 
     @staticmethod
     def of(pose: Pose) -> Tcp:
-        return Tcp(pose.position, pose.rotation)
+        return Tcp(floats(pose.position), pose.rotation)
 
     def to_pose(self) -> Pose:
-        return Pose(self.position, self.rotation)
+        return Pose(np.array(self.position), self.rotation)
 
 
 class TcpPredictor:
     """Where the TCP is now, from an old report and the velocities sent since."""
 
     def __init__(self) -> None:
-        self._linear: Vector = np.zeros(3)
-        self._angular: Vector = np.zeros(3)
-        self._travelled: deque[tuple[int, Vector, Vector]] = deque()
+        self._linear = ZERO
+        self._angular = ZERO
+        self._travelled: deque[tuple[int, Floats3, Floats3]] = deque()
 
     def sent(self, twist: Twist, now_ns: int, interval_s: float) -> None:
         """The arm was given `twist` for the `interval_s` that ends at `now_ns`."""
-        self._linear = self._linear + twist.linear * interval_s
-        self._angular = self._angular + twist.angular * interval_s
+        self._linear = plus_times(self._linear, twist.linear, interval_s)
+        self._angular = plus_times(self._angular, twist.angular, interval_s)
         self._travelled.append((now_ns, self._linear, self._angular))
         while now_ns - self._travelled[0][0] > _MEMORY_NS:
             self._travelled.popleft()
@@ -57,18 +66,18 @@ class TcpPredictor:
     def predict(self, measured: Tcp, received_ns: int, delay_ns: int) -> Tcp:
         """The TCP now, from a report in which the last `delay_ns` of commands do not show yet."""
         linear, angular = self._travelled_until(received_ns - max(0, delay_ns))
-        turn = self._angular - angular
-        return Tcp(measured.position + self._linear - linear, measured.rotation.turned(turn))
+        position = plus(measured.position, minus(self._linear, linear))
+        return Tcp(position, measured.rotation.turned(minus(self._angular, angular)))
 
-    def _travelled_until(self, t_ns: int) -> tuple[Vector, Vector]:
+    def _travelled_until(self, t_ns: int) -> tuple[Floats3, Floats3]:
         """Displacement and turn that were commanded until `t_ns`, linear between ticks."""
         later_ns, linear, angular = t_ns, self._linear, self._angular
         for past_ns, past_linear, past_angular in reversed(self._travelled):
             if past_ns <= t_ns:
                 if later_ns > t_ns:
                     share = (t_ns - past_ns) / (later_ns - past_ns)
-                    linear = past_linear + share * (linear - past_linear)
-                    angular = past_angular + share * (angular - past_angular)
+                    linear = plus_times(past_linear, minus(linear, past_linear), share)
+                    angular = plus_times(past_angular, minus(angular, past_angular), share)
                 break
             later_ns, linear, angular = past_ns, past_linear, past_angular
         return linear, angular
@@ -82,7 +91,7 @@ class Target:
         self._leash_rad = limits.leash_rad
         self._fault_m = limits.leash_fault_mm / 1000.0
         self._withheld_m = 0.0
-        self.tcp = Tcp(np.zeros(3), Rotation.identity())
+        self.tcp = Tcp(ZERO, Rotation.identity())
         self.following_error_m = 0.0
 
     @property
@@ -96,46 +105,46 @@ class Target:
         self._withheld_m = 0.0
         self.following_error_m = 0.0
 
-    def advance(self, linear: Vector, angular: Vector, interval_s: float) -> None:
+    def advance(self, linear: Floats3, angular: Floats3, interval_s: float) -> None:
         """Integrate a velocity [m/s] and an angular velocity [rad/s] over `interval_s`."""
-        position = self.tcp.position + linear * interval_s
-        self.tcp = Tcp(position, self.tcp.rotation.turned(angular * interval_s))
+        position = plus_times(self.tcp.position, linear, interval_s)
+        self.tcp = Tcp(position, self.tcp.rotation.turned(times(angular, interval_s)))
 
     def watch(self, measured: Tcp) -> None:
         """Measure the following error [m]."""
-        offset = self.tcp.position - measured.position
+        offset = minus(self.tcp.position, measured.position)
         self.following_error_m = norm(offset) + self._withheld_m
 
     def pull_back(self, measured: Tcp) -> None:
         """The target waits for the arm: never further from it than the leash."""
-        offset = self.tcp.position - measured.position
+        offset = minus(self.tcp.position, measured.position)
         distance = norm(offset)
         position = self.tcp.position
         if distance > self._leash_m:
-            position = measured.position + offset * (self._leash_m / distance)
+            position = plus_times(measured.position, offset, self._leash_m / distance)
             self._withheld_m += distance - self._leash_m
         else:
             self._withheld_m = 0.0
-        turn = np.array(measured.rotation.turn_to(self.tcp.rotation))
+        turn = measured.rotation.turn_to(self.tcp.rotation)
         angle = norm(turn)
         rotation = self.tcp.rotation
         if angle > self._leash_rad:
-            rotation = measured.rotation.turned(turn * (self._leash_rad / angle))
+            rotation = measured.rotation.turned(times(turn, self._leash_rad / angle))
         self.tcp = Tcp(position, rotation)
 
     def held_back(self, twist: Twist, measured: Tcp) -> Twist:
         """`twist` without what would lead a target beyond its leash still further away."""
-        offset = self.tcp.position - measured.position
-        turn = np.array(measured.rotation.turn_to(self.tcp.rotation))
+        offset = minus(self.tcp.position, measured.position)
+        turn = measured.rotation.turn_to(self.tcp.rotation)
         return Twist(
             _without_beyond(twist.linear, offset, self._leash_m),
             _without_beyond(twist.angular, turn, self._leash_rad),
         )
 
 
-def _without_beyond(velocity: Vector, offset: Vector, leash: float) -> Vector:
+def _without_beyond(velocity: Floats3, offset: Floats3, leash: float) -> Floats3:
     distance = norm(offset)
     if distance <= max(leash, _TINY):
         return velocity
-    normal = offset / distance
-    return velocity - max(0.0, float(velocity @ normal)) * normal
+    normal = times(offset, 1.0 / distance)
+    return plus_times(velocity, normal, -max(0.0, dot(velocity, normal)))

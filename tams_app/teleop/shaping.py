@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
-import numpy as np
-
-from tams_app.records import Vector
 from tams_app.teleop.trajectory import (
     MotionState,
     Profile,
     VelocityTrajectory,
     coasting,
-    norm,
     one_by_one_s,
 )
+from tams_app.vectors import ZERO, Floats3, norm, plus_times
 
-Admissible = Callable[[Vector, Vector], bool]
+Admissible = Callable[[Floats3, Floats3], bool]
 
 _SLACK = 1.0 + 1e-9  # rounding must not put the present state outside its own limits
 
@@ -36,8 +33,8 @@ class VelocityShaper:
         self._braking: VelocityTrajectory | None = None
         self._braking_for_s = 0.0
         self.used_stop_profile = False  # in the last step
-        self.velocity: Vector = np.zeros(3)
-        self.acceleration: Vector = np.zeros(3)
+        self.velocity = ZERO
+        self.acceleration = ZERO
 
     @property
     def braking(self) -> bool:
@@ -46,37 +43,37 @@ class VelocityShaper:
 
     @property
     def at_rest(self) -> bool:
-        return not (self.braking or self.velocity.any() or self.acceleration.any())
+        return not (self.braking or any(self.velocity) or any(self.acceleration))
 
     def reset(self) -> None:
         """At rest at once: the arm was stopped by other means."""
         self._braking = None
-        self.velocity, self.acceleration = np.zeros(3), np.zeros(3)
+        self.velocity = self.acceleration = ZERO
 
     def brake(self) -> None:
         """Come to rest within the stop profile, whatever target follows."""
         if self._braking is None and not self.at_rest:
             self._begin_braking()
 
-    def braking_trajectory(self, velocity: Vector, acceleration: Vector) -> VelocityTrajectory:
+    def braking_trajectory(self, velocity: Floats3, acceleration: Floats3) -> VelocityTrajectory:
         """How `brake` would come to rest from that state."""
-        return VelocityTrajectory(velocity, acceleration, np.zeros(3), self._stop)
+        return VelocityTrajectory(velocity, acceleration, ZERO, self._stop)
 
-    def braking_reach(self, velocity: Vector, acceleration: Vector, held_s: float) -> float:
+    def braking_reach(self, velocity: Floats3, acceleration: Floats3, held_s: float) -> float:
         """An upper bound of the distance [m, rad] of `held_s` at that velocity, then braking.
 
         No trajectory is slower than `one_by_one_s` or accelerates harder than the profile: the
         speed never exceeds what can both be gained from the start and be lost until the end.
         """
         stop, speed = self._stop, norm(velocity)
-        rest_s = one_by_one_s(velocity, acceleration, np.zeros(3), stop)
+        rest_s = one_by_one_s(velocity, acceleration, ZERO, stop)
         peak = (speed + stop.acceleration * rest_s) / 2.0
         return speed * held_s + (2.0 * peak**2 - speed**2) / (2.0 * stop.acceleration)
 
     def step(
-        self, target: Vector, interval_s: float, admissible: Admissible | None = None
-    ) -> Vector:
-        """Advance by `interval_s` towards `target`, shape (3,), and return the velocity.
+        self, target: Floats3, interval_s: float, admissible: Admissible | None = None
+    ) -> Floats3:
+        """Advance by `interval_s` towards `target`, and return the velocity.
 
         `admissible(velocity, acceleration)` tells whether braking from there stays in bounds; a
         state that does not pass is never taken on unless braking itself leads there. None: all are.
@@ -84,15 +81,12 @@ class VelocityShaper:
         self.used_stop_profile = self._braking is not None
         if self._braking is not None:
             self._advance_braking(self._braking, interval_s)
-        elif target.any() or not self.at_rest:
+        elif any(target) or not self.at_rest:
             self._advance(target, interval_s, admissible)
         return self.velocity
 
-    def _advance(self, target: Vector, interval_s: float, admissible: Admissible | None) -> None:
-        trajectory = VelocityTrajectory(self.velocity, self.acceleration, target, self._motion)
-        towards = trajectory.at(interval_s)
-        present = MotionState.moving(self.velocity, self.acceleration)
-        for state in (towards, coasting(present, self._motion.jerk, interval_s)):
+    def _advance(self, target: Floats3, interval_s: float, admissible: Admissible | None) -> None:
+        for state in self._ways_on(target, interval_s):
             if self._keeps_profile(state) and (
                 admissible is None or admissible(state.velocity, state.acceleration)
             ):
@@ -100,6 +94,13 @@ class VelocityShaper:
                 return
         self.used_stop_profile = True
         self._advance_braking(self._begin_braking(), interval_s)
+
+    def _ways_on(self, target: Floats3, interval_s: float) -> Iterator[MotionState]:
+        """Towards the target; if that may not be, without acceleration."""
+        velocity, acceleration = self.velocity, self.acceleration
+        yield VelocityTrajectory(velocity, acceleration, target, self._motion).at(interval_s)
+        present = MotionState.moving(velocity, acceleration)
+        yield coasting(present, self._motion.jerk, interval_s)
 
     def _begin_braking(self) -> VelocityTrajectory:
         self._braking = self.braking_trajectory(self.velocity, self.acceleration)
@@ -120,5 +121,5 @@ class VelocityShaper:
         if size > self._motion.acceleration * _SLACK:
             return False
         time_s = size / self._motion.jerk
-        coasted = state.velocity + state.acceleration * (time_s / 2.0)
+        coasted = plus_times(state.velocity, state.acceleration, time_s / 2.0)
         return norm(state.velocity) <= bound and norm(coasted) <= bound

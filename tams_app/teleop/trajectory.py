@@ -13,10 +13,8 @@ takes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
-import numpy as np
 from ruckig import (
     ControlInterface,
     InputParameter,
@@ -27,7 +25,7 @@ from ruckig import (
 )
 
 from tams_app.config import stop_time_s
-from tams_app.records import Vector
+from tams_app.vectors import ZERO, Floats3, dot, minus, norm, plus, plus_times, times
 
 _TINY = 1e-12
 _SLACK = 1.0 + 1e-9  # rounding must not put the present state outside its own limits
@@ -41,34 +39,32 @@ class TrajectoryError(ArithmeticError):
     """Ruckig refused the input or found no trajectory."""
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(NamedTuple):
     """Norms of acceleration and jerk: [m/s²], [m/s³] or [rad/s²], [rad/s³]."""
 
     acceleration: float
     jerk: float
 
 
-@dataclass(frozen=True, slots=True)
-class MotionState:
-    """Displacement since the trajectory began, velocity and acceleration, shape (3,) each."""
+class MotionState(NamedTuple):
+    """Displacement since the trajectory began, velocity and acceleration."""
 
-    displacement: Vector
-    velocity: Vector
-    acceleration: Vector
+    displacement: Floats3
+    velocity: Floats3
+    acceleration: Floats3
 
     @staticmethod
-    def moving(velocity: Vector, acceleration: Vector) -> MotionState:
-        return MotionState(np.zeros(3), velocity, acceleration)
+    def moving(velocity: Floats3, acceleration: Floats3) -> MotionState:
+        return MotionState(ZERO, velocity, acceleration)
 
 
 class VelocityTrajectory:
     """From a velocity and acceleration to a constant target velocity, within a profile."""
 
     def __init__(
-        self, velocity: Vector, acceleration: Vector, target: Vector, profile: Profile
+        self, velocity: Floats3, acceleration: Floats3, target: Floats3, profile: Profile
     ) -> None:
-        """All vectors of shape (3,); raises TrajectoryError, also for input that is not finite."""
+        """Raises TrajectoryError, also for input that is not finite."""
         start = MotionState.moving(velocity, acceleration)
         law: _BothAxes | _OneByOne = _BothAxes(start, target, profile)
         if law.duration_s > one_by_one_s(velocity, acceleration, target, profile):
@@ -78,40 +74,42 @@ class VelocityTrajectory:
 
     def at(self, t_s: float) -> MotionState:
         """The state `t_s` ≥ 0 after the start; exactly the target once the trajectory has ended."""
-        state = self._law.at(min(t_s, self.duration_s))
         if t_s < self.duration_s:
-            return state
-        displacement = state.displacement + self._target * (t_s - self.duration_s)
-        return MotionState(displacement, self._target.copy(), np.zeros(3))
+            return self._law.at(t_s)
+        displacement = self._law.at(self.duration_s).displacement
+        displacement = plus_times(displacement, self._target, t_s - self.duration_s)
+        return MotionState(displacement, self._target, ZERO)
 
 
-def one_by_one_s(velocity: Vector, acceleration: Vector, target: Vector, profile: Profile) -> float:
+def one_by_one_s(
+    velocity: Floats3, acceleration: Floats3, target: Floats3, profile: Profile
+) -> float:
     """How long [s] to take the acceleration away and then go straight to `target` takes."""
     coast_s = norm(acceleration) / profile.jerk
-    change = target - velocity - acceleration * (coast_s / 2.0)
+    change = plus_times(minus(target, velocity), acceleration, -coast_s / 2.0)
     return coast_s + stop_time_s(norm(change), profile.acceleration, profile.jerk)
 
 
 def coasting(start: MotionState, jerk: float, t_s: float) -> MotionState:
     """The state `t_s` after `start` when the acceleration is taken away with `jerk`."""
-    size = norm(start.acceleration)
-    coast_s = size / jerk
+    velocity, acceleration = start.velocity, start.acceleration
+    coast_s = norm(acceleration) / jerk
     if coast_s <= t_s:
-        coasted = start.velocity + start.acceleration * (coast_s / 2.0)
-        displacement = start.velocity * coast_s + start.acceleration * (coast_s**2 / 3.0)
-        return MotionState(displacement + coasted * (t_s - coast_s), coasted, np.zeros(3))
-    rest = start.acceleration * (1.0 - t_s / coast_s)
-    mean = (start.acceleration + rest) / 2.0
-    displacement = start.velocity * t_s + (2.0 * start.acceleration + rest) * (t_s**2 / 6.0)
-    return MotionState(displacement, start.velocity + mean * t_s, rest)
+        coasted = plus_times(velocity, acceleration, coast_s / 2.0)
+        way = plus_times(times(velocity, coast_s), acceleration, coast_s**2 / 3.0)
+        return MotionState(plus_times(way, coasted, t_s - coast_s), coasted, ZERO)
+    share = 1.0 - t_s / coast_s  # of the acceleration that is left
+    way = plus_times(times(velocity, t_s), acceleration, (2.0 + share) * t_s**2 / 6.0)
+    gained = plus_times(velocity, acceleration, (1.0 + share) * t_s / 2.0)
+    return MotionState(way, gained, times(acceleration, share))
 
 
 class _BothAxes:
     """Along the change of velocity and across it at the same time."""
 
-    def __init__(self, start: MotionState, target: Vector, profile: Profile) -> None:
+    def __init__(self, start: MotionState, target: Floats3, profile: Profile) -> None:
         self._start, self._target = start, target
-        change = target - start.velocity
+        change = minus(target, start.velocity)
         size = norm(change)
         self._along, self._across, a_along, a_across = _plane(change, size, start.acceleration)
         self._trajectory = _solve(size, a_along, a_across, profile)
@@ -121,18 +119,20 @@ class _BothAxes:
         if t_s <= 0.0:
             return self._start
         position, velocity, acceleration = self._trajectory.at_time(t_s)
-        displacement = self._target * t_s + self._along * position[0] + self._across * position[1]
         return MotionState(
-            displacement,
-            self._target + self._along * velocity[0] + self._across * velocity[1],
-            self._along * acceleration[0] + self._across * acceleration[1],
+            plus(times(self._target, t_s), self._in_plane(position)),
+            plus(self._target, self._in_plane(velocity)),
+            self._in_plane(acceleration),
         )
+
+    def _in_plane(self, parts: list[float]) -> Floats3:
+        return plus_times(times(self._along, parts[0]), self._across, parts[1])
 
 
 class _OneByOne:
     """First the acceleration is taken away, then the velocity changes along one line."""
 
-    def __init__(self, start: MotionState, target: Vector, profile: Profile) -> None:
+    def __init__(self, start: MotionState, target: Floats3, profile: Profile) -> None:
         self._start, self._jerk = start, profile.jerk
         self._coast_s = norm(start.acceleration) / profile.jerk
         self._coasted = coasting(start, profile.jerk, self._coast_s)
@@ -144,90 +144,91 @@ class _OneByOne:
         if t_s <= self._coast_s:
             return coasting(self._start, self._jerk, max(0.0, t_s))
         state = self._line.at(t_s - self._coast_s)
-        displacement = self._coasted.displacement + state.displacement
+        displacement = plus(self._coasted.displacement, state.displacement)
         return MotionState(displacement, state.velocity, state.acceleration)
 
 
-def norm(vector: Vector) -> float:
-    return math.sqrt(float(vector @ vector))
-
-
 def _plane(
-    change: Vector, size: float, acceleration: Vector
-) -> tuple[Vector, Vector, float, float]:
+    change: Floats3, size: float, acceleration: Floats3
+) -> tuple[Floats3, Floats3, float, float]:
     """Unit vectors along the change and across it, and the acceleration's parts on them."""
     a_size = norm(acceleration)
     if size > _TINY:
-        along = change / size
+        along = times(change, 1.0 / size)
     elif a_size > _TINY:
-        along = acceleration / a_size
+        along = times(acceleration, 1.0 / a_size)
     else:
-        along = np.array([1.0, 0.0, 0.0])
-    a_along = float(acceleration @ along)
-    rest = acceleration - a_along * along
+        along = (1.0, 0.0, 0.0)
+    a_along = dot(acceleration, along)
+    rest = plus_times(acceleration, along, -a_along)
     a_across = norm(rest)
     if a_across <= _TINY:
-        return along, np.zeros(3), a_along, 0.0
-    return along, rest / a_across, a_along, a_across
+        return along, ZERO, a_along, 0.0
+    return along, times(rest, 1.0 / a_across), a_along, a_across
 
 
 def _solve(change: float, a_along: float, a_across: float, profile: Profile) -> Trajectory:
-    """The one whose slower axis is as fast as possible, by bisection of the limits' split."""
+    """The one whose slower axis is as fast as possible."""
+    if a_across == 0.0:  # the second axis rests: the first gets all
+        most = max(profile.acceleration, abs(a_along)) * _SLACK
+        accelerations, jerks = [most, most], [profile.jerk, profile.jerk]
+    else:
+        accelerations, jerks = _split(change, a_along, a_across, profile)
     request = InputParameter(2)
     request.control_interface = ControlInterface.Velocity
     request.synchronization = Synchronization.No
     request.max_velocity = [1e3, 1e3]  # the velocity interface does not use it (FINDINGS 10)
     request.current_velocity = [-change, 0.0]
     request.current_acceleration = [a_along, a_across]
+    request.max_acceleration, request.max_jerk = accelerations, jerks
     trajectory = Trajectory(2)
-    planner = Ruckig(2)
-
-    def calculate(accelerations: list[float], jerks: list[float]) -> tuple[float, float]:
-        request.max_acceleration = accelerations
-        request.max_jerk = jerks
-        try:
-            planner.calculate(request, trajectory)
-        except (RuckigError, ValueError) as error:  # ValueError: a result without a name
-            raise TrajectoryError(str(error)) from error
-        along_s, across_s = trajectory.independent_min_durations
-        return along_s, across_s
-
-    if a_across == 0.0:  # the second axis rests: the first gets all
-        most = max(profile.acceleration, abs(a_along)) * _SLACK
-        calculate([most, most], [profile.jerk, profile.jerk])
-        return trajectory
-    _split(calculate, a_along, a_across, profile)
+    try:
+        Ruckig(2).calculate(request, trajectory)
+    except (RuckigError, ValueError) as error:  # ValueError: a result without a name
+        raise TrajectoryError(str(error)) from error
     return trajectory
 
 
 def _split(
-    calculate: Callable[[list[float], list[float]], tuple[float, float]],
-    a_along: float,
-    a_across: float,
-    profile: Profile,
-) -> None:
-    """Bisect the angle between the two axes' limits until both take equally long."""
+    change: float, a_along: float, a_across: float, profile: Profile
+) -> tuple[list[float], list[float]]:
+    """The two axes' accelerations and jerks, split like cosine and sine of an angle.
+
+    The angle is bisected until both axes take equally long.
+    """
     least = _LEAST_SHARE * profile.acceleration
     bound = max(_MOST_SHARE * profile.acceleration, math.hypot(a_along, a_across))
     gentlest = math.asin(min(1.0, a_across / bound))
     steepest = math.acos(min(1.0, abs(a_along) / bound))
 
-    def durations_s(split: float) -> tuple[float, float]:
+    def limits(split: float) -> tuple[list[float], list[float]]:
         a_split = min(max(split, gentlest), steepest)
-        accelerations = [
+        return [
             max(bound * math.cos(a_split) * _SLACK, least),
             max(bound * math.sin(a_split) * _SLACK, least),
-        ]
-        return calculate(
-            accelerations, [profile.jerk * math.cos(split), profile.jerk * math.sin(split)]
-        )
+        ], [profile.jerk * math.cos(split), profile.jerk * math.sin(split)]
 
     low, high = _LEAST_SPLIT, math.pi / 2 - _LEAST_SPLIT
     for _ in range(_SPLIT_STEPS):
         middle = (low + high) / 2.0
-        along_s, across_s = durations_s(middle)
-        if along_s < across_s:
+        accelerations, jerks = limits(middle)
+        along_s = one_axis_s(change, a_along, accelerations[0], jerks[0])
+        if along_s < one_axis_s(0.0, a_across, accelerations[1], jerks[1]):
             low = middle
         else:
             high = middle
-    durations_s(high)
+    return limits(high)
+
+
+def one_axis_s(change: float, start: float, acceleration: float, jerk: float) -> float:
+    """The least time [s] for a change of velocity that begins with the acceleration `start`.
+
+    What ruckig takes for one axis, without making its profile.
+    """
+    if change < start * abs(start) / (2.0 * jerk):  # it must go down first
+        change, start = -change, -start
+    peak = math.sqrt(max(0.0, jerk * change + start * start / 2.0))
+    if peak <= acceleration:
+        return (2.0 * peak - start) / jerk
+    held = change - (2.0 * acceleration * acceleration - start * start) / (2.0 * jerk)
+    return (2.0 * acceleration - start) / jerk + held / acceleration

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault, ServoMode
 from tams_app.teleop.clutch import is_fresh
@@ -133,14 +131,14 @@ class Watch:
 def _is_sane(sample: ControllerSample, now_ns: int) -> bool:
     if sample.pose is None or not is_fresh(sample.pose_ns, now_ns, float("inf")):
         return False
-    values = (*sample.pose.position, *sample.pose.rotation, sample.trigger, sample.grip)
-    return _are_sane(values)
+    position, rotation = sample.pose.position.tolist(), sample.pose.rotation
+    return _are_sane((*position, *rotation, sample.trigger, sample.grip))
 
 
 def _is_sane_arm(arm: ArmState) -> bool:
-    return _are_sane((*arm.joints, *arm.tcp.position, *arm.tcp.rotation))
+    return _are_sane((*arm.joints.tolist(), *arm.tcp.position.tolist(), *arm.tcp.rotation))
 
 
 def _are_sane(values: tuple[float, ...]) -> bool:
     """Finite, and not so large that arithmetic could overflow."""
-    return bool((np.abs(values) <= _MOST_SANE).all())  # false for NaN
+    return all(-_MOST_SANE <= value <= _MOST_SANE for value in values)  # false for NaN

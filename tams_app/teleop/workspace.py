@@ -9,15 +9,14 @@ inward is always free.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
+from operator import gt
+from typing import NamedTuple
 
 from tams_app.config import LimitsConfig
-from tams_app.records import Vector
 from tams_app.rotation import Rotation
 from tams_app.teleop.trajectory import Profile, VelocityTrajectory
+from tams_app.vectors import ZERO, Floats3, dot, norm, plus, plus_times, times
 
 _INSET_M = 5e-4  # the cap's bounds lie inside the hard ones: room for rounding and sampling
 _INSET_RAD = 2e-3
@@ -28,8 +27,7 @@ _BRAKING_SAMPLES = 8
 _NEAR_AXIS_M = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class OutwardCap:
+class OutwardCap(NamedTuple):
     """The outward speed allowed at a distance from a bound: what a gentle stop there permits."""
 
     acceleration: float
@@ -53,63 +51,86 @@ class Workspace:
     """Box, floor and ring, in metres, in the arm's base frame."""
 
     def __init__(self, limits: LimitsConfig, motion: Profile, deadman_s: float) -> None:
-        self._low = np.array(limits.box_min_mm) / 1000.0
-        self._low[2] = max(self._low[2], limits.floor_mm / 1000.0)
-        self._high = np.array(limits.box_max_mm) / 1000.0
+        x, y, z = (edge / 1000.0 for edge in limits.box_min_mm)
+        self._low = x, y, max(z, limits.floor_mm / 1000.0)
+        x, y, z = (edge / 1000.0 for edge in limits.box_max_mm)
+        self._high = x, y, z
         self._radius_min = limits.radius_min_mm / 1000.0
         self._radius_max = limits.radius_max_mm / 1000.0
         self._deadman_s = deadman_s
         gain_per_s = limits.max_speed_mm_s / limits.slow_down_mm
         self._outward = _cap(motion, deadman_s, gain_per_s)
 
-    def excess(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How far outside each bound [m], negative inside: (n, 3) positions to (n, 8)."""
-        radius = np.hypot(positions[:, 0], positions[:, 1])
-        return np.column_stack(
-            (
-                self._low - positions,
-                positions - self._high,
-                self._radius_min - radius,
-                radius - self._radius_max,
-            )
+    def excess(self, position: Floats3) -> tuple[float, ...]:
+        """How far a position [m] is outside each of the 8 bounds [m], negative inside.
+
+        Lower and upper edges of the box along x, y, z, then the inner and outer radius.
+        """
+        x, y, z = position
+        (low_x, low_y, low_z), (high_x, high_y, high_z) = self._low, self._high
+        radius = math.hypot(x, y)
+        return (
+            low_x - x,
+            low_y - y,
+            low_z - z,
+            x - high_x,
+            y - high_y,
+            z - high_z,
+            self._radius_min - radius,
+            radius - self._radius_max,
         )
 
-    def cap(self, velocity: Vector, position: Vector) -> Vector:
+    def cap(self, velocity: Floats3, position: Floats3) -> Floats3:
         """`velocity` [m/s] with its outward components capped for a TCP at `position` [m]."""
-        allowed_low = [-self._outward.at(float(d) - _INSET_M) for d in position - self._low]
-        allowed_high = [self._outward.at(float(d) - _INSET_M) for d in self._high - position]
-        capped: Vector = np.minimum(np.maximum(velocity, allowed_low), allowed_high)
-        return self._cap_radial(capped, position)
+        if not any(velocity):
+            return velocity
+        edges = zip(velocity, position, self._low, self._high, strict=True)
+        x, y, z = (self._cap_axis(*edge) for edge in edges)
+        return self._cap_radial((x, y, z), position)
 
-    def _cap_radial(self, velocity: Vector, position: Vector) -> Vector:
+    def _cap_axis(self, speed: float, place: float, low: float, high: float) -> float:
+        if speed > 0.0:
+            return min(speed, self._outward.at(high - place - _INSET_M))
+        return max(speed, -self._outward.at(place - low - _INSET_M)) if speed < 0.0 else speed
+
+    def _cap_radial(self, velocity: Floats3, position: Floats3) -> Floats3:
         radius = math.hypot(position[0], position[1])
         if radius < _NEAR_AXIS_M:
             return velocity
-        normal = np.array([position[0] / radius, position[1] / radius, 0.0])
-        radial = float(velocity @ normal)
-        around_squared = max(0.0, float(velocity[:2] @ velocity[:2]) - radial**2)
+        normal = (position[0] / radius, position[1] / radius, 0.0)
+        radial = dot(velocity, normal)
+        flat_squared = velocity[0] * velocity[0] + velocity[1] * velocity[1]
+        around_squared = max(0.0, flat_squared - radial * radial)
         to_wall = self._radius_max - radius - _INSET_M
         outermost = self._outward.at(to_wall)
         if to_wall < _TURNING_S * math.sqrt(around_squared):
             outermost -= around_squared / radius * _TURNING_S
         innermost = -self._outward.at(radius - self._radius_min - _INSET_M)
-        return velocity + (min(max(radial, innermost), outermost) - radial) * normal
+        return plus_times(velocity, normal, min(max(radial, innermost), outermost) - radial)
 
-    def is_far(self, position: Vector, reach: float) -> bool:
+    def is_far(self, position: Floats3, reach: float) -> bool:
         """Whether `position` is further than `reach` [m] from every bound, inside."""
-        return bool(self.excess(position[np.newaxis]).max() < -reach)
+        return max(self.excess(position)) < -reach
 
-    def admits(self, position: Vector, velocity: Vector, braking: VelocityTrajectory) -> bool:
+    def admits(self, position: Floats3, velocity: Floats3, braking: VelocityTrajectory) -> bool:
         """Whether a TCP at `position` that got `velocity` stays in bounds while it brakes."""
-        held = velocity * self._deadman_s
-        now = self.excess(position[np.newaxis])[0]
-        travelled = position + _displacements(braking)
+        now = self.excess(position)
+        most = [max(excess, 0.0) + _TOLERANCE for excess in now]
+        outside = [bound for bound, excess in enumerate(now) if excess > 0.0]
+        way = list(_displacements(braking))
         # Braking may begin at once or when the deadman time is over: for plane bounds the two
         # cover all between, for the ring the inset does.
-        excess = np.stack((self.excess(travelled), self.excess(travelled + held)))
-        stays_in = excess.max(axis=(0, 1)) <= np.maximum(now, 0.0) + _TOLERANCE
-        never_outward = np.diff(excess, axis=1).max(axis=(0, 1)) <= _TOLERANCE
-        return bool((stays_in & (never_outward | (now <= 0.0))).all())
+        for held in (ZERO, times(velocity, self._deadman_s)):
+            begin = plus(position, held)
+            before: tuple[float, ...] | None = None
+            for displacement in way:
+                excess = self.excess(plus(begin, displacement))
+                if any(map(gt, excess, most)):
+                    return False
+                if before and any(excess[n] > before[n] + _TOLERANCE for n in outside):
+                    return False
+                before = excess
+        return True
 
 
 class RotationCone:
@@ -123,53 +144,52 @@ class RotationCone:
         self._deadman_s = deadman_s
         self._outward = _cap(motion, deadman_s, math.inf)
 
-    def offset(self, rotation: Rotation) -> Vector:
-        """Rotation vector [rad], shape (3,), from the ready orientation, in the base frame."""
-        return np.array(self._ready.turn_to(rotation))
+    def offset(self, rotation: Rotation) -> Floats3:
+        """Rotation vector [rad] from the ready orientation, in the base frame."""
+        return self._ready.turn_to(rotation)
 
-    def cap(self, angular: Vector, offset: Vector) -> Vector:
+    def cap(self, angular: Floats3, offset: Floats3) -> Floats3:
         """`angular` [rad/s] with the component that leads away from ready capped."""
-        angle = math.sqrt(float(offset @ offset))
+        angle = norm(offset)
         if angle < _TOLERANCE:
             return angular
-        normal = offset / angle
-        outward = float(angular @ normal)
-        across_squared = max(0.0, float(angular @ angular) - outward**2)
+        normal = times(offset, 1.0 / angle)
+        outward = dot(angular, normal)
+        across_squared = max(0.0, dot(angular, angular) - outward * outward)
         to_wall = self._angle - angle - _INSET_RAD
         outermost = self._outward.at(to_wall)
         if to_wall < _TURNING_S * math.sqrt(across_squared):
             outermost -= across_squared / math.tan(min(angle, 1.5)) * _TURNING_S
-        return angular + (min(outward, outermost) - outward) * normal
+        return plus_times(angular, normal, min(outward, outermost) - outward)
 
-    def is_far(self, offset: Vector, reach: float) -> bool:
+    def is_far(self, offset: Floats3, reach: float) -> bool:
         """Whether turning by `reach` [rad] stays inside, whatever the axis."""
-        return math.sqrt(float(offset @ offset)) + reach < self._angle
+        return norm(offset) + reach < self._angle
 
-    def admits(self, offset: Vector, angular: Vector, braking: VelocityTrajectory) -> bool:
+    def admits(self, offset: Floats3, angular: Floats3, braking: VelocityTrajectory) -> bool:
         """Whether a TCP that is turned by `offset` and got `angular` stays in while it brakes."""
-        held = angular * self._deadman_s
-        now = math.sqrt(float(offset @ offset))
+        held = times(angular, self._deadman_s)
+        now = norm(offset)
         bound = max(self._angle, now) + _TOLERANCE
         for turn in _displacements(braking):
-            for whole in (turn, turn + held):
+            for whole in (turn, plus(turn, held)):
                 if _angle_after(offset, now, whole) > bound:
                     return False
         return True
 
 
-def _displacements(braking: VelocityTrajectory) -> NDArray[np.float64]:
-    """Where braking leads, relative to its start, (samples, 3)."""
-    samples = range(_BRAKING_SAMPLES + 1)
-    times_s = [braking.duration_s * sample / _BRAKING_SAMPLES for sample in samples]
-    return np.array([braking.at(t_s).displacement for t_s in times_s])
+def _displacements(braking: VelocityTrajectory) -> Iterator[Floats3]:
+    """Where braking leads, relative to its start, at a few instants of it."""
+    for sample in range(_BRAKING_SAMPLES + 1):
+        yield braking.at(braking.duration_s * sample / _BRAKING_SAMPLES).displacement
 
 
-def _angle_after(offset: Vector, angle: float, turn: Vector) -> float:
+def _angle_after(offset: Floats3, angle: float, turn: Floats3) -> float:
     """Angle [rad] of the rotation `turn` after `offset`, both rotation vectors."""
-    turn_angle = math.sqrt(float(turn @ turn))
+    turn_angle = norm(turn)
     if turn_angle < _TOLERANCE or angle < _TOLERANCE:
         return turn_angle + angle
-    cosine = float(turn @ offset) / (turn_angle * angle)
+    cosine = dot(turn, offset) / (turn_angle * angle)
     half = math.cos(turn_angle / 2) * math.cos(angle / 2)
     half -= math.sin(turn_angle / 2) * math.sin(angle / 2) * cosine
     return 2.0 * math.acos(min(1.0, abs(half)))

@@ -130,7 +130,7 @@ def is_logged(bench: Bench, reason: Reason, stopped_for: Reason | None = None) -
 
 
 def _story(tick: Tick) -> tuple[object, ...]:
-    twist = (*tick.twist.linear.tolist(), *tick.twist.angular.tolist())
+    twist = (*tick.twist.linear, *tick.twist.angular)
     return tick.started_ns, tick.arming, tick.reason, tick.deadman, tick.speed_scale, twist
 
 

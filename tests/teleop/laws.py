@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from tams_app.config.motion import MAX_STOP_TIME_S
 from tams_app.records import Pose
-from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
 from tests.teleop.motions import unit
 from tests.teleop.rig import PERIOD_NS, Bench, make_config
@@ -91,8 +90,7 @@ def commanded(bench: Bench) -> tuple[np.ndarray, np.ndarray]:
 def _moved(before: Pose | None, now: Pose | None) -> tuple[np.ndarray, np.ndarray]:
     if before is None or now is None or before is now:
         return np.zeros(3), np.zeros(3)
-    turn: Rotation = now.rotation * before.rotation.inv()
-    return now.position - before.position, np.array(turn.as_rotvec())
+    return now.position - before.position, np.array(before.rotation.turn_to(now.rotation))
 
 
 def assert_profile_is_kept(bench: Bench) -> None:

@@ -24,6 +24,7 @@ from tams_app.rotation import Rotation
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import ArmingState
+from tams_app.vectors import times
 
 PERIOD_NS = 8_333_333
 READY_ROTATION = Rotation.from_rotvec((np.pi, 0.0, 0.0))
@@ -68,10 +69,9 @@ class IntegratingArm:
             self.pose = output.pose
         self._queue.append(output.twist if output.twist is not None else Twist.zero())
         twist = self._queue.popleft()
-        turn = Rotation.from_rotvec(twist.angular * interval_s)
         self.pose = Pose(
-            self.pose.position + twist.linear * interval_s,
-            turn * self.pose.rotation if twist.angular.any() else self.pose.rotation,
+            self.pose.position + np.array(twist.linear) * interval_s,
+            self.pose.rotation.turned(times(twist.angular, interval_s)),
         )
         self.trail.append(self.pose)
 

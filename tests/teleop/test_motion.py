@@ -90,7 +90,7 @@ def test_a_single_jump_moves_nothing() -> None:
     for k in range(1, 20):
         at = (0.5, 0, 0) if k >= 3 else (0, 0, 0)
         twist = hand.update(sample(at, k * 8 * NS_PER_MS), k * 8 * NS_PER_MS, 0.008)
-        assert not twist.linear.any()
+        assert not any(twist.linear)
 
 
 def test_anchoring_forgets_what_the_hand_did_before() -> None:

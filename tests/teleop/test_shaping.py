@@ -80,7 +80,7 @@ def test_a_target_is_reached_exactly_and_kept() -> None:
     for _ in range(60):
         shaper.step(target, PERIOD_S)
     assert (shaper.velocity == target).all()
-    assert not shaper.acceleration.any()
+    assert not any(shaper.acceleration)
 
 
 def test_turning_a_corner_at_full_speed_does_not_exceed_the_speed() -> None:

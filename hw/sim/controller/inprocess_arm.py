@@ -40,6 +40,7 @@ from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
+from tams_app.vectors import times
 
 MOVE_ACCELERATION_RAD_S2 = 1.0
 GRIPPER_ATTEMPTS = 3
@@ -192,7 +193,7 @@ class InProcessArm(SimulatedArm):
         if refusal := twist_refusal(twist, self._servo):
             self._fail(refusal, LinkFault.REFUSED)
             return
-        payload = struct.pack("<6f", *(twist.linear * 1000.0), *twist.angular) + bytes(1)
+        payload = struct.pack("<6f", *times(twist.linear, 1000.0), *twist.angular) + bytes(1)
         deadman = struct.pack("<f", self._config.velocity_deadman_s)
         self._command(Register.SET_CARTESIAN_VELOCITY, payload + deadman)
 
