@@ -14,17 +14,20 @@ import io
 import logging
 import os
 import socket
+import struct
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from hw.lite6.codes import Mode
+from hw.lite6.codes import Code, Mode, Register
 from tams_app.errors import DeviceError, SetupError
 
 FACTORY_CONTROL_PORT = 502
 _JOIN_S = 2.0
 _SOCKADDR_BYTES = 16
+_VELOCITY = struct.Struct("<6fBf")  # x y z [mm/s], about x y z [rad/s], frame, duration [s]
+_BASE_FRAME = 0
 
 _log = logging.getLogger(__name__)
 
@@ -108,6 +111,22 @@ def note_mode(api: Any, mode: Mode) -> None:
 def set_collision_sensitivity(api: Any, value: int) -> int:
     """As the SDK's own, which makes the controller ready afterwards (`set_state(0)`), unasked."""
     return int(api._arm.arm_cmd.set_collis_sens(value)[0])
+
+
+def set_cartesian_velocity(api: Any, speeds: Sequence[float], duration_s: float) -> int:
+    """The return code of `vc_set_cartesian_velocity`, in the base frame and with a duration.
+
+    The same frame over the same connection. The SDK's own packs its numbers one by one and words a
+    line for a log that nobody reads: a quarter of what a command costs, 120 times a second.
+    """
+    commands, register = api._arm.arm_cmd, Register.SET_CARTESIAN_VELOCITY
+    payload = _VELOCITY.pack(*speeds, _BASE_FRAME, duration_s)
+    with commands.lock:
+        sent = commands.send_modbus_request(register, payload, len(payload))
+        if sent == -1:
+            return Code.NOT_SENT
+        code, *_ = commands.recv_modbus_response(register, sent, 0, commands._S_TOUT)
+    return int(api._arm._check_code(code, is_move_cmd=True, mode=Mode.CARTESIAN_VELOCITY))
 
 
 def reply_thread_id(api: Any) -> int | None:

@@ -15,7 +15,7 @@ from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
 from hw.lite6.commands import pose_refusal, twist_refusal
 from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
-from hw.lite6.sdk import break_off, reply_thread_id
+from hw.lite6.sdk import break_off, reply_thread_id, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Pose, ServoMode, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
@@ -150,9 +150,7 @@ class CommandSender:
 
     def _velocity_call(self, twist: Twist) -> Callable[[], int]:
         speeds = [*times(twist.linear, _MM_PER_M), *twist.angular]
-        return lambda: int(
-            self._api.vc_set_cartesian_velocity(speeds, is_radian=True, duration=self._deadman_s)
-        )
+        return lambda: set_cartesian_velocity(self._api, speeds, self._deadman_s)
 
     def _pose_call(self, pose: Pose) -> Callable[[], int]:
         axis_angle = [*(pose.position * _MM_PER_M).tolist(), *pose.rotation.as_rotvec()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from tams_app.config import ClutchConfig
 from tams_app.records import ControllerSample, ControllerStatus
@@ -17,8 +17,7 @@ _NO_BUTTONS = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Buttons:
+class Buttons(NamedTuple):
     """One tick's reading; the last six are edges and true for one tick only."""
 
     pressed: bool  # the trigger is held, with hysteresis, and this is known

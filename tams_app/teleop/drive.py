@@ -110,12 +110,15 @@ class Drive:
             self._brake_then_anchor(sample, arm, interval_s)
             return
         measured = Tcp.of(arm.tcp)
-        hand = self._gated(self._hand.update(sample, now_ns, interval_s))
+        hand = self._hand.update(sample, now_ns, interval_s)
         tcp = self._target.tcp
         if self._follows_velocity:
             tcp = self._predictor.predict(measured, arm.received_ns, delay_ns)
         correction = self._correction(tcp)
-        wanted = Twist(plus(hand.linear, correction.linear), plus(hand.angular, correction.angular))
+        if self.orientation_mode:
+            wanted = Twist(ZERO, plus(hand.angular, correction.angular))
+        else:
+            wanted = Twist(plus(hand.linear, correction.linear), ZERO)
         if not self._follows_velocity:
             wanted = self._target.held_back(wanted, measured)
         limited = self._limits.limit(wanted, tcp, arm.joints, scale)
@@ -158,12 +161,6 @@ class Drive:
         if self.orientation_mode:
             return Twist(ZERO, times(tcp.rotation.turn_to(target.rotation), self._gain_per_s))
         return Twist(times(minus(target.position, tcp.position), self._gain_per_s), ZERO)
-
-    def _gated(self, twist: Twist) -> Twist:
-        """Translation has no ω, orientation no v."""
-        if self.orientation_mode:
-            return Twist(ZERO, twist.angular)
-        return Twist(twist.linear, ZERO)
 
     def _count_limited(self, limited_by: Reason | None, interval_s: float) -> None:
         self._limited_s = self._limited_s + interval_s if limited_by is not None else 0.0

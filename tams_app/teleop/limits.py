@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from operator import truediv
+from typing import NamedTuple
 
-import numpy as np
+from scipy.linalg.lapack import dgesv  # without the 5 µs that numpy takes to get there
 
 from tams_app.config import Config, ProfileConfig
 from tams_app.records import Twist, Vector
@@ -19,13 +19,14 @@ from tams_app.teleop.trajectory import Profile
 from tams_app.teleop.workspace import RotationCone, Workspace
 from tams_app.vectors import ZERO, Floats3, norm, shortened, times
 
-_DEMAND_M_S = 0.005  # below this the hand is at rest
-_DEMAND_RAD_S = 0.02
+_DEMANDS = (  # below this the hand is at rest [m/s, rad/s]; the limit that may stop it
+    (0.005, Reason.WORKSPACE),
+    (0.02, Reason.ROTATION_LIMIT),
+)
 _NOTHING_LEFT = 0.02  # of the wanted speed
 
 
-@dataclass(frozen=True, slots=True)
-class LimitedTwist:
+class LimitedTwist(NamedTuple):
     """The twist that is allowed, and what took something away."""
 
     twist: Twist
@@ -75,7 +76,7 @@ class Limits:
             times(shortened(inside, self._max_speed), joint_scale),
             times(shortened(turning, self._max_rotation), joint_scale),
         )
-        stopped_by = _what_stopped(Twist(linear, angular), Twist(inside, turning), joint_scale)
+        stopped_by = _what_stopped((linear, angular), (inside, turning), joint_scale)
         return LimitedTwist(twist, joint_scale, stopped_by)
 
     def shape(self, twist: Twist, tcp: Tcp, interval_s: float) -> Twist:
@@ -128,21 +129,19 @@ class Limits:
         """Keeps the predicted largest joint speed within its share of the limit."""
         if not (any(linear) or any(angular)):
             return 1.0
-        try:
-            speeds = np.linalg.solve(self._model.jacobian(joints), (*linear, *angular)).tolist()
-        except np.linalg.LinAlgError:  # exactly singular: no joint speed gives this twist
-            return 0.0
-        if not all(map(math.isfinite, speeds)):
+        *_, solution, failed = dgesv(self._model.jacobian(joints), (*linear, *angular))
+        speeds = solution.tolist()
+        if failed or not all(map(math.isfinite, speeds)):  # no joint speed gives this twist
             return 0.0
         share = max(map(truediv, map(abs, speeds), self._joint_speeds))
         return 1.0 if share <= self._joint_share else self._joint_share / share
 
 
-def _what_stopped(wanted: Twist, left: Twist, joint_scale: float) -> Reason | None:
-    for demand, rest, least, bound in (
-        (wanted.linear, left.linear, _DEMAND_M_S, Reason.WORKSPACE),
-        (wanted.angular, left.angular, _DEMAND_RAD_S, Reason.ROTATION_LIMIT),
-    ):
+def _what_stopped(
+    wanted: tuple[Floats3, Floats3], left: tuple[Floats3, Floats3], joint_scale: float
+) -> Reason | None:
+    """The limit that left next to nothing of the linear or the angular velocity."""
+    for demand, rest, (least, bound) in zip(wanted, left, _DEMANDS, strict=True):
         demanded = norm(demand)
         if demanded < least:
             continue

@@ -19,8 +19,8 @@ in the way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from tams_app.teleop.reasons import Reason
 from tams_app.units import NS_PER_S
@@ -70,8 +70,7 @@ class Request(StrEnum):
     CLEAR_ERRORS = "clear errors"
 
 
-@dataclass(frozen=True, slots=True)
-class ArmingEvents:
+class ArmingEvents(NamedTuple):
     """What one tick brings, with the reasons that hold now in order of precedence."""
 
     now_ns: int

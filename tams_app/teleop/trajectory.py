@@ -33,6 +33,8 @@ _SPLIT_STEPS = 7
 _LEAST_SPLIT = 1e-3  # ruckig fails on an axis without any jerk
 _LEAST_SHARE = 0.05  # of the acceleration, for either axis, for the same reason
 _MOST_SHARE = 0.998  # hypot with the least share stays below 1
+_THERE_AND_BACK = 1.0 + math.sqrt(2.0)  # times a/j: an acceleration away, and what it gave
+_PLANNER = Ruckig(2)  # keeps nothing from one calculation to the next
 
 
 class TrajectoryError(ArithmeticError):
@@ -183,7 +185,7 @@ def _solve(change: float, a_along: float, a_across: float, profile: Profile) -> 
     request.max_acceleration, request.max_jerk = accelerations, jerks
     trajectory = Trajectory(2)
     try:
-        Ruckig(2).calculate(request, trajectory)
+        _PLANNER.calculate(request, trajectory)
     except (RuckigError, ValueError) as error:  # ValueError: a result without a name
         raise TrajectoryError(str(error)) from error
     return trajectory
@@ -200,24 +202,21 @@ def _split(
     bound = max(_MOST_SHARE * profile.acceleration, math.hypot(a_along, a_across))
     gentlest = math.asin(min(1.0, a_across / bound))
     steepest = math.acos(min(1.0, abs(a_along) / bound))
-
-    def limits(split: float) -> tuple[list[float], list[float]]:
-        a_split = min(max(split, gentlest), steepest)
-        return [
-            max(bound * math.cos(a_split) * _SLACK, least),
-            max(bound * math.sin(a_split) * _SLACK, least),
-        ], [profile.jerk * math.cos(split), profile.jerk * math.sin(split)]
-
     low, high = _LEAST_SPLIT, math.pi / 2 - _LEAST_SPLIT
     for _ in range(_SPLIT_STEPS):
-        middle = (low + high) / 2.0
-        accelerations, jerks = limits(middle)
-        along_s = one_axis_s(change, a_along, accelerations[0], jerks[0])
-        if along_s < one_axis_s(0.0, a_across, accelerations[1], jerks[1]):
-            low = middle
+        split = (low + high) / 2.0
+        most_along = bound * math.cos(min(max(split, gentlest), steepest)) * _SLACK
+        j_along, j_across = profile.jerk * math.cos(split), profile.jerk * math.sin(split)
+        # across, nothing is to be changed: the limit of the acceleration is never met
+        along_s = one_axis_s(change, a_along, max(most_along, least), j_along)
+        if along_s < _THERE_AND_BACK * a_across / j_across:
+            low = split
         else:
-            high = middle
-    return limits(high)
+            high = split
+    a_split = min(max(high, gentlest), steepest)
+    accelerations = bound * math.cos(a_split) * _SLACK, bound * math.sin(a_split) * _SLACK
+    jerks = [profile.jerk * math.cos(high), profile.jerk * math.sin(high)]
+    return [max(one, least) for one in accelerations], jerks
 
 
 def one_axis_s(change: float, start: float, acceleration: float, jerk: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault, ServoMode
 from tams_app.teleop.clutch import is_fresh
@@ -141,4 +143,4 @@ def _is_sane_arm(arm: ArmState) -> bool:
 
 def _are_sane(values: tuple[float, ...]) -> bool:
     """Finite, and not so large that arithmetic could overflow."""
-    return all(-_MOST_SANE <= value <= _MOST_SANE for value in values)  # false for NaN
+    return all(map(math.isfinite, values)) and max(map(abs, values)) <= _MOST_SANE

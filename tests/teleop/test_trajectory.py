@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from ruckig import ControlInterface, InputParameter, Ruckig, Trajectory
 
 from tams_app.config import LimitsConfig, stop_time_s
 from tams_app.config.motion import MAX_STOP_TIME_S
@@ -16,9 +17,10 @@ from tams_app.teleop.trajectory import (
     TrajectoryError,
     VelocityTrajectory,
     coasting,
-    norm,
+    one_axis_s,
     one_by_one_s,
 )
+from tams_app.vectors import norm
 from tests.teleop.motions import Case, motions_of, plans, within
 
 pytestmark = pytest.mark.waiting
@@ -167,15 +169,20 @@ def test_what_is_not_finite_is_refused() -> None:
 # --- how good a plan is ---------------------------------------------------------------------------
 
 
-def one_axis_s(change: float, start: float, acceleration: float, jerk: float) -> float:
-    """The least time [s] for a change of velocity from an acceleration `start` to none."""
-    sign = 1.0 if change >= start * abs(start) / (2 * jerk) else -1.0
-    change, start = sign * change, sign * start
-    peak = math.sqrt(jerk * change + start**2 / 2)
-    if peak <= acceleration:
-        return (2 * peak - start) / jerk
-    held = change - (2 * acceleration**2 - start**2) / (2 * jerk)
-    return (2 * acceleration - start) / jerk + held / acceleration
+@given(st.floats(0, 0.5), st.floats(-1, 1), st.floats(1.0, 50.0), st.floats(1.0, 2000.0))
+def test_the_least_time_of_one_axis_is_the_time_that_ruckig_takes(
+    change: float, start: float, acceleration: float, jerk: float
+) -> None:
+    request = InputParameter(1)
+    request.control_interface = ControlInterface.Velocity
+    request.max_velocity = [1e3]
+    request.current_velocity, request.target_velocity = [-change], [0.0]
+    request.current_acceleration = [start * acceleration]
+    request.max_acceleration, request.max_jerk = [acceleration * (1 + 1e-9)], [jerk]
+    trajectory = Trajectory(1)
+    Ruckig(1).calculate(request, trajectory)
+    least_s = one_axis_s(change, start * acceleration, acceleration, jerk)
+    assert least_s == pytest.approx(trajectory.duration, rel=1e-6, abs=1e-8)
 
 
 def best_split_s(along: float, across: float, change: float, profile: Profile) -> float:

@@ -9,7 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from hw.lite6.sdk import FACTORY_CONTROL_PORT, connect_sdk, disconnect_sdk
+from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, Mode
+from hw.lite6.sdk import (
+    FACTORY_CONTROL_PORT,
+    connect_sdk,
+    disconnect_sdk,
+    note_mode,
+    set_cartesian_velocity,
+)
 from tests.hw.lite6.controller_rig import controller
 
 pytestmark = pytest.mark.waiting
@@ -61,3 +68,33 @@ def test_a_port_other_than_the_factorys_is_put_back_at_once() -> None:
         assert XCONF.SocketConf.TCP_CONTROL_PORT == FACTORY_CONTROL_PORT
         disconnect_sdk(api)
         assert not api.connected
+
+
+def test_a_velocity_is_sent_and_answered_as_by_the_sdks_own_call() -> None:
+    speeds, duration_s = [12.5, -3.0, 0.25, 0.1, -0.2, 0.3], 0.1
+    with controller() as rig:
+        api = connect_sdk("localhost", rig.config().control_port)
+        port = api._arm.arm_cmd.arm_port
+        frames: list[bytes] = []
+        write = port.write
+        port.write = lambda frame: (frames.append(frame), write(frame))[1]
+
+        def both() -> list[int]:
+            frames.clear()
+            theirs = api.vc_set_cartesian_velocity(speeds, is_radian=True, duration=duration_s)
+            return [theirs, set_cartesian_velocity(api, speeds, duration_s)]
+
+        assert both() == [Code.INVALID] * 2  # the mode is another
+        api.motion_enable(True)
+        api.set_mode(Mode.CARTESIAN_VELOCITY)
+        note_mode(api, Mode.CARTESIAN_VELOCITY)
+        assert both() == [Code.NOT_READY] * 2
+        api.set_state(0)
+        assert both() == [Code.OK] * 2
+        theirs, ours = frames
+        assert ours[2:] == theirs[2:]  # all but the number of the transaction
+        assert int.from_bytes(ours[:2]) == int.from_bytes(theirs[:2]) + 1
+        port.close()
+        port.join(5.0)
+        assert set(both()) <= NOTHING_GETS_THROUGH
+        disconnect_sdk(api)
