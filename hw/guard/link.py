@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import socket
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hw.arms import arm_kind
 
@@ -49,8 +48,7 @@ class GuardMessage(IntEnum):
 _MESSAGES = {message.value: message for message in GuardMessage}
 
 
-@dataclass(frozen=True, slots=True)
-class Heartbeat:
+class Heartbeat(NamedTuple):
     """One datagram; `latched` and `arm_lost` are the guard's and only in acknowledgements.
 
     `arming` counts the times the arm was armed, `sequence` the beats since the link was made.

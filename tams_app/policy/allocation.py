@@ -121,6 +121,7 @@ class WeightMatrix:
 
     def __init__(self, rows: Mapping[Phase, Mapping[str, float]]) -> None:
         self._rows = {phase: dict(row) for phase, row in rows.items()}
+        self._primary = {phase: max(row, key=row.__getitem__) for phase, row in rows.items()}
 
     def row(self, phase: Phase) -> dict[str, float]:
         """The share of each view in `phase`."""
@@ -128,8 +129,7 @@ class WeightMatrix:
 
     def primary_view(self, phase: Phase) -> str:
         """The view with the largest share in `phase`; of equals, the first named."""
-        row = self._rows[phase]
-        return max(row, key=lambda view: row[view])
+        return self._primary[phase]
 
 
 class Policy:

@@ -59,7 +59,10 @@ class ArmingState(StrEnum):
 
     @property
     def is_armed(self) -> bool:
-        return self in (ArmingState.READY, ArmingState.ENGAGED, ArmingState.HOLDING)
+        return self in _ARMED
+
+
+_ARMED = (ArmingState.READY, ArmingState.ENGAGED, ArmingState.HOLDING)
 
 
 class Request(StrEnum):

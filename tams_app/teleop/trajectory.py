@@ -34,7 +34,6 @@ _LEAST_SPLIT = 1e-3  # ruckig fails on an axis without any jerk
 _LEAST_SHARE = 0.05  # of the acceleration, for either axis, for the same reason
 _MOST_SHARE = 0.998  # hypot with the least share stays below 1
 _THERE_AND_BACK = 1.0 + math.sqrt(2.0)  # times a/j: an acceleration away, and what it gave
-_PLANNER = Ruckig(2)  # keeps nothing from one calculation to the next
 
 
 class TrajectoryError(ArithmeticError):
@@ -60,17 +59,54 @@ class MotionState(NamedTuple):
         return MotionState(ZERO, velocity, acceleration)
 
 
+class Planner:
+    """Ruckig and its request, for the two axes; made once, which takes longer than a calculation.
+
+    For one thread.
+    """
+
+    def __init__(self) -> None:
+        self._ruckig = Ruckig(2)
+        self._request = InputParameter(2)
+        self._request.control_interface = ControlInterface.Velocity
+        self._request.synchronization = Synchronization.No
+        self._request.max_velocity = [1e3, 1e3]  # not used by that interface (FINDINGS 10)
+
+    def plan(self, change: float, a_along: float, a_across: float, profile: Profile) -> Trajectory:
+        """The trajectory whose slower axis is as fast as possible."""
+        if a_across == 0.0:  # the second axis rests: the first gets all
+            most = max(profile.acceleration, abs(a_along)) * _SLACK
+            accelerations, jerks = [most, most], [profile.jerk, profile.jerk]
+        else:
+            accelerations, jerks = _split(change, a_along, a_across, profile)
+        request, trajectory = self._request, Trajectory(2)
+        request.current_velocity = [-change, 0.0]
+        request.current_acceleration = [a_along, a_across]
+        request.max_acceleration, request.max_jerk = accelerations, jerks
+        try:
+            self._ruckig.calculate(request, trajectory)
+        except (RuckigError, ValueError) as error:  # ValueError: a result without a name
+            raise TrajectoryError(str(error)) from error
+        return trajectory
+
+
 class VelocityTrajectory:
     """From a velocity and acceleration to a constant target velocity, within a profile."""
 
     def __init__(
-        self, velocity: Floats3, acceleration: Floats3, target: Floats3, profile: Profile
+        self,
+        velocity: Floats3,
+        acceleration: Floats3,
+        target: Floats3,
+        profile: Profile,
+        planner: Planner | None = None,
     ) -> None:
         """Raises TrajectoryError, also for input that is not finite."""
+        planner = planner or Planner()
         start = MotionState.moving(velocity, acceleration)
-        law: _BothAxes | _OneByOne = _BothAxes(start, target, profile)
+        law: _BothAxes | _OneByOne = _BothAxes(start, target, profile, planner)
         if law.duration_s > one_by_one_s(velocity, acceleration, target, profile):
-            law = _OneByOne(start, target, profile)
+            law = _OneByOne(start, target, profile, planner)
         self._law, self._target = law, target
         self.duration_s: float = law.duration_s
 
@@ -109,12 +145,14 @@ def coasting(start: MotionState, jerk: float, t_s: float) -> MotionState:
 class _BothAxes:
     """Along the change of velocity and across it at the same time."""
 
-    def __init__(self, start: MotionState, target: Floats3, profile: Profile) -> None:
+    def __init__(
+        self, start: MotionState, target: Floats3, profile: Profile, planner: Planner
+    ) -> None:
         self._start, self._target = start, target
         change = minus(target, start.velocity)
         size = norm(change)
         self._along, self._across, a_along, a_across = _plane(change, size, start.acceleration)
-        self._trajectory = _solve(size, a_along, a_across, profile)
+        self._trajectory = planner.plan(size, a_along, a_across, profile)
         self.duration_s: float = self._trajectory.duration
 
     def at(self, t_s: float) -> MotionState:
@@ -134,12 +172,14 @@ class _BothAxes:
 class _OneByOne:
     """First the acceleration is taken away, then the velocity changes along one line."""
 
-    def __init__(self, start: MotionState, target: Floats3, profile: Profile) -> None:
+    def __init__(
+        self, start: MotionState, target: Floats3, profile: Profile, planner: Planner
+    ) -> None:
         self._start, self._jerk = start, profile.jerk
         self._coast_s = norm(start.acceleration) / profile.jerk
         self._coasted = coasting(start, profile.jerk, self._coast_s)
         line_start = MotionState.moving(self._coasted.velocity, self._coasted.acceleration)
-        self._line = _BothAxes(line_start, target, profile)
+        self._line = _BothAxes(line_start, target, profile, planner)
         self.duration_s: float = self._coast_s + self._line.duration_s
 
     def at(self, t_s: float) -> MotionState:
@@ -167,28 +207,6 @@ def _plane(
     if a_across <= _TINY:
         return along, ZERO, a_along, 0.0
     return along, times(rest, 1.0 / a_across), a_along, a_across
-
-
-def _solve(change: float, a_along: float, a_across: float, profile: Profile) -> Trajectory:
-    """The one whose slower axis is as fast as possible."""
-    if a_across == 0.0:  # the second axis rests: the first gets all
-        most = max(profile.acceleration, abs(a_along)) * _SLACK
-        accelerations, jerks = [most, most], [profile.jerk, profile.jerk]
-    else:
-        accelerations, jerks = _split(change, a_along, a_across, profile)
-    request = InputParameter(2)
-    request.control_interface = ControlInterface.Velocity
-    request.synchronization = Synchronization.No
-    request.max_velocity = [1e3, 1e3]  # the velocity interface does not use it (FINDINGS 10)
-    request.current_velocity = [-change, 0.0]
-    request.current_acceleration = [a_along, a_across]
-    request.max_acceleration, request.max_jerk = accelerations, jerks
-    trajectory = Trajectory(2)
-    try:
-        _PLANNER.calculate(request, trajectory)
-    except (RuckigError, ValueError) as error:  # ValueError: a result without a name
-        raise TrajectoryError(str(error)) from error
-    return trajectory
 
 
 def _split(

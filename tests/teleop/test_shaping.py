@@ -142,8 +142,10 @@ def test_an_acceleration_all_across_the_wanted_change_finds_its_way() -> None:
     assert (shaper.velocity == [0, 0.2, 0]).all()
 
 
-def test_input_that_is_not_finite_raises_and_is_not_taken_on() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_input_that_is_not_finite_raises_and_leaves_nothing_behind() -> None:
+    shaper, other = VelocityShaper(V, MOTION, STOP), VelocityShaper(V, MOTION, STOP)
     with pytest.raises(TrajectoryError):
-        shaper.step(np.array([math.nan, 0, 0]), PERIOD_S)
+        shaper.step((math.nan, 0.0, 0.0), PERIOD_S)
     assert shaper.at_rest
+    for target in ((0.1, 0.0, 0.0), (0.1, 0.2, 0.0), (0.0, -0.1, 0.2)):
+        assert shaper.step(target, PERIOD_S) == other.step(target, PERIOD_S)
