@@ -175,7 +175,10 @@ def rotation_matrix(vector: Vector) -> Matrix:
 
 def rotation_from_rpy(rpy: Sequence[float] | Vector) -> Rotation:
     """UFACTORY's roll, pitch, yaw [rad]: Rz(yaw) Ry(pitch) Rx(roll)."""
-    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(part / 2), math.cos(part / 2)) for part in rpy)
+    roll, pitch, yaw = rpy
+    sr, cr = math.sin(roll / 2), math.cos(roll / 2)
+    sp, cp = math.sin(pitch / 2), math.cos(pitch / 2)
+    sy, cy = math.sin(yaw / 2), math.cos(yaw / 2)
     return Rotation(
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
