@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from tams_app.teleop.trajectory import (
     MotionState,
+    Planner,
     Profile,
     VelocityTrajectory,
     coasting,
@@ -30,6 +31,7 @@ class VelocityShaper:
         self._max_speed = max_speed
         self._motion = motion
         self._stop = stop
+        self._planner = Planner()
         self._braking: VelocityTrajectory | None = None
         self._braking_for_s = 0.0
         self.used_stop_profile = False  # in the last step
@@ -57,7 +59,7 @@ class VelocityShaper:
 
     def braking_trajectory(self, velocity: Floats3, acceleration: Floats3) -> VelocityTrajectory:
         """How `brake` would come to rest from that state."""
-        return VelocityTrajectory(velocity, acceleration, ZERO, self._stop)
+        return VelocityTrajectory(velocity, acceleration, ZERO, self._stop, self._planner)
 
     def braking_reach(self, velocity: Floats3, acceleration: Floats3, held_s: float) -> float:
         """An upper bound of the distance [m, rad] of `held_s` at that velocity, then braking.
@@ -98,7 +100,8 @@ class VelocityShaper:
     def _ways_on(self, target: Floats3, interval_s: float) -> Iterator[MotionState]:
         """Towards the target; if that may not be, without acceleration."""
         velocity, acceleration = self.velocity, self.acceleration
-        yield VelocityTrajectory(velocity, acceleration, target, self._motion).at(interval_s)
+        plan = VelocityTrajectory(velocity, acceleration, target, self._motion, self._planner)
+        yield plan.at(interval_s)
         present = MotionState.moving(velocity, acceleration)
         yield coasting(present, self._motion.jerk, interval_s)
 

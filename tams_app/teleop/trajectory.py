@@ -13,6 +13,7 @@ takes.
 from __future__ import annotations
 
 import math
+import weakref
 from typing import NamedTuple
 
 from ruckig import (
@@ -59,17 +60,56 @@ class MotionState(NamedTuple):
         return MotionState(ZERO, velocity, acceleration)
 
 
+class Planner:
+    """Ruckig and its request, for the two axes; made once, which takes longer than a calculation.
+
+    For one thread.
+    """
+
+    def __init__(self) -> None:
+        request = InputParameter(2)
+        request.control_interface = ControlInterface.Velocity
+        request.synchronization = Synchronization.No
+        request.max_velocity = [1e3, 1e3]  # not used by that interface (FINDINGS 10)
+        self._made = [Ruckig(2), request]
+        # what is alive when the process ends is told of as a leak, on the terminal
+        weakref.finalize(self, self._made.clear)
+
+    def plan(self, change: float, a_along: float, a_across: float, profile: Profile) -> Trajectory:
+        """The trajectory whose slower axis is as fast as possible."""
+        if a_across == 0.0:  # the second axis rests: the first gets all
+            most = max(profile.acceleration, abs(a_along)) * _SLACK
+            accelerations, jerks = [most, most], [profile.jerk, profile.jerk]
+        else:
+            accelerations, jerks = _split(change, a_along, a_across, profile)
+        (ruckig, request), trajectory = self._made, Trajectory(2)
+        request.current_velocity = [-change, 0.0]
+        request.current_acceleration = [a_along, a_across]
+        request.max_acceleration, request.max_jerk = accelerations, jerks
+        try:
+            ruckig.calculate(request, trajectory)
+        except (RuckigError, ValueError) as error:  # ValueError: a result without a name
+            raise TrajectoryError(str(error)) from error
+        return trajectory
+
+
 class VelocityTrajectory:
     """From a velocity and acceleration to a constant target velocity, within a profile."""
 
     def __init__(
-        self, velocity: Floats3, acceleration: Floats3, target: Floats3, profile: Profile
+        self,
+        velocity: Floats3,
+        acceleration: Floats3,
+        target: Floats3,
+        profile: Profile,
+        planner: Planner | None = None,
     ) -> None:
         """Raises TrajectoryError, also for input that is not finite."""
+        planner = planner or Planner()
         start = MotionState.moving(velocity, acceleration)
-        law: _BothAxes | _OneByOne = _BothAxes(start, target, profile)
+        law: _BothAxes | _OneByOne = _BothAxes(start, target, profile, planner)
         if law.duration_s > one_by_one_s(velocity, acceleration, target, profile):
-            law = _OneByOne(start, target, profile)
+            law = _OneByOne(start, target, profile, planner)
         self._law, self._target = law, target
         self.duration_s: float = law.duration_s
 
@@ -108,12 +148,14 @@ def coasting(start: MotionState, jerk: float, t_s: float) -> MotionState:
 class _BothAxes:
     """Along the change of velocity and across it at the same time."""
 
-    def __init__(self, start: MotionState, target: Floats3, profile: Profile) -> None:
+    def __init__(
+        self, start: MotionState, target: Floats3, profile: Profile, planner: Planner
+    ) -> None:
         self._start, self._target = start, target
         change = minus(target, start.velocity)
         size = norm(change)
         self._along, self._across, a_along, a_across = _plane(change, size, start.acceleration)
-        self._trajectory = _solve(size, a_along, a_across, profile)
+        self._trajectory = planner.plan(size, a_along, a_across, profile)
         self.duration_s: float = self._trajectory.duration
 
     def at(self, t_s: float) -> MotionState:
@@ -133,12 +175,14 @@ class _BothAxes:
 class _OneByOne:
     """First the acceleration is taken away, then the velocity changes along one line."""
 
-    def __init__(self, start: MotionState, target: Floats3, profile: Profile) -> None:
+    def __init__(
+        self, start: MotionState, target: Floats3, profile: Profile, planner: Planner
+    ) -> None:
         self._start, self._jerk = start, profile.jerk
         self._coast_s = norm(start.acceleration) / profile.jerk
         self._coasted = coasting(start, profile.jerk, self._coast_s)
         line_start = MotionState.moving(self._coasted.velocity, self._coasted.acceleration)
-        self._line = _BothAxes(line_start, target, profile)
+        self._line = _BothAxes(line_start, target, profile, planner)
         self.duration_s: float = self._coast_s + self._line.duration_s
 
     def at(self, t_s: float) -> MotionState:
@@ -166,29 +210,6 @@ def _plane(
     if a_across <= _TINY:
         return along, ZERO, a_along, 0.0
     return along, times(rest, 1.0 / a_across), a_along, a_across
-
-
-def _solve(change: float, a_along: float, a_across: float, profile: Profile) -> Trajectory:
-    """The one whose slower axis is as fast as possible."""
-    if a_across == 0.0:  # the second axis rests: the first gets all
-        most = max(profile.acceleration, abs(a_along)) * _SLACK
-        accelerations, jerks = [most, most], [profile.jerk, profile.jerk]
-    else:
-        accelerations, jerks = _split(change, a_along, a_across, profile)
-    request = InputParameter(2)
-    request.control_interface = ControlInterface.Velocity
-    request.synchronization = Synchronization.No
-    request.max_velocity = [1e3, 1e3]  # the velocity interface does not use it (FINDINGS 10)
-    request.current_velocity = [-change, 0.0]
-    request.current_acceleration = [a_along, a_across]
-    request.max_acceleration, request.max_jerk = accelerations, jerks
-    trajectory = Trajectory(2)
-    try:
-        # made anew: one that a frozen session keeps is told of as a leak when the process ends
-        Ruckig(2).calculate(request, trajectory)
-    except (RuckigError, ValueError) as error:  # ValueError: a result without a name
-        raise TrajectoryError(str(error)) from error
-    return trajectory
 
 
 def _split(

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -157,6 +159,18 @@ def test_coasting_takes_the_acceleration_away_with_the_jerk_and_no_other_way(
     np.testing.assert_allclose(state.velocity, velocity + gained, atol=1e-5)
     way = np.trapezoid(np.array([s.velocity for s in past]), times, axis=0)
     np.testing.assert_allclose(state.displacement, way, atol=1e-5)
+
+
+def test_a_planner_that_lives_until_the_process_ends_is_not_told_of_as_a_leak() -> None:
+    program = (
+        "import gc\n"
+        "from tams_app.teleop.trajectory import Planner\n"
+        "kept = [Planner()]; kept.append(kept); gc.freeze()"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert ended.stderr == ""
 
 
 def test_what_is_not_finite_is_refused() -> None:
