@@ -22,6 +22,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tams_app.runtime import futex
+
 _NUMBER = struct.Struct("<Q")  # of records put; of a bulk: 2n + 1 while n is written, then 2n + 2
 _CHECKSUM = struct.Struct("<I4x")
 _ALIGNED_BYTES = 64
@@ -83,6 +85,14 @@ class SharedRing:
         self._memory[at : at + len(whole)] = whole
         _NUMBER.pack_into(self._memory, self._start, number + 1)
 
+    def wake_readers(self) -> None:
+        """Let those go on that wait for a record: after a `put`, if the ring has such readers."""
+        futex.wake(self._count())
+
+    def await_more(self, written: int, timeout_ns: int) -> None:
+        """Sleep while no more than `written` records were put; it may return early, look again."""
+        futex.wait(self._count(), written & 0xFFFFFFFF, timeout_ns)
+
     def head(self, number: int) -> bytes | None:
         """The head of record `number`; None if it is not there (any more)."""
         at = self._head_at(number)
@@ -106,6 +116,10 @@ class SharedRing:
             if head is not None:
                 return number, head
         return None
+
+    def _count(self) -> futex.Word:
+        """The lower half of the number of records; the machines that have a futex put it first."""
+        return np.frombuffer(self._memory, np.uint32, 1, self._start)
 
     def _head_at(self, number: int) -> int:
         slot = number % self._shape.heads

@@ -1,7 +1,8 @@
-"""One rig per kind of camera: simulated in virtual time; pattern, file and V4L2 in real time."""
+"""One rig per kind of camera: simulated, pattern, file and V4L2."""
 
 from __future__ import annotations
 
+import threading
 import time
 from abc import ABC, abstractmethod
 from contextlib import ExitStack
@@ -16,8 +17,9 @@ from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
-from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
+from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
 from tests.hw.v4l2.fake_cameras import Behaviour, CameraProcess, RemoteCamera
 
@@ -50,53 +52,37 @@ class CameraRig(ABC):
         time.sleep(seconds)
 
 
-class FeedingClock(VirtualClock):
-    """A virtual clock in whose time a renderer publishes frames."""
-
-    def __init__(self, writer: FrameWriter, shape: FrameShape) -> None:
-        super().__init__()
-        self._writer = writer
-        self._shape = shape
-        self._start_ns = self.now_ns()
-        self._published = 0
-        self.feeding = True
-
-    def sleep_until_ns(self, deadline_ns: int) -> None:
-        super().sleep_until_ns(deadline_ns)
-        while self.feeding and self._due_ns() <= self.now_ns():
-            number = self._published
-            frame = np.full((self._shape.height, self._shape.width, 3), number % 256, np.uint8)
-            self._writer.publish(VIEW, number, self._due_ns(), frame)
-            self._published += 1
-
-    def _due_ns(self) -> int:
-        return self._start_ns + self._published * NS_PER_S // SMALL.fps
-
-
 class SimRig(CameraRig):
+    """Frames of one grey, published at their instants as a renderer does."""
+
     def __init__(self) -> None:
         super().__init__()
         self._name = new_block_name()
         self.cleaning.callback(remove_memory, self._name)
         self._shape = FrameShape((VIEW,), SMALL.width, SMALL.height)
-        writer = FrameWriter(self._name, self._shape)
-        self.cleaning.callback(writer.close)
-        self._clock = FeedingClock(writer, self._shape)
+        self._writer = FrameWriter(self._name, self._shape)
+        self.cleaning.callback(self._writer.close)
+        self._renderer = Worker("renderer", self._render)
+        self.cleaning.callback(self._renderer.stop)
+        self._renderer.start()
 
     def camera(self) -> Camera:
-        return SimCamera(VIEW, self._name, self._clock, self._shape)
+        return SimCamera(VIEW, self._name, MonotonicClock(), self._shape)
 
     def absent_camera(self) -> Camera:
-        return SimCamera("left", self._name, self._clock, self._shape)
+        return SimCamera("left", self._name, MonotonicClock(), self._shape)
 
     def silence(self) -> None:
-        self._clock.feeding = False
+        self._renderer.stop()
 
-    def now_ns(self) -> int:
-        return self._clock.now_ns()
-
-    def wait(self, seconds: float) -> None:
-        self._clock.sleep_until_ns(self._clock.now_ns() + round(seconds * NS_PER_S))
+    def _render(self, stop: threading.Event) -> None:
+        first_ns = time.monotonic_ns()
+        while not stop.is_set():
+            number = (time.monotonic_ns() - first_ns) * SMALL.fps // NS_PER_S + 1
+            due_ns = first_ns + number * NS_PER_S // SMALL.fps
+            MonotonicClock().sleep_until_ns(due_ns)
+            image = np.full((SMALL.height, SMALL.width, 3), number % 256, np.uint8)
+            self._writer.publish(VIEW, number, due_ns, image)
 
 
 def _make(config: CameraConfig) -> Camera:

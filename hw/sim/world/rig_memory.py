@@ -145,7 +145,9 @@ class FrameWriter:
         """Put a BGR image, shape (height, width, 3), in the ring of `view`."""
         due = grid or FrameGrid()
         head = _FRAME.pack(index, capture_ns, due.start_ns, due.period_ns)
-        self._rings[view].put(head, lambda pixels: np.copyto(pixels, image.ravel()))
+        ring = self._rings[view]
+        ring.put(head, lambda pixels: np.copyto(pixels, image.ravel()))
+        ring.wake_readers()
 
     def close(self) -> None:
         self._block.close()
@@ -164,9 +166,9 @@ class FrameReader:
         """How many frames were put so far."""
         return self._ring.written()
 
-    def grid(self) -> FrameGrid:
-        """When the frames are due, once the first was put."""
-        return _grid(self._ring)
+    def await_more(self, written: int, timeout_ns: int) -> None:
+        """Sleep while no more than `written` frames were put; it may return early, look again."""
+        self._ring.await_more(written, timeout_ns)
 
     def newest(self) -> Frame | None:
         """A copy of the newest frame; None before the first or if it was overwritten."""
