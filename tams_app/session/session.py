@@ -9,6 +9,8 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
+
 from hw.arm import Arm
 from hw.boundary import session_boundary
 from tams_app.config import Config
@@ -16,6 +18,7 @@ from tams_app.errors import TamsError
 from tams_app.policy.allocation import WeightMatrix
 from tams_app.records import Activity, PacketRecord, ServoMode, ShownFrame
 from tams_app.runtime.clock import Clock
+from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.worker import Worker
@@ -85,6 +88,8 @@ class Session:
 
     def _start(self) -> None:
         config, clock = self.config, self._clock
+        keep_freed_memory()
+        cv2.setNumThreads(1)  # its other threads would spin for work longer than a frame takes
         if config.control.realtime_priority:
             use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
             self._stack.callback(use_ordinary)

@@ -18,6 +18,7 @@ import psutil
 
 from tams_app.records import FrameQuality
 from tams_app.runtime.clock import Clock, MonotonicClock
+from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import use_idle
 from tams_app.runtime.shared_ring import open_block
@@ -27,7 +28,7 @@ from tams_app.video.quality import Fate, Scorer, ViewQuality
 from tams_app.video.reporting_helper import line_of
 
 WAITING_FATES = 15  # per view: half a second; older ones go out without scores
-_POLL_S = 0.01
+_POLL_S = 0.05  # the rings hold half a second of images
 _FINISH_NS = 700 * NS_PER_MS  # for what is left at the end
 _SEND_TIMEOUT_S = 30.0
 
@@ -146,6 +147,7 @@ def idle_fraction() -> float:
 def main() -> None:
     side = HelperSide()
     use_idle()
+    keep_freed_memory()
     cv2.setNumThreads(1)
     specification: dict[str, Any] = side.specification
     names = tuple(specification["views"])

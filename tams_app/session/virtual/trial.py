@@ -20,6 +20,7 @@ from tams_app.recording import read_log
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, PhaseChange, ShownFrame
 from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.session import build
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
@@ -49,6 +50,8 @@ def run_virtual_trial(
     `wall_start_ns`: when it began by the wall's clock, for the log's header. The same arguments
     leave the same bytes on the same machine.
     """
+    keep_freed_memory()
+    cv2.setNumThreads(1)
     furnish_session_folder(config, folder)
     trial = VirtualTrial(config, participant_seed, folder, wall_start_ns)
     try:
@@ -69,7 +72,6 @@ class SimulatedTrialRunner:
     config: Config  # the study's
 
     def run(self, trial: PlannedTrial, folder: Path) -> None:
-        cv2.setNumThreads(1)
         recording = self.config.recording.model_copy(update={"bitstream": False})
         config = trial.configure(self.config).model_copy(update={"recording": recording})
         gc.freeze()  # what was imported lives as long as the process
