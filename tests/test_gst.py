@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from tams_app import gst
@@ -16,6 +17,24 @@ pytestmark = pytest.mark.waiting
 
 def test_a_machine_with_all_packages_lacks_nothing() -> None:
     assert gst.missing_elements() == {}
+
+
+def test_a_buffer_holds_a_copy_of_what_it_was_given_and_gives_a_copy_back() -> None:
+    image = np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    buffer = gst.raw_buffer(image, 7, 5)
+    before = image.copy()
+    image[:] = 0
+    pixels = gst.pixels_of(buffer)
+    np.testing.assert_array_equal(pixels.reshape(before.shape), before)
+    pixels[:] = 0
+    assert buffer.extract_dup(0, buffer.get_size()) == before.tobytes()
+    assert (buffer.pts, buffer.duration) == (7, 5)
+    assert gst.pixels_of(gst.raw_buffer(b"packet", 0, 0)).tobytes() == b"packet"
+
+
+def test_an_image_that_is_not_in_one_piece_is_refused() -> None:
+    with pytest.raises(ValueError, match="contiguous"):
+        gst.raw_buffer(np.zeros((4, 4, 3), np.uint8)[:, ::2], 0, 0)
 
 
 def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:

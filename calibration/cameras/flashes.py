@@ -167,7 +167,7 @@ def flashing_window(clock: Clock) -> Iterator[Flashes]:
             return
         number, (from_ns, to_ns) = stretch
         image = np.full((HEIGHT, WIDTH), 255 * (number % 2), np.uint8)
-        source.emit("push-buffer", gst.raw_buffer(image.tobytes(), from_ns, to_ns - from_ns))
+        source.emit("push-buffer", gst.raw_buffer(image, from_ns, to_ns - from_ns))
 
     pipeline.get_by_name("flashes").connect("need-data", feed)
     pipeline.use_clock(Gst.SystemClock.obtain())

@@ -165,7 +165,7 @@ class ClipWriter:
     def add(self, image: Image) -> None:
         """The next image, BGR; SetupError if it cannot be written."""
         pts_ns = self._count * NS_PER_S // self._fps
-        buffer = gst.raw_buffer(image.tobytes(), pts_ns, NS_PER_S // self._fps)
+        buffer = gst.raw_buffer(image, pts_ns, NS_PER_S // self._fps)
         self._count += 1
         self._images.emit("push-buffer", buffer)
         if reason := gst.poll_bus(self._pipeline):

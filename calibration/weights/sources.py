@@ -13,7 +13,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from tams_app import gst
@@ -103,8 +102,7 @@ def decode(units: Iterator[EncodedFrame], config: VideoConfig, decoder: str) -> 
 
 def _frame(view: str, sample: Any, config: VideoConfig) -> Frame:
     buffer = sample.get_buffer()
-    pixels = np.frombuffer(buffer.extract_dup(0, buffer.get_size()), np.uint8)
-    image: Image = pixels.reshape(config.height, config.width, 3)
+    image: Image = gst.pixels_of(buffer).reshape(config.height, config.width, 3)
     return Frame(view, 0, buffer.pts, image)  # known by its time alone
 
 

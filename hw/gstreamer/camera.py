@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-import numpy as np
-
 from hw.camera import Camera
 from hw.gstreamer.capture import GstCapture, RawFrame
 from hw.gstreamer.monitor import CaptureGrid, FrameStatus, FreezeWatch
@@ -134,7 +132,7 @@ class GstCamera(Camera):
 
     def _look_at(self, raw: RawFrame) -> Frame | None:
         now_ns = self._clock.now_ns()
-        status = self._watch.frame(now_ns, raw.data)
+        status = self._watch.frame(now_ns, raw.pixels)
         if status is FrameStatus.FROZEN:
             self._shut()
             self._tell(status, "it is opened again until that ends")
@@ -144,8 +142,7 @@ class GstCamera(Camera):
         index = self._grid.index(raw.capture_ns)
         if index is None:
             return None
-        image = np.frombuffer(raw.data, np.uint8).reshape(self._shape).copy()
-        return Frame(self.view, index, raw.capture_ns, image)
+        return Frame(self.view, index, raw.capture_ns, raw.pixels.reshape(self._shape))
 
     def _look_after(self, capture: GstCapture) -> None:
         """No frame came: find out whether the source is to be opened again."""

@@ -9,16 +9,17 @@ from typing import Any
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError, SetupError
+from tams_app.records import Image
 
 _ELEMENTS = ("videoconvert", "videoscale", "appsink")
 
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """BGR bytes, row by row without padding, and when they were taken (CLOCK_MONOTONIC, ns)."""
+    """BGR pixels, row by row without padding, and when they were taken (CLOCK_MONOTONIC, ns)."""
 
     capture_ns: int
-    data: bytes
+    pixels: Image
 
 
 class GstCapture:
@@ -69,7 +70,7 @@ class GstCapture:
             self._failure = "its frames carry no times; put the video in a container like .mkv"
             return None
         capture_ns = self._pipeline.get_base_time() + running_ns
-        return RawFrame(capture_ns, buffer.extract_dup(0, buffer.get_size()))
+        return RawFrame(capture_ns, gst.pixels_of(buffer))
 
     @property
     def ended(self) -> bool:

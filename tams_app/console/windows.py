@@ -55,8 +55,9 @@ class ViewWindow:
             return
         self._last_index = frame.index
         self.frames_shown += 1
-        pixels = _labelled(frame.image, self.view).tobytes()
-        self._frames.emit("push-buffer", gst.raw_buffer(pixels, frame.shown_ns, self._duration_ns))
+        labelled = _labelled(frame.image, self.view)
+        buffer = gst.raw_buffer(labelled, frame.shown_ns, self._duration_ns)
+        self._frames.emit("push-buffer", buffer)
 
     def poll(self) -> str:
         """Why this window shows nothing any more, in one sentence; "" while it works.

@@ -9,8 +9,6 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
@@ -137,8 +135,7 @@ class ViewDecoder:
         if self._identity is None:
             raise TamsError("a frame came out before a packet went in")
         height, width = self._config.height, self._config.width
-        pixels = np.frombuffer(buffer.extract_dup(0, buffer.get_size()), np.uint8)
-        image: Image = pixels.reshape(height, width, 3)
+        image: Image = gst.pixels_of(buffer).reshape(height, width, 3)
         index = self._identity.index(buffer.pts)
         shown = ShownFrame(self._view, index, self._clock.now_ns(), image)
         self.mailbox.put(shown)

@@ -76,7 +76,7 @@ class ViewEncoder:
             self._underway[frame.index] = (frame.capture_ns, admitted_ns)
         fps = self._config.fps
         pts_ns = pts_of_index(frame.index, fps)
-        return gst.raw_buffer(frame.image.tobytes(), pts_ns, NS_PER_S // fps)
+        return gst.raw_buffer(frame.image, pts_ns, NS_PER_S // fps)
 
     def _set_encoder_rate(self, wire_bytes: int, frame_target_kbps: float) -> None:
         encoder_kbps = self._servo.step(wire_bytes, frame_target_kbps)
