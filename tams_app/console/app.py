@@ -96,7 +96,8 @@ def _watch(
                 _refresh(session, window)
             for note in session.board.take_notes():
                 line.say(note)
-            line.update(session.snapshot())
+            if line.is_due(session.elapsed_s()):
+                line.update(session.snapshot())
         for note in session.board.take_notes():
             line.say(note)
 

@@ -79,9 +79,13 @@ class StatusLine:
         if self._live is not None:
             self._live.stop()
 
+    def is_due(self, t_s: float) -> bool:
+        """Whether a snapshot of `t_s` would be shown: the last one was not shown a moment ago."""
+        return t_s >= self._next_s
+
     def update(self, snapshot: StatusSnapshot) -> None:
-        """Show `snapshot`, unless the last one was shown a moment ago."""
-        if snapshot.t_s < self._next_s:
+        """Show `snapshot` if it is due."""
+        if not self.is_due(snapshot.t_s):
             return
         self._next_s = snapshot.t_s + self._every_s
         lines = self._lines_of(snapshot)
