@@ -19,6 +19,9 @@ from tams_app.video.virtual_time.stepped_clock import SteppedClock
 _TASKS = "/proc/self/task"
 _ASLEEP = ord("S")
 TIMEOUT_S = 20.0  # real time: no event of ours takes a tenth of it, even on a busy machine
+# Between two looks while a thread works. A frame takes milliseconds to decode: to look all the time
+# would take as long on another core.
+_PAUSE_S = 0.0001
 
 
 class IdleWaiter:
@@ -30,6 +33,7 @@ class IdleWaiter:
         self._timeout_s = timeout_s
         self._wall_s = wall_s
         self._files: dict[str, tuple[int, int]] = {}  # thread -> its stat and schedstat
+        self._last_busy: int | None = None  # its stat
 
     def wait(self) -> None:
         """Return when all others sleep; TamsError if they do not within the timeout."""
@@ -40,7 +44,7 @@ class IdleWaiter:
                     f"the process did not become idle within {self._timeout_s:g} s: "
                     "virtual time needs a process in which nothing else runs"
                 )
-            os.sched_yield()
+            time.sleep(_PAUSE_S)
 
     def close(self) -> None:
         """Close the files it looks into; may be called twice."""
@@ -48,12 +52,13 @@ class IdleWaiter:
             for file in pair:
                 os.close(file)
         self._files.clear()
+        self._last_busy = None
 
     def _all_idle(self) -> bool:
         try:
-            self._open_new()
-            if not self._all_asleep():
+            if self._last_busy is not None and not _is_asleep(self._last_busy):
                 return False
+            self._open_new()
             known, counts = len(self._files), self._counts()
             if not (self._all_asleep() and self._all_asleep() and self._counts() == counts):
                 return False
@@ -81,14 +86,19 @@ class IdleWaiter:
 
     def _all_asleep(self) -> bool:
         for stat, _ in self._files.values():
-            text = os.pread(stat, 256, 0)
-            if text[text.rindex(b")") + 2] != _ASLEEP:
+            if not _is_asleep(stat):
+                self._last_busy = stat
                 return False
         return True
 
     def _counts(self) -> list[bytes]:
         """Time on the core, time waiting for it, times put on it, of every thread."""
         return [os.pread(schedule, 64, 0) for _, schedule in self._files.values()]
+
+
+def _is_asleep(stat: int) -> bool:
+    text = os.pread(stat, 256, 0)
+    return text[text.rindex(b")") + 2] == _ASLEEP
 
 
 class IdleGate:
