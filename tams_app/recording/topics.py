@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from tams_app.recording.codec import Codec
@@ -129,8 +130,7 @@ class PacketBatch:
     @staticmethod
     def of(packets: Sequence[PacketRecord]) -> PacketBatch:
         """The columns of at least one packet."""
-        names = [field.name for field in fields(PacketBatch)]
-        columns: list[Any] = [tuple(getattr(one, name) for one in packets) for name in names]
+        columns: list[Any] = list(zip(*map(_COLUMNS, packets), strict=True))
         columns[1] = tuple(kind.value for kind in columns[1])
         columns[7] = tuple(fate.value for fate in columns[7])
         return PacketBatch(*columns)
@@ -143,6 +143,7 @@ class PacketBatch:
         return list(map(PacketRecord, *columns))
 
 
+_COLUMNS = attrgetter(*(field.name for field in fields(PacketBatch)))
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 

@@ -125,11 +125,11 @@ class DecoderChain(Chain):
 
     def feed(self, packet: bytes, resent: bool) -> None:
         """A packet has arrived; a resent one in its original form, as rtprtxreceive makes it."""
-        modules = gst.load()
-        buffer = modules.Gst.Buffer.new_wrapped_bytes(modules.GLib.Bytes.new(packet))
+        Gst = gst.load().Gst
+        buffer = Gst.Buffer.new_wrapped(packet)
         buffer.dts = self._clock.now_ns() - self._clock.start_ns
         if resent:  # the first flag after GStreamer's own is RTP's mark of a retransmission
-            buffer.set_flags(modules.Gst.BufferFlags.LAST)
+            buffer.set_flags(Gst.BufferFlags.LAST)
         self.push(buffer)
 
     def take_nacks(self) -> list[tuple[int, int]]:

@@ -46,6 +46,7 @@ class VirtualReceiver:
             view, gst.choose_decoder(config.decoder), rule, self.decoder, shared.clock
         )
         self.start, self.close = self._chain.start, self._chain.close
+        self.timing = self._session.timing  # it knows when `step` must be called
         self.arrive_report = self._session.received_report
 
     def arrive(self, packet: bytes, resent: bool) -> None:
@@ -71,11 +72,6 @@ class VirtualReceiver:
         for shown in self._decoded:
             self._shared.events.post(shown.shown_ns, partial(self._show, shown))
         self._decoded.clear()
-
-    @property
-    def next_ns(self) -> int | None:
-        """When `step` must be called [ns]."""
-        return self._session.next_ns
 
     def step(self) -> None:
         """Send the feedback that is due now."""

@@ -47,7 +47,7 @@ class ReceiverSession:
     """Collects what the jitter buffer and the depayloader ask for until RTCP may leave."""
 
     def __init__(self, random: Random, rtx: bool) -> None:
-        self._timing = RtcpTiming(random, RECEIVER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
+        self.timing = RtcpTiming(random, RECEIVER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
         self._nacks: dict[int, int] = {}  # sequence number -> when asking becomes pointless
         self._rtx = rtx
         self._pli = False
@@ -57,33 +57,33 @@ class ReceiverSession:
     @property
     def next_ns(self) -> int | None:
         """When `step` must be called [ns]; None before the first packet."""
-        return self._timing.next_ns
+        return self.timing.next_ns
 
     def received(self, now_ns: int, repair: bool) -> None:
         """A packet of the RTP flow came."""
-        self._timing.start(now_ns)
+        self.timing.start(now_ns)
         self._repaired |= repair
 
     def received_report(self, transit_ns: int, size_bytes: int) -> None:
         """A sender report came after `transit_ns`."""
         self._report_transit_ns = transit_ns
-        self._timing.members = 2 + self._rtx
-        self._timing.observe(size_bytes)
+        self.timing.members = 2 + self._rtx
+        self.timing.observe(size_bytes)
 
     def ask_again(self, now_ns: int, sequence: int, time_left_ms: int) -> None:
         """The jitter buffer misses a packet that must be asked for within `time_left_ms`."""
         time_left_ns = time_left_ms * NS_PER_MS
         self._nacks[sequence] = now_ns + time_left_ns
-        self._timing.request(now_ns, time_left_ns)
+        self.timing.request(now_ns, time_left_ns)
 
     def ask_keyframe(self, now_ns: int) -> None:
         """The depayloader cannot go on without a keyframe."""
         self._pli = True
-        self._timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
+        self.timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
 
     def step(self, now_ns: int) -> Feedback | None:
         """The datagram that leaves now, None if the timer was reconsidered."""
-        report = self._timing.step(now_ns)
+        report = self.timing.step(now_ns)
         if report is None:
             return None
         regular = report is Report.REGULAR
@@ -92,7 +92,7 @@ class ReceiverSession:
         size_bytes = _HEADERS + _RECEIVER_REPORT + (_SDES if regular else _SHORT_SDES)
         size_bytes += (_REPORT_BLOCK * (1 + self._repaired) if regular else 0) + _PLI * pli
         size_bytes += _nack_bytes(nacks)
-        self._timing.observe(size_bytes)
+        self.timing.observe(size_bytes)
         transit_ns = self._report_transit_ns if regular else None
         return Feedback(now_ns, nacks, pli, size_bytes, transit_ns)
 
@@ -114,8 +114,8 @@ class SenderSession:
     """The sender's reports, and its refusal of keyframe requests that come too soon."""
 
     def __init__(self, random: Random, rtx: bool) -> None:
-        self._timing = RtcpTiming(random, SENDER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
-        self._timing.members = 2 + rtx
+        self.timing = RtcpTiming(random, SENDER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
+        self.timing.members = 2 + rtx
         self._rtx = rtx
         self._round_trip_ns = 0
         self._last_keyframe_ns: int | None = None
@@ -124,11 +124,11 @@ class SenderSession:
     @property
     def next_ns(self) -> int | None:
         """When `step` must be called [ns]; None before the first packet."""
-        return self._timing.next_ns
+        return self.timing.next_ns
 
     def sent(self, now_ns: int, repair: bool) -> None:
         """A packet of the RTP flow left."""
-        self._timing.start(now_ns)
+        self.timing.start(now_ns)
         self._repaired |= repair
 
     def step(self, now_ns: int) -> list[int]:
@@ -136,13 +136,13 @@ class SenderSession:
 
         A stream that has sent nothing yet gives the report of a receiver.
         """
-        if self._timing.step(now_ns) is None:
+        if self.timing.step(now_ns) is None:
             return []
         sizes = [_HEADERS + _SENDER_REPORT + _SDES]
         if self._rtx:
             sizes.append(sizes[0] if self._repaired else _HEADERS + _RECEIVER_REPORT + _SDES)
         for size_bytes in sizes:
-            self._timing.observe(size_bytes)
+            self.timing.observe(size_bytes)
         return sizes
 
     def received(self, now_ns: int, feedback: Feedback) -> bool:
@@ -150,7 +150,7 @@ class SenderSession:
 
         rtpsession ignores a request that follows the last one by less than two round trips.
         """
-        self._timing.observe(feedback.size_bytes)
+        self.timing.observe(feedback.size_bytes)
         if feedback.report_transit_ns is not None:
             exact_ns = feedback.report_transit_ns + now_ns - feedback.sent_ns
             self._round_trip_ns = round(round(exact_ns / _ROUND_TRIP_UNIT_NS) * _ROUND_TRIP_UNIT_NS)

@@ -59,6 +59,7 @@ class VirtualSender:
         )
         self._chain = EncoderChain(view, config, self._frames, shared.clock)
         self.start, self.close = self._chain.start, self._chain.close
+        self.timing = self._session.timing  # it knows when `step` must be called
         self.set_target_kbps = self._frames.set_target_kbps
 
     def push(self, frame: Frame) -> None:
@@ -75,11 +76,6 @@ class VirtualSender:
             raise TamsError(f"the sender of view {self.view} failed: {reason}")
         done_ns = self._shared.clock.now_ns() + encoding_ns
         self._shared.events.post(done_ns, partial(self._send, packets))
-
-    @property
-    def next_ns(self) -> int | None:
-        """When `step` must be called [ns]."""
-        return self._session.next_ns
 
     def step(self) -> None:
         """Send the reports that are due now."""

@@ -19,6 +19,8 @@ from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRec
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
 
+_NEVER_NS = 1 << 63
+
 
 class VirtualVideo:
     """The real encoders, jitter buffers and decoders of all views, over one link, in virtual time.
@@ -94,11 +96,29 @@ class VirtualVideo:
     def advance_to(self, now_ns: int) -> None:
         """Let everything happen that is due up to `now_ns`, one event after the other.
 
+        Of what is due at once, GStreamer's waits end first, then the queue's actions, then RTCP.
+
         ValueError if that is in the past; TamsError if a chain fails or does not become idle.
         """
-        while (due_ns := self._due_ns()) is not None and due_ns <= now_ns:
-            self._clock.move_to(max(due_ns, self._clock.now_ns()))
-            self._do_next()
+        while True:
+            wait_ns = _or_never(self._clock.next_ns())
+            action_ns = _or_never(self._events.next_ns)
+            reports_ns = self._reports_ns()
+            due_ns = min(wait_ns, action_ns, reports_ns)
+            if due_ns > now_ns:
+                break
+            due_ns = max(due_ns, self._clock.now_ns())
+            self._clock.move_to(due_ns)
+            if wait_ns <= due_ns:
+                self._clock.end_next_wait()
+                self._idle_gate.wait()
+                self._collect()
+            elif action_ns <= due_ns:
+                self._events.do_next()
+                if self._idle_gate.wait_if_due():
+                    self._collect()
+            else:
+                self._send_reports(due_ns)
         self._clock.move_to(now_ns)
 
     def shown(self, view: str) -> ShownFrame | None:
@@ -119,28 +139,19 @@ class VirtualVideo:
     def _return_to(self, view: str) -> Callable[[Feedback], None]:
         return lambda feedback: self._senders[view].obey(feedback)
 
-    def _due_ns(self) -> int | None:
-        times = [self._clock.next_ns(), self._events.next_ns]
-        times += [end.next_ns for end in self._ends]
-        return min((time for time in times if time is not None), default=None)
+    def _reports_ns(self) -> int:
+        """When RTCP is due next [ns]."""
+        return min([_or_never(end.timing.next_ns) for end in self._ends])
 
-    def _do_next(self) -> None:
-        """One event: a wait of GStreamer ends, or an action of the queue, or RTCP is due."""
-        now_ns = self._clock.now_ns()
-        wait_ns, action_ns = self._clock.next_ns(), self._events.next_ns
-        if wait_ns is not None and wait_ns <= now_ns:
-            self._clock.end_next_wait()
-            self._idle_gate.wait()
-            self._collect()
-        elif action_ns is not None and action_ns <= now_ns:
-            self._events.do_next()
-            if self._idle_gate.wait_if_due():
-                self._collect()
-        else:
-            for end in self._ends:
-                if end.next_ns is not None and end.next_ns <= now_ns:
-                    end.step()
+    def _send_reports(self, now_ns: int) -> None:
+        for end in self._ends:
+            if _or_never(end.timing.next_ns) <= now_ns:
+                end.step()
 
     def _collect(self) -> None:
         for receiver in self.receivers.values():
             receiver.collect()
+
+
+def _or_never(due_ns: int | None) -> int:
+    return _NEVER_NS if due_ns is None else due_ns

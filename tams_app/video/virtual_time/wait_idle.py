@@ -17,11 +17,12 @@ from tams_app.errors import TamsError
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
 
 _TASKS = "/proc/self/task"
+_OTHER_LINKS = 3  # of the directory of tasks: its own two, and the thread that waits
 _ASLEEP = ord("S")
 TIMEOUT_S = 20.0  # real time: no event of ours takes a tenth of it, even on a busy machine
 # Between two looks while a thread works. A frame takes milliseconds to decode: to look all the time
 # would take as long on another core.
-_PAUSE_S = 0.0001
+_PAUSE_S = 0.0002
 
 
 class IdleWaiter:
@@ -58,15 +59,19 @@ class IdleWaiter:
         try:
             if self._last_busy is not None and not _is_asleep(self._last_busy):
                 return False
-            self._open_new()
-            known, counts = len(self._files), self._counts()
+            if not self._knows_all():
+                self._open_new()
+            counts = self._counts()
             if not (self._all_asleep() and self._all_asleep() and self._counts() == counts):
                 return False
-            self._open_new()
-            return len(self._files) == known
+            return self._knows_all()
         except ProcessLookupError:  # a thread has ended: start over
             self.close()
             return False
+
+    def _knows_all(self) -> bool:
+        """Whether there is no new thread; one that has ended shows when its files are read."""
+        return os.stat(_TASKS).st_nlink == len(self._files) + _OTHER_LINKS
 
     def _open_new(self) -> None:
         own = str(threading.get_native_id())

@@ -137,9 +137,14 @@ def _frame(statistics: NDArray[np.int32]) -> tuple[slice, slice]:
 def _top_strength(strong: Image, expected_area: float) -> float:
     """Strength that a quarter of the expected area reaches."""
     wanted = min(strong.size - 1, max(4, round(_TOP_PART * expected_area)))
-    counts = np.bincount(strong.ravel(), minlength=256)
-    reached = np.cumsum(counts[::-1])
+    reached = np.cumsum(level_counts(strong)[::-1])
     return float(255 - int(np.searchsorted(reached, wanted)))
+
+
+def level_counts(image: Image) -> NDArray[np.int64]:
+    """How many pixels of an 8-bit image have each grey level, shape (256,)."""
+    counts = cv2.calcHist([image], [0], None, [256], [0, 256])
+    return np.asarray(counts).ravel().astype(np.int64)
 
 
 def _noise(strong: Image, inside: Image) -> float:

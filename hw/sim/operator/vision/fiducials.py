@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.sim.layout import MARKER_HALF_M, TCP_OFFSET_M
-from hw.sim.operator.vision.blobs import Window
+from hw.sim.operator.vision.blobs import Window, level_counts
 from hw.sim.operator.vision.detections import Cue, Sighting, Thing
 from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.records import Image, Vector
@@ -74,10 +75,23 @@ class MarkerFinder:
 def _edge_width(grey: Image) -> float:
     """Width of the steepest edges [px]: their contrast over their steepness."""
     across = cv2.Sobel(grey, cv2.CV_16S, 1, 0)
-    low, high = np.percentile(grey, (5, 95))
+    reached = np.cumsum(level_counts(grey))
+    low, high = _percentile(reached, 0.05), _percentile(reached, 0.95)
     steep = np.abs(across).ravel()
     count = max(1, steep.size // 150)
     return float((high - low) / max(1.0, float(np.partition(steep, -count)[-count]) / 8))
+
+
+def _percentile(reached: NDArray[np.int64], part: float) -> float:
+    """As numpy's: the level that `part` of the pixels do not exceed, between two if need be.
+
+    `reached`: how many pixels do not exceed each level.
+    """
+    place = float(reached[-1] - 1) * part
+    below = int(place)
+    lower, upper = (int(level) for level in np.searchsorted(reached, (below, below + 1), "right"))
+    apart, beyond = upper - lower, place - below
+    return lower + apart * beyond if beyond < 0.5 else upper - apart * (1 - beyond)
 
 
 def gripper_faces() -> list[Matrix]:
