@@ -132,7 +132,7 @@ class GstCamera(Camera):
 
     def _look_at(self, raw: RawFrame) -> Frame | None:
         now_ns = self._clock.now_ns()
-        status = self._watch.frame(now_ns, raw.pixels)
+        status = self._watch.frame(now_ns, raw.pixels.data)
         if status is FrameStatus.FROZEN:
             self._shut()
             self._tell(status, "it is opened again until that ends")

@@ -9,7 +9,6 @@ import zlib
 from collections import deque
 from enum import StrEnum
 
-from tams_app.records import Image
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 SILENCE_NS = 500 * NS_PER_MS  # without a frame: frozen
@@ -81,7 +80,7 @@ class FreezeWatch:
         self._seen_ns = self._changed_ns = now_ns
         self._timeout_ns = START_TIMEOUT_NS
 
-    def frame(self, now_ns: int, frame: bytes | Image) -> FrameStatus:
+    def frame(self, now_ns: int, frame: bytes | memoryview) -> FrameStatus:
         """A frame came, at `now_ns`; show it as a new one only if NEW.
 
         A sensor has noise, so a frame that comes again to the last bit is an old one, at once:

@@ -73,6 +73,7 @@ def connect_sdk(host: str, control_port: int) -> Any:
             ) from error
         finally:
             socket.setdefaulttimeout(default_timeout)
+    api._arm._stream.name = "arm-replies"  # the thread that reads them has none of its own
     api._arm._is_sync = True  # without its report thread `set_servo_angle` would wait for this
     return api
 

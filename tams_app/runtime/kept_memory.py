@@ -1,8 +1,8 @@
 """Memory that a process keeps for its next images instead of giving it back.
 
 An image is larger than what glibc's malloc keeps by itself: it gives the memory back at once, and
-the next image of the same size gets new pages, which the kernel clears one by one: up to four times
-what is then done with them (the sum of two images of 1.2 MB: 0.3 ms instead of 0.07).
+the next image of the same size gets new pages, which the kernel clears one by one. That takes
+longer than most of what is then done with an image.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from tams_app.console.status import StatusLine, status_lines
+from tams_app.console.status import PLAIN_EVERY_S, StatusLine, status_lines
 from tams_app.session.status import StatusSnapshot, ViewStatus
 
 pytestmark = pytest.mark.untimed
@@ -91,6 +91,14 @@ def test_on_a_terminal_the_line_is_renewed_at_five_hertz_and_taken_away() -> Non
         shown = output.getvalue().count("ENGAGED")
     assert 5 <= shown <= 6
     assert output.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in output.getvalue()
+
+
+def test_a_snapshot_need_not_be_taken_before_it_is_due() -> None:
+    with StatusLine(Console(file=io.StringIO(), width=80)) as line:
+        assert line.is_due(0.0)
+        line.update(replace(SNAPSHOT, t_s=0.0))
+        assert not line.is_due(PLAIN_EVERY_S - 0.1)
+        assert line.is_due(PLAIN_EVERY_S)
 
 
 def test_a_narrow_terminal_cuts_lines_instead_of_wrapping_them() -> None:

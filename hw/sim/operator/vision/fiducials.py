@@ -75,18 +75,16 @@ class MarkerFinder:
 def _edge_width(grey: Image) -> float:
     """Width of the steepest edges [px]: their contrast over their steepness."""
     across = cv2.Sobel(grey, cv2.CV_16S, 1, 0)
-    reached = np.cumsum(level_counts(grey))
-    low, high = _percentile(reached, 0.05), _percentile(reached, 0.95)
+    counts = level_counts(grey)
+    low, high = percentile(counts, 0.05), percentile(counts, 0.95)
     steep = np.abs(across).ravel()
     count = max(1, steep.size // 150)
     return float((high - low) / max(1.0, float(np.partition(steep, -count)[-count]) / 8))
 
 
-def _percentile(reached: NDArray[np.int64], part: float) -> float:
-    """As numpy's: the level that `part` of the pixels do not exceed, between two if need be.
-
-    `reached`: how many pixels do not exceed each level.
-    """
+def percentile(counts: NDArray[np.int64], part: float) -> float:
+    """As numpy's: the grey level below which `part` of the pixels lie, between two if need be."""
+    reached = np.cumsum(counts)
     place = float(reached[-1] - 1) * part
     below = int(place)
     lower, upper = (int(level) for level in np.searchsorted(reached, (below, below + 1), "right"))

@@ -99,8 +99,10 @@ def test_a_camera_that_waits_sleeps_until_a_frame_is_published(
     looks = []
     written = FrameReader.written
     monkeypatch.setattr(FrameReader, "written", lambda self: looks.append(None) or written(self))
+    started_s = time.monotonic()
     with meanwhile(lambda: writer.publish("gt", 0, 1, grey(10))):
         frame = camera.next_frame(PATIENCE_S)
+    assert time.monotonic() - started_s < PATIENCE_S
     assert frame is not None
     assert frame.index == 0
     assert len(looks) <= 3  # before, after, and once between at most
@@ -112,9 +114,11 @@ def test_a_camera_that_waits_is_woken_by_a_renderer_that_has_taken_the_place_of_
     writer.publish("gt", 0, 1, grey(10))
     assert camera.next_frame(PATIENCE_S) is not None
     other = FrameWriter(name, SHAPE)
+    started_s = time.monotonic()
     with meanwhile(lambda: other.publish("gt", 1, 2, grey(20))):
         frame = camera.next_frame(PATIENCE_S)
     other.close()
+    assert time.monotonic() - started_s < PATIENCE_S
     assert frame is not None
     assert frame.index == 1
 
