@@ -9,6 +9,9 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+import cv2
+import numpy as np
+
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
@@ -135,7 +138,8 @@ class ViewDecoder:
         if self._identity is None:
             raise TamsError("a frame came out before a packet went in")
         height, width = self._config.height, self._config.width
-        image: Image = gst.pixels_of(buffer).reshape(height, width, 3)
+        pixels = gst.pixels_of(buffer).reshape(height, width, 4)
+        image: Image = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2BGR), np.uint8)
         index = self._identity.index(buffer.pts)
         shown = ShownFrame(self._view, index, self._clock.now_ns(), image)
         self.mailbox.put(shown)

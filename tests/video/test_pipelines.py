@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tams_app import gst
@@ -78,12 +79,26 @@ def test_encoder_and_decoder_chains_join_without_udp(encoder: Any) -> None:
             rtp.dts = rtp.pts
             decoder.get_by_name("in").emit("push-buffer", rtp)
         for shown in pulled(decoder, _WAIT_NS):
-            assert shown.get_size() == 640 * 480 * 3
+            assert shown.get_size() == 640 * 480 * 4
             identity = identity or FrameIdentity(FPS, shown.pts, first_timestamp or 0)
             indices.append(identity.index(shown.pts))
     assert gst.poll_bus(decoder) == ""
     gst.shut_down(decoder)
     assert indices == list(range(3, 33))
+
+
+def test_frames_in_four_bytes_have_the_colours_of_those_in_three() -> None:
+    size = "width=64,height=48,framerate=30/1"
+    planes = np.random.default_rng(1).integers(0, 255, 64 * 48 * 3 // 2, dtype=np.uint8)
+    shown = []
+    for form, depth in (("BGR", 3), ("BGRx", 4)):
+        chain = f"videoconvert n-threads=1 ! video/x-raw,format={form}"
+        pipeline = app_ended(chain, f"video/x-raw,format=I420,{size}")
+        pipeline.get_by_name("in").emit("push-buffer", gst.raw_buffer(planes, 0, 0))
+        (buffer,) = pulled(pipeline, _WAIT_NS)
+        shown.append(gst.pixels_of(buffer).reshape(48, 64, depth)[:, :, :3])
+        gst.shut_down(pipeline)
+    np.testing.assert_array_equal(shown[0], shown[1])
 
 
 def test_the_same_frames_give_the_same_packets(encoder: Any) -> None:
