@@ -16,6 +16,7 @@ from hw.sim.world.scene import build_model
 from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
 from tams_app.records import FrameQuality
+from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.video.quality import Fate, Image, Scorer
 from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
 
@@ -24,6 +25,7 @@ ROUNDS = 15
 
 def ssim_figures(seed: int = 0) -> list[Figure]:
     """Alternating, on renders of the scene, one thread each: times [ms] and their ratios."""
+    keep_freed_memory()  # as all who score do
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
