@@ -13,6 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
+
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
@@ -148,6 +150,7 @@ def main() -> None:
 def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     name, seed = str(specification["memory_name"]), int(specification["seed"])
     sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
+    cv2.setNumThreads(1)  # the rows of an image are too few for threads that wait by spinning
 
     def fps() -> float:
         return float(side.told.get("fps", specification["fps"]))

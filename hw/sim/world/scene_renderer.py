@@ -1,12 +1,14 @@
 """Images of the simulated world from its three cameras, off screen, on the CPU.
 
-A fixed camera's view of what never moves is drawn once, colour and depth; each image then needs
-the moving things only, laid over it where they are nearer (FINDINGS 9). Without shadows and
+Only what a camera can see is drawn (hw/sim/world/visibility.py). A fixed camera's view of what
+never moves is drawn once, colour and depth; each image then needs the moving things only, read back
+where they may be and laid over it where they are nearer (FINDINGS 9). Without shadows and
 reflections that is pixel-identical to drawing everything.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
 from dataclasses import dataclass
 from importlib import import_module
@@ -20,21 +22,24 @@ from numpy.typing import NDArray
 from hw.sim.layout import Layout
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.scene import build_model
+from hw.sim.world.visibility import Visibility
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
 
 _MAX_GEOMS = 200
 _MOVING_GROUP = 1  # the geoms that move, in rig.xml
+_SHOWN, _HIDDEN = 0, 5  # groups that MuJoCo draws and leaves out
 _OFF = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_HAZE,
 )
+_GL_RGBA, _GL_UNSIGNED_BYTE = 0x1908, 0x1401
 
 
 @dataclass(frozen=True, slots=True)
 class _Background:
-    """What a fixed camera sees of the things that never move: RGB and depth, bottom row first."""
+    """What a fixed camera sees of what never moves: BGR, and depth with the bottom row first."""
 
     colour: Image
     depth: NDArray[np.float32]
@@ -49,6 +54,7 @@ class SceneRenderer:
     def __init__(self, layout: Layout) -> None:
         self._context = _open_context()
         self._context.make_current()
+        self._gl = import_module("OpenGL.raw.GL.VERSION.GL_1_0")
         self._model = build_model(layout, textured=True)
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, _MAX_GEOMS)
@@ -58,24 +64,36 @@ class SceneRenderer:
         self._whole = mujoco.MjrRect(0, 0, WIDTH_PX, HEIGHT_PX)
         for flag in _OFF:
             self._scene.flags[flag] = 0
+        self._option = mujoco.MjvOption()
         self._cameras = {view: self._camera(view) for view in VIEWS}
-        self._colour = np.empty((HEIGHT_PX, WIDTH_PX, 3), np.uint8)
-        self._depth = np.empty((HEIGHT_PX, WIDTH_PX), np.float32)
+        self._visibility = Visibility(self._model, self._data)
+        self._moving = self._model.geom_group == _MOVING_GROUP
+        self._colour = np.empty(HEIGHT_PX * WIDTH_PX * 4, np.uint8)
+        self._depth = np.empty(HEIGHT_PX * WIDTH_PX, np.float32)
         self._pose(self._model.qpos0)
         self._backgrounds = {view: self._background(view) for view in FIXED_VIEWPOINTS}
 
     def render(self, view: str, qpos: Vector) -> Image:
         """The image of `view` when all joints are at `qpos`: BGR, shape (480, 640, 3)."""
         self._pose(qpos)
+        camera = self._cameras[view]
+        seen = self._visibility.seen(camera.fixedcamid)
         background = self._backgrounds.get(view)
         if background is None:
-            self._draw(view, mujoco.MjvOption())
-            return _upright(self._colour)
-        self._draw(view, _only(moving=True))
-        nearer = cv2.compare(self._depth, background.depth, cv2.CMP_GT)
+            self._draw(camera, seen)
+            return self._read_colour(self._whole)
+        seen &= self._moving
         image = background.colour.copy()
-        cv2.copyTo(self._colour, nearer, image)
-        return _upright(image)
+        rectangle = mujoco.MjrRect(*self._visibility.rectangle(camera.fixedcamid, seen))
+        if rectangle.width and rectangle.height:
+            self._draw(camera, seen)
+            left, bottom = rectangle.left, rectangle.bottom
+            right, top = left + rectangle.width, bottom + rectangle.height
+            behind = background.depth[bottom:top, left:right]
+            nearer = cv2.compare(self._read_depth(rectangle), behind, cv2.CMP_GT)
+            place = image[HEIGHT_PX - top : HEIGHT_PX - bottom, left:right]
+            cv2.copyTo(self._read_colour(rectangle), cv2.flip(nearer, 0), place)
+        return image
 
     def close(self) -> None:
         """Give the context back; may be called twice."""
@@ -88,38 +106,43 @@ class SceneRenderer:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
+        self._visibility.update()
 
     def _background(self, view: str) -> _Background:
-        self._draw(view, _only(moving=False))
-        return _Background(self._colour.copy(), self._depth.copy())
+        self._draw(self._cameras[view], ~self._moving)
+        return _Background(self._read_colour(self._whole), self._read_depth(self._whole).copy())
 
-    def _draw(self, view: str, option: mujoco.MjvOption) -> None:
-        """Draw into `_colour` and `_depth`; larger depth is nearer."""
+    def _draw(self, camera: mujoco.MjvCamera, geoms: NDArray[np.bool_]) -> None:
+        self._model.geom_group[:] = np.where(geoms, _SHOWN, _HIDDEN)
         mujoco.mjv_updateScene(
-            self._model, self._data, option, None, self._cameras[view],
+            self._model, self._data, self._option, None, camera,
             mujoco.mjtCatBit.mjCAT_ALL, self._scene,
         )  # fmt: skip
         mujoco.mjr_render(self._whole, self._scene, self._drawing)
-        depth = self._depth if view in FIXED_VIEWPOINTS else None
-        mujoco.mjr_readPixels(self._colour, depth, self._whole, self._drawing)
+
+    def _read_colour(self, rectangle: mujoco.MjrRect) -> Image:
+        """What was drawn there: BGR, the top row first, a new array."""
+        height, width = rectangle.height, rectangle.width
+        # not by mjr_readPixels, whose RGB Mesa converts pixel by pixel; RGBA it copies
+        self._gl.glReadPixels(
+            rectangle.left, rectangle.bottom, width, height, _GL_RGBA, _GL_UNSIGNED_BYTE,
+            self._colour.ctypes.data_as(ctypes.c_void_p),
+        )  # fmt: skip
+        colour = self._colour[: height * width * 4].reshape(height, width, 4)
+        return np.asarray(cv2.flip(cv2.cvtColor(colour, cv2.COLOR_RGBA2BGR), 0), np.uint8)
+
+    def _read_depth(self, rectangle: mujoco.MjrRect) -> NDArray[np.float32]:
+        """How near it is, larger is nearer; the bottom row first, until the next reading."""
+        height, width = rectangle.height, rectangle.width
+        depth = self._depth[: height * width].reshape(height, width)
+        mujoco.mjr_readPixels(None, depth, rectangle, self._drawing)
+        return depth
 
     def _camera(self, view: str) -> mujoco.MjvCamera:
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = self._model.camera(view).id
         return camera
-
-
-def _only(*, moving: bool) -> mujoco.MjvOption:
-    option = mujoco.MjvOption()
-    option.geomgroup[:] = 0
-    option.geomgroup[_MOVING_GROUP if moving else 0] = 1
-    return option
-
-
-def _upright(image: Image) -> Image:
-    """OpenGL's RGB with the bottom row first as BGR with the top row first, a new array."""
-    return np.asarray(cv2.cvtColor(cv2.flip(image, 0), cv2.COLOR_RGB2BGR), np.uint8)
 
 
 def _open_context() -> Any:

@@ -7,14 +7,16 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from hw.sim.layout import draw_layout
+from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
+from hw.sim.layout import FINGER_TRAVEL_M, draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
-from tests.hw.sim.operator.scripted_pick import CYCLE_NS, READY
+from tests.hw.sim.operator.scripted_pick import ARM, CYCLE_NS, READY
 
 pytestmark = pytest.mark.untimed
 
@@ -45,11 +47,28 @@ def poses() -> list[Vector]:
     return seen
 
 
+def anywhere() -> list[Vector]:
+    """The arm in any pose, also above and below the table, the block in its grip or lying about."""
+    random, kinematics, seen = np.random.default_rng(11), ARM, []
+    for number in range(24):
+        joints = random.uniform(JOINT_LOWER, JOINT_UPPER)
+        if number % 2:
+            joints = READY + random.normal(0, 0.25, 6)
+        fingers = np.full(2, random.uniform(0, FINGER_TRAVEL_M))
+        tcp = kinematics.tcp_matrix(joints)
+        place = tcp[:3, 3] if number % 3 else random.uniform((0.1, -0.3, 0), (0.6, 0.3, 0.05))
+        turn = Rotation.from_matrix(tcp[:3, :3]).as_quat()[[3, 0, 1, 2]]
+        seen.append(np.concatenate((joints, fingers, place, turn)))
+    return seen
+
+
 def drawn_whole(renderer: SceneRenderer, view: str, qpos: Vector) -> Image:
-    """The image of `view` with everything drawn anew."""
+    """The image of `view` with everything drawn anew, read as MuJoCo reads it."""
     renderer._pose(qpos)
-    renderer._draw(view, mujoco.MjvOption())
-    return cv2.cvtColor(cv2.flip(renderer._colour, 0), cv2.COLOR_RGB2BGR)
+    renderer._draw(renderer._cameras[view], np.ones(renderer._model.ngeom, bool))
+    colour = np.empty((HEIGHT_PX, WIDTH_PX, 3), np.uint8)
+    mujoco.mjr_readPixels(colour, None, renderer._whole, renderer._drawing)
+    return cv2.cvtColor(cv2.flip(colour, 0), cv2.COLOR_RGB2BGR)
 
 
 def orange_pixels(image: Image) -> int:
@@ -68,10 +87,23 @@ def test_shortcut_is_pixel_identical_to_drawing_everything(
     renderer: SceneRenderer, view: str
 ) -> None:
     images = []
-    for qpos in poses():
+    for qpos in (*poses(), *anywhere()):
         images.append(renderer.render(view, qpos))
         assert np.array_equal(images[-1], drawn_whole(renderer, view, qpos))
     assert not np.array_equal(images[0], images[-1])
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_camera_leaves_out_what_it_does_not_see(
+    renderer: SceneRenderer, ready: Vector, view: str
+) -> None:
+    model, seen = renderer._model, []
+    for qpos in (ready, poses()[0]):
+        renderer._pose(qpos)
+        seen.append(renderer._visibility.seen(model.camera(view).id))
+    assert not any(one[model.geom("table").id - 1 :].all() for one in seen)
+    assert all(one[model.geom("block").id] for one in seen)
+    assert all(one.sum() < 0.85 * model.ngeom for one in seen)
 
 
 @pytest.mark.parametrize("view", VIEWS)
