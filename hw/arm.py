@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.records import ArmState, CommandLink, Pose, ServoMode, Twist, Vector
+from tams_app.vectors import Numbers
 
 if TYPE_CHECKING:
     from tams_app.config import ArmConfig
@@ -188,7 +189,7 @@ class TcpBoundary:
     lower_mm: tuple[int, int, int]
     upper_mm: tuple[int, int, int]
 
-    def contains(self, position: Vector) -> bool:
+    def contains(self, position: Numbers) -> bool:
         """Whether `position` [m], shape (3,), is inside."""
         return all(
             low <= value * 1000.0 <= high

@@ -8,7 +8,8 @@ shape (6,), transforms of shape (4, 4) in the base frame (z up), twists and Jaco
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from hw.lite6.commands import LIMITS
 from tams_app.records import Pose, Vector
 from tams_app.rotation import Rotation
-from tams_app.vectors import ZERO, Floats3, cross, floats, minus, plus_times, times
+from tams_app.vectors import Floats3, Numbers, cross, floats, minus, norm, plus_times, times
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -43,40 +44,49 @@ _LINEAR_STEP_RAD = 0.004  # what a step this small leaves out of the arc is 0.5�
 
 _TWISTS = tuple(zip(np.cos(_ALPHA).tolist(), np.sin(_ALPHA).tolist(), strict=True))
 
+_RANGES = tuple(zip(JOINT_LOWER.tolist(), JOINT_UPPER.tolist(), strict=True))
+
 for _constant in (JOINT_LOWER, JOINT_UPPER, JOINT_SPEED_LIMITS, HOME_JOINTS):
     _constant.setflags(write=False)
 
 
-_Axes: TypeAlias = tuple[Floats3, Floats3, Floats3, Floats3]  # x, y, z and the origin
+Axes: TypeAlias = tuple[Floats3, Floats3, Floats3, Floats3]  # x, y, z and the origin
 
 
-def _links(joints: Vector) -> Iterator[_Axes]:
-    """The frames of the six links in the base frame, the flange last.
+def links(joints: Vector) -> tuple[Axes, ...]:
+    """The frames of the six links in the base frame, the flange last."""
+    return _links(tuple((joints + _THETA_0).tolist()))
 
-    Each is the one before times Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d).
-    """
-    x, y, z, origin = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), ZERO
-    angles = (joints + _THETA_0).tolist()
+
+@lru_cache(maxsize=4)  # the controller model needs those of the same joints several times
+def _links(angles: tuple[float, ...]) -> tuple[Axes, ...]:
+    """Each is the one before times Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d)."""
+    # written out: half the time of the same with vectors
+    xx, xy, xz = 1.0, 0.0, 0.0
+    yx, yy, yz = 0.0, 1.0, 0.0
+    zx, zy, zz = 0.0, 0.0, 1.0
+    at_x = at_y = at_z = 0.0
+    frames = []
     for angle, (cos, sin), a, d in zip(angles, _TWISTS, _A, _D, strict=True):
-        origin = plus_times(origin, x, a)
-        y, z = plus_times(times(y, cos), z, sin), plus_times(times(z, cos), y, -sin)
+        at_x, at_y, at_z = at_x + xx * a, at_y + xy * a, at_z + xz * a
+        yx, zx = yx * cos + zx * sin, zx * cos - yx * sin
+        yy, zy = yy * cos + zy * sin, zy * cos - yy * sin
+        yz, zz = yz * cos + zz * sin, zz * cos - yz * sin
         cos, sin = math.cos(angle), math.sin(angle)
-        x, y = plus_times(times(x, cos), y, sin), plus_times(times(y, cos), x, -sin)
-        origin = plus_times(origin, z, d)
-        yield x, y, z, origin
+        xx, yx = xx * cos + yx * sin, yx * cos - xx * sin
+        xy, yy = xy * cos + yy * sin, yy * cos - xy * sin
+        xz, yz = xz * cos + yz * sin, yz * cos - xz * sin
+        at_x, at_y, at_z = at_x + zx * d, at_y + zy * d, at_z + zz * d
+        frames.append(((xx, xy, xz), (yx, yy, yz), (zx, zy, zz), (at_x, at_y, at_z)))
+    return tuple(frames)
 
 
-def link_frames(joints: Vector) -> Matrix:
-    """Frames of the six links in the base frame, shape (6, 4, 4); the last is the flange."""
-    return _transforms(list(_links(joints)))
-
-
-def _transforms(links: list[_Axes]) -> Matrix:
-    """Frames as transforms, shape (n, 4, 4)."""
-    frames = np.zeros((len(links), 4, 4))
-    frames[:, :3] = np.array(links).transpose(0, 2, 1)
-    frames[:, 3, 3] = 1.0
-    return frames
+def _transform(frame: Axes) -> Matrix:
+    """A frame as a transform, shape (4, 4)."""
+    transform = np.empty((4, 4))
+    transform[:3] = np.array(frame).T
+    transform[3] = 0.0, 0.0, 0.0, 1.0
+    return transform
 
 
 class Lite6Model:
@@ -90,8 +100,12 @@ class Lite6Model:
 
     def tcp_matrix(self, joints: Vector) -> Matrix:
         """The TCP in the base frame, shape (4, 4)."""
-        tcp: Matrix = link_frames(joints)[-1] @ self._offset
+        tcp: Matrix = _transform(links(joints)[-1]) @ self._offset
         return tcp
+
+    def tcp_position(self, joints: Vector) -> Floats3:
+        """The TCP's place in the base frame."""
+        return placed(links(joints)[-1], self._tool)
 
     def tcp_pose(self, joints: Vector) -> Pose:
         """The TCP in the base frame."""
@@ -99,18 +113,9 @@ class Lite6Model:
 
     def jacobian(self, joints: Vector) -> Matrix:
         """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
-        return self._jacobian(list(_links(joints)))
-
-    def tcp_and_jacobian(self, joints: Vector) -> tuple[Matrix, Matrix]:
-        """`tcp_matrix` and `jacobian` for the price of one."""
-        links = list(_links(joints))
-        return _transforms(links[-1:])[0] @ self._offset, self._jacobian(links)
-
-    def _jacobian(self, links: list[_Axes]) -> Matrix:
-        (x, y, z, tcp), tool = links[-1], self._tool
-        for axis, part in zip((x, y, z), tool, strict=True):
-            tcp = plus_times(tcp, axis, part)
-        return np.array([(*cross(axis, minus(tcp, at)), *axis) for _, _, axis, at in links]).T
+        frames = links(joints)
+        tcp = placed(frames[-1], self._tool)
+        return np.array([(*cross(axis, minus(tcp, at)), *axis) for _, _, axis, at in frames]).T
 
     def follow(self, target: Matrix, joints: Vector, max_steps: int = 10) -> Vector | None:
         """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.
@@ -120,7 +125,7 @@ class Lite6Model:
         targets and singular poses do not make the joints jump and near ones converge fast.
         """
         for _ in range(max_steps):
-            tcp, rows = self.tcp_and_jacobian(joints)
+            tcp, rows = self.tcp_matrix(joints), self.jacobian(joints)
             error = np.empty(6)
             error[:3] = target[:3, 3] - tcp[:3, 3]
             error[3:] = rotation_vector(target[:3, :3] @ tcp[:3, :3].T)
@@ -128,49 +133,58 @@ class Lite6Model:
             normal = rows.T @ rows
             normal.flat[:: JOINTS + 1] += damping
             change = np.asarray(np.linalg.solve(normal, rows.T @ error), dtype=np.float64)
-            largest = float(np.abs(change).max())
+            largest = max(map(abs, change.tolist()))
             if largest > _IK_MAX_STEP_RAD:
                 change *= _IK_MAX_STEP_RAD / largest
             joints = joints + change
-            left = float(np.abs(error - rows @ change).max())
-            if left < _FOLLOW_TOLERANCE and float(np.abs(change).max()) < _LINEAR_STEP_RAD:
+            left = max(map(abs, (error - rows @ change).tolist()))
+            if left < _FOLLOW_TOLERANCE and largest < _LINEAR_STEP_RAD:
                 return joints
         return None
 
 
 def within_joint_limits(joints: Vector) -> bool:
     """Whether every joint is inside its mechanical range."""
-    return bool((joints >= JOINT_LOWER).all() and (joints <= JOINT_UPPER).all())
-
-
-def rotation_vector(matrix: Matrix) -> Vector:
-    """Axis times angle [rad] of a rotation matrix, shape (3,)."""
-    sine_axis: Vector = 0.5 * np.array(
-        [
-            matrix[2, 1] - matrix[1, 2],
-            matrix[0, 2] - matrix[2, 0],
-            matrix[1, 0] - matrix[0, 1],
-        ]
+    return all(
+        low <= angle <= high for angle, (low, high) in zip(joints.tolist(), _RANGES, strict=True)
     )
-    cosine = 0.5 * (matrix[0, 0] + matrix[1, 1] + matrix[2, 2] - 1.0)
-    sine = math.sqrt(float(sine_axis @ sine_axis))
+
+
+def placed(frame: Axes, place: Floats3) -> Floats3:
+    """`place` in `frame`, seen from where the frame is seen."""
+    x, y, z, at = frame
+    for axis, part in zip((x, y, z), place, strict=True):
+        at = plus_times(at, axis, part)
+    return at
+
+
+def rotation_vector(matrix: Matrix) -> Floats3:
+    """Axis times angle [rad] of a rotation matrix, shape (3, 3)."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()
+    sine_axis = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    cosine = 0.5 * (xx + yy + zz - 1.0)
+    sine = norm(sine_axis)
     if cosine < 0.0 and sine < 1e-3:  # near half a turn the axis is lost in the rounding
-        return np.asarray(Rotation.from_matrix(matrix).as_rotvec(), dtype=np.float64)
+        return Rotation.from_matrix(matrix).as_rotvec()
     if sine < 1e-12:
         return sine_axis
-    return sine_axis * (math.atan2(sine, cosine) / sine)
+    return times(sine_axis, math.atan2(sine, cosine) / sine)
 
 
-def rotation_matrix(vector: Vector) -> Matrix:
+def rotation_matrix(vector: Numbers) -> Matrix:
     """The rotation matrix of axis times angle [rad] (Rodrigues), shape (3, 3)."""
-    x, y, z = (float(part) for part in vector)
-    angle = math.sqrt(x * x + y * y + z * z)
-    skew: Matrix = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: Matrix = np.eye(3) + skew
-    if angle > 1e-12:
-        half = math.sin(0.5 * angle) / angle
-        turn = np.eye(3) + (math.sin(angle) / angle) * skew + 2.0 * half * half * (skew @ skew)
-    return turn
+    x, y, z = map(float, vector)
+    angle = norm((x, y, z))
+    sine = math.sin(angle) / angle if angle > 1e-12 else 1.0
+    half = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
+    rest = 2.0 * half * half
+    return np.array(
+        [
+            (1.0 - rest * (y * y + z * z), rest * x * y - sine * z, rest * x * z + sine * y),
+            (rest * x * y + sine * z, 1.0 - rest * (x * x + z * z), rest * y * z - sine * x),
+            (rest * x * z - sine * y, rest * y * z + sine * x, 1.0 - rest * (x * x + y * y)),
+        ]
+    )
 
 
 def rotation_from_rpy(rpy: Sequence[float] | Vector) -> Rotation:
@@ -187,15 +201,10 @@ def rotation_from_rpy(rpy: Sequence[float] | Vector) -> Rotation:
     )
 
 
-def rpy_from_matrix(matrix: Matrix) -> Vector:
-    """UFACTORY's roll, pitch, yaw [rad] of a rotation matrix, shape (3,)."""
-    return np.array(
-        [
-            math.atan2(matrix[2, 1], matrix[2, 2]),
-            math.asin(max(-1.0, min(1.0, -matrix[2, 0]))),
-            math.atan2(matrix[1, 0], matrix[0, 0]),
-        ]
-    )
+def rpy_from_matrix(matrix: Matrix) -> Floats3:
+    """UFACTORY's roll, pitch, yaw [rad] of a rotation matrix, shape (3, 3)."""
+    (xx, _, _), (yx, _, _), (zx, zy, zz) = matrix.tolist()
+    return math.atan2(zy, zz), math.asin(max(-1.0, min(1.0, -zx))), math.atan2(yx, xx)
 
 
 def pose_from_mm_rpy(values: Sequence[float] | Vector) -> Pose:

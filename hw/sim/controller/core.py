@@ -12,7 +12,7 @@ import numpy as np
 
 from hw.arm import Plant, TcpBoundary
 from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
-from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, matrix_from_pose, pose_from_mm_rpy
+from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, pose_from_mm_rpy
 from hw.sim.controller.joint_moves import MoveQueue
 from hw.sim.controller.joint_servo import (
     CYCLE_NS,
@@ -25,6 +25,7 @@ from hw.sim.controller.joint_servo import (
     check_motion,
 )
 from tams_app.records import Vector
+from tams_app.vectors import ZERO, floats
 
 _WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))
 _OPEN, _CLOSE = 0b01, 0b10  # the first two tool outputs
@@ -71,7 +72,7 @@ class ControllerCore:
         self._emergency_stop = False
         self._plant = plant
         self._kinematics = Lite6Model()
-        self._tcp_in_flange = np.eye(4)
+        self._tool = ZERO  # the TCP in the flange's frame [m]
         self._commanded = start_joints.copy()
         self._velocity = np.zeros(6)
         self._braking = False
@@ -188,7 +189,7 @@ class ControllerCore:
         pose = pose_from_mm_rpy(offset)
         self.settings.tcp_offset = offset
         self._kinematics = Lite6Model(pose)
-        self._tcp_in_flange = matrix_from_pose(pose)
+        self._tool = floats(pose.position)
         self._measured_tcp = None
         self.configuration_changed()
 
@@ -247,7 +248,7 @@ class ControllerCore:
         check_motion(
             self._commanded,
             following,
-            self._tcp_in_flange,
+            self._tool,
             self.settings.boundary if self.settings.fence else None,
             self.settings.self_collision_check,
         )

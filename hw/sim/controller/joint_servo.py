@@ -19,11 +19,13 @@ from hw.lite6.kinematics import (
     JOINT_UPPER,
     Lite6Model,
     Matrix,
-    link_frames,
+    links,
+    placed,
     rotation_matrix,
     within_joint_limits,
 )
 from tams_app.records import Vector
+from tams_app.vectors import ZERO, Floats3, floats, minus, norm, plus, plus_times, times
 
 CYCLE_NS = 4_000_000  # the box runs at 250 Hz
 CYCLE_S = CYCLE_NS / 1e9
@@ -38,6 +40,9 @@ VELOCITY_ACCELERATION_RAD_S2 = 20.0
 
 MAX_SERVO_SPEED_M_S = 0.6  # C60 above, mode 1 only
 MAX_SERVO_STEP_M = 0.010
+_MAX_JOINT_SPEED_RAD_S = float(JOINT_SPEED_LIMITS.min())
+_MAX_JOINT_STEP_RAD = _MAX_JOINT_SPEED_RAD_S * CYCLE_S  # in a cycle
+_AT_REST = ZERO, ZERO  # a twist, linear and angular
 MAX_SERVO_STEP_RAD = 0.2  # of any joint: beyond it the arm passes a singularity, C24
 
 
@@ -51,12 +56,12 @@ class PoseServo:
 
     def __init__(self) -> None:
         self._goal: Vector | None = None
-        self._goal_position = np.zeros(3)
+        self._goal_position = ZERO
 
     def command(self, target: Matrix, joints: Vector, model: Lite6Model) -> None:
         """Take a new target, shape (4, 4); MotionError if it is too far or out of reach."""
-        ahead = float(np.linalg.norm(target[:3, 3] - model.tcp_matrix(joints)[:3, 3]))
-        if ahead > MAX_SERVO_STEP_M:
+        position = floats(target[:3, 3])
+        if norm(minus(position, model.tcp_position(joints))) > MAX_SERVO_STEP_M:
             raise MotionError(ErrorCode.LINEAR_OVERSPEED)
         goal = model.follow(target, joints)
         if goal is None:
@@ -64,7 +69,7 @@ class PoseServo:
         if float(np.abs(goal - joints).max()) > MAX_SERVO_STEP_RAD:
             raise MotionError(ErrorCode.JOINT_OVERSPEED)
         self._goal = goal
-        self._goal_position = target[:3, 3].copy()
+        self._goal_position = position
 
     def clear(self) -> None:
         self._goal = None
@@ -74,10 +79,10 @@ class PoseServo:
         if self._goal is None:
             return None
         change = self._goal - joints
-        ahead = float(np.linalg.norm(self._goal_position - model.tcp_matrix(joints)[:3, 3]))
-        cycles = max(
+        ahead = norm(minus(self._goal_position, model.tcp_position(joints)))
+        cycles: float = max(
             ahead / (MAX_SERVO_SPEED_M_S * CYCLE_S),
-            float((np.abs(change) / (JOINT_SPEED_LIMITS * CYCLE_S)).max()),
+            max(map(abs, change.tolist())) / _MAX_JOINT_STEP_RAD,
         )
         if cycles <= 1.0:
             goal, self._goal = self._goal, None
@@ -89,56 +94,56 @@ class TwistServo:
     """Mode 5: the TCP moves with a commanded twist until the next command or its deadman time."""
 
     def __init__(self) -> None:
-        self._command = np.zeros(6)
+        self._command = _AT_REST
         self._deadline_ns: int | None = None
-        self._twist = np.zeros(6)
+        self._twist = _AT_REST
         self._path: Matrix | None = None  # the TCP as commanded; None at rest
 
     def command(self, twist: Vector, duration_s: float, now_ns: int) -> None:
         """Move with `twist` [m/s, rad/s]; a `duration_s` that is not positive means for ever."""
-        self._command = twist
+        self._command = floats(twist[:3]), floats(twist[3:])
         self._deadline_ns = now_ns + round(duration_s * 1e9) if duration_s > 0 else None
 
     def clear(self) -> None:
-        self._command = np.zeros(6)
+        self._command = self._twist = _AT_REST
         self._deadline_ns = None
-        self._twist = np.zeros(6)
         self._path = None
 
     def step(self, joints: Vector, model: Lite6Model, now_ns: int) -> Vector | None:
         """The joints one cycle later; None at rest."""
         if self._deadline_ns is not None and now_ns >= self._deadline_ns:
-            self._command = np.zeros(6)
+            self._command = _AT_REST
             self._deadline_ns = None
-        if not (self._command.any() or self._twist.any()):
+        if self._command == self._twist == _AT_REST:
             self._path = None
             return None
-        self._accelerate()
+        linear, angular = self._twist = (
+            _accelerated(self._twist[0], self._command[0], VELOCITY_ACCELERATION_M_S2 * CYCLE_S),
+            _accelerated(self._twist[1], self._command[1], VELOCITY_ACCELERATION_RAD_S2 * CYCLE_S),
+        )
         if self._path is None:
             self._path = model.tcp_matrix(joints)
-        self._path[:3, 3] += self._twist[:3] * CYCLE_S
-        self._path[:3, :3] = rotation_matrix(self._twist[3:] * CYCLE_S) @ self._path[:3, :3]
+        self._path[:3, 3] += times(linear, CYCLE_S)
+        if angular != ZERO:
+            self._path[:3, :3] = rotation_matrix(times(angular, CYCLE_S)) @ self._path[:3, :3]
         following = model.follow(self._path, joints)
         if following is None:
             raise MotionError(ErrorCode.KINEMATIC)
         return following
 
-    def _accelerate(self) -> None:
-        for part, limit in (
-            (slice(0, 3), VELOCITY_ACCELERATION_M_S2),
-            (slice(3, 6), VELOCITY_ACCELERATION_RAD_S2),
-        ):
-            change = self._command[part] - self._twist[part]
-            size = float(np.linalg.norm(change))
-            if size <= limit * CYCLE_S:
-                self._twist[part] = self._command[part]
-            else:
-                self._twist[part] += change * (limit * CYCLE_S / size)
+
+def _accelerated(velocity: Floats3, command: Floats3, largest_change: float) -> Floats3:
+    """`velocity` one cycle later, on its way to `command`."""
+    change = minus(command, velocity)
+    size = norm(change)
+    return (
+        command if size <= largest_change else plus_times(velocity, change, largest_change / size)
+    )
 
 
 def brake(joints: Vector, velocity: Vector) -> tuple[Vector, Vector]:
     """Joints and joint velocity [rad/s] one cycle later, stopping on the line they moved along."""
-    fastest = float(np.abs(velocity).max())
+    fastest = max(map(abs, velocity.tolist()))
     if fastest <= MAX_JOINT_ACCELERATION * CYCLE_S:
         return joints, np.zeros_like(velocity)
     slower = velocity * (1.0 - MAX_JOINT_ACCELERATION * CYCLE_S / fastest)
@@ -168,28 +173,35 @@ _SPEED_MARGIN = 1.0 + 1e-6  # a servo at its limit is not above it
 def check_motion(
     joints: Vector,
     following: Vector,
-    tcp_in_flange: Matrix,
+    tool: Floats3,
     fence: TcpBoundary | None,
     self_collision: bool,
 ) -> None:
-    """MotionError if the step from `joints` to `following` within a cycle is not allowed."""
+    """MotionError if the step from `joints` to `following` within a cycle is not allowed.
+
+    `tool`: the TCP in the flange's frame [m].
+    """
     if not within_joint_limits(following):
         raise MotionError(ErrorCode.JOINT_LIMIT)
-    speeds = np.abs(following - joints) / CYCLE_S
-    if (speeds > JOINT_SPEED_LIMITS * _SPEED_MARGIN).any():
+    fastest = max(map(abs, (following - joints).tolist())) / CYCLE_S
+    if fastest > _MAX_JOINT_SPEED_RAD_S * _SPEED_MARGIN:
         raise MotionError(ErrorCode.JOINT_OVERSPEED)
-    frames = link_frames(following)
-    tcp = (frames[-1] @ tcp_in_flange)[:3, 3]
+    frames = links(following)
+    tcp = placed(frames[-1], tool)
     if fence is not None and not fence.contains(tcp):
         raise MotionError(ErrorCode.BOUNDARY)
-    if self_collision and _hits_base(frames[_WRIST_LINK][:3, 3], frames[-1][:3, 3], tcp):
+    if self_collision and _hits_base(frames[_WRIST_LINK][3], frames[-1][3], tcp):
         raise MotionError(ErrorCode.SELF_COLLISION)
 
 
-def _hits_base(wrist: Vector, flange: Vector, tcp: Vector) -> bool:
+def _hits_base(wrist: Floats3, flange: Floats3, tcp: Floats3) -> bool:
     """Whether the line through wrist, flange and TCP comes too near the base column."""
-    points = (wrist, 0.5 * (wrist + flange), flange, 0.5 * (flange + tcp), tcp)
-    return any(_distance_to_column(*point.tolist()) < KEEP_OUT_RADIUS_M for point in points)
+    points = (wrist, _middle(wrist, flange), flange, _middle(flange, tcp), tcp)
+    return any(_distance_to_column(*point) < KEEP_OUT_RADIUS_M for point in points)
+
+
+def _middle(a: Floats3, b: Floats3) -> Floats3:
+    return times(plus(a, b), 0.5)
 
 
 def _distance_to_column(x: float, y: float, z: float) -> float:

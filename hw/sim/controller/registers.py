@@ -122,7 +122,7 @@ def _move_servo_cartesian_aa(model: ControllerCore, payload: bytes) -> None:
         raise CommandError("servo targets in the tool frame are not modelled")
     target = np.eye(4)
     target[:3, 3] = np.array(values[:3]) / 1000.0
-    target[:3, :3] = rotation_matrix(np.array(values[3:6]))
+    target[:3, :3] = rotation_matrix(values[3:6])
     model.servo_pose(target)
 
 

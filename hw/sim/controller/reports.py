@@ -49,19 +49,19 @@ def pack_report(kind: ReportKind, box: ControllerCore) -> bytes:
 
 def pack_pose(tcp: Matrix) -> bytes:
     """x, y, z [mm], roll, pitch, yaw [rad]."""
-    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0), *rpy_from_matrix(tcp))
+    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0).tolist(), *rpy_from_matrix(tcp[:3, :3]))
 
 
 def pack_pose_aa(tcp: Matrix) -> bytes:
     """x, y, z [mm], axis times angle [rad]."""
-    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0), *rotation_vector(tcp[:3, :3]))
+    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0).tolist(), *rotation_vector(tcp[:3, :3]))
 
 
 def _motion(box: ControllerCore) -> bytes:
     torques = (0.0,) * 7  # nothing in the model estimates them
     return (
         struct.pack(">BH", box.mode << 4 | box.state, box.commands_waiting)
-        + struct.pack("<7f", *box.joints, 0.0)
+        + struct.pack("<7f", *box.joints.tolist(), 0.0)
         + pack_pose(box.tcp)
         + struct.pack("<7f", *torques)
     )

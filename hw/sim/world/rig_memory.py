@@ -12,7 +12,6 @@ import struct
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from tams_app.errors import DeviceError
@@ -39,18 +38,18 @@ _WORLD, _FRAMES = "world", "frames"
 class WorldState:
     """Joint coordinates, shape (QPOS_SIZE,), and what follows from them in the base frame.
 
-    `poses`, shape (3, 7): block, container and TCP, each x y z [m] and quaternion x y z w.
+    `poses`: block, container and TCP, each x y z [m] and quaternion x y z w.
     """
 
     qpos: Vector
-    poses: NDArray[np.float64]
+    poses: tuple[tuple[float, ...], ...]
     block_speed: float  # [m/s]
     fingers_opening: float  # [m]
 
     def truth(self, t_ns: int) -> SceneTruth:
         """The same as a record, stamped `t_ns`."""
         block, container, tcp = (
-            Pose(pose[:3].copy(), Rotation.from_quat(pose[3:])) for pose in self.poses
+            Pose(np.array(pose[:3]), Rotation.from_quat(pose[3:])) for pose in self.poses
         )
         return SceneTruth(t_ns, block, container, tcp, self.block_speed, self.fingers_opening)
 
@@ -64,8 +63,12 @@ class WorldWriter:
 
     def publish(self, t_ns: int, state: WorldState) -> None:
         """Publish `state` as that of the simulated instant `t_ns`."""
-        numbers = (*state.qpos.tolist(), *state.poses.ravel().tolist())
-        self._ring.put(_STATE.pack(t_ns, *numbers, state.block_speed, state.fingers_opening))
+        block, container, tcp = state.poses
+        record = _STATE.pack(
+            t_ns, *state.qpos.tolist(), *block, *container, *tcp,
+            state.block_speed, state.fingers_opening,
+        )  # fmt: skip
+        self._ring.put(record)
 
     def close(self) -> None:
         self._block.close()
@@ -84,7 +87,7 @@ class WorldReader:
         if newest is None:
             return None
         t_ns, *numbers, block_speed, opening = _STATE.unpack(newest[1])
-        poses = np.array(numbers[QPOS_SIZE:]).reshape(3, 7)
+        poses = tuple(tuple(numbers[at : at + 7]) for at in range(QPOS_SIZE, len(numbers), 7))
         return t_ns, WorldState(np.array(numbers[:QPOS_SIZE]), poses, block_speed, opening)
 
     def truth(self) -> SceneTruth | None:

@@ -30,6 +30,7 @@ from hw.sim.controller.joint_servo import (
     check_motion,
 )
 from tams_app.records import Vector
+from tams_app.vectors import ZERO
 
 pytestmark = pytest.mark.untimed
 
@@ -148,7 +149,7 @@ def test_a_twist_that_leads_out_of_reach_is_a_kinematic_error_or_an_overspeed() 
     while code is None and len(path) < 500:
         try:
             path += run_twist(servo, path[-1], len(path) * CYCLE_NS, 1)[1:]
-            check_motion(path[-2], path[-1], np.eye(4), None, self_collision=True)
+            check_motion(path[-2], path[-1], ZERO, None, self_collision=True)
         except MotionError as fault:
             code = fault.code
     assert code in (ErrorCode.KINEMATIC, ErrorCode.JOINT_OVERSPEED)

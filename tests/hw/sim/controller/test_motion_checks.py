@@ -7,13 +7,14 @@ import pytest
 
 from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
-from hw.lite6.kinematics import HOME_JOINTS, JOINT_LOWER, JOINT_UPPER, Lite6Model, Matrix
+from hw.lite6.kinematics import HOME_JOINTS, JOINT_LOWER, JOINT_UPPER, Lite6Model
 from hw.sim.controller.joint_servo import CYCLE_S, MotionError, check_motion
 from tams_app.records import Vector
+from tams_app.vectors import ZERO
 
 pytestmark = pytest.mark.untimed
 
-NO_TOOL: Matrix = np.eye(4)
+NO_TOOL = ZERO
 LIMIT_STEP = np.pi * CYCLE_S
 
 
@@ -65,8 +66,7 @@ def test_the_tcp_stays_inside_the_fence(axis: int) -> None:
 def test_the_fence_is_about_the_tcp_and_not_the_flange() -> None:
     position_mm = Lite6Model().tcp_matrix(HOME_JOINTS)[:3, 3] * 1000
     fence = box(position_mm, 10.0)
-    tool = np.eye(4)
-    tool[2, 3] = 0.082
+    tool = 0.0, 0.0, 0.082
     with pytest.raises(MotionError):
         check_motion(HOME_JOINTS, HOME_JOINTS, tool, fence, self_collision=True)
 
