@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from operator import add, mul
 from typing import TypeAlias
 
 import numpy as np
@@ -25,7 +26,7 @@ Matrix: TypeAlias = NDArray[np.float64]
 JOINTS = 6
 BASE_TO_SHOULDER_M = 0.2433
 
-_THETA_0 = np.radians([0.0, -90.0, -90.0, 0.0, 0.0, 0.0])
+_THETA_0 = (0.0, -math.pi / 2, -math.pi / 2, 0.0, 0.0, 0.0)
 _D = (BASE_TO_SHOULDER_M, 0.0, 0.0, 0.2276, 0.0, 0.0615)
 _ALPHA = np.radians([0.0, -90.0, 180.0, 90.0, 90.0, -90.0])
 _A = (0.0, 0.0, 0.200, 0.087, 0.0, 0.0)
@@ -50,12 +51,17 @@ for _constant in (JOINT_LOWER, JOINT_UPPER, JOINT_SPEED_LIMITS, HOME_JOINTS):
     _constant.setflags(write=False)
 
 
+Floats6: TypeAlias = tuple[float, float, float, float, float, float]
 Axes: TypeAlias = tuple[Floats3, Floats3, Floats3, Floats3]  # x, y, z and the origin
 
 
 def links(joints: Vector) -> tuple[Axes, ...]:
     """The frames of the six links in the base frame, the flange last."""
-    return _links(tuple((joints + _THETA_0).tolist()))
+    return _turned(joints.tolist())
+
+
+def _turned(angles: list[float]) -> tuple[Axes, ...]:
+    return _links(tuple(map(add, angles, _THETA_0)))
 
 
 @lru_cache(maxsize=4)  # the controller model needs those of the same joints several times
@@ -113,9 +119,7 @@ class Lite6Model:
 
     def jacobian(self, joints: Vector) -> Matrix:
         """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
-        frames = links(joints)
-        tcp = placed(frames[-1], self._tool)
-        return np.array([(*cross(axis, minus(tcp, at)), *axis) for _, _, axis, at in frames]).T
+        return np.array(self._columns(links(joints))[0]).T
 
     def follow(self, target: Matrix, joints: Vector, max_steps: int = 10) -> Vector | None:
         """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.
@@ -124,23 +128,67 @@ class Lite6Model:
         Damped least squares whose damping grows with the error (Levenberg-Marquardt), so that far
         targets and singular poses do not make the joints jump and near ones converge fast.
         """
+        goal = floats(target[:3, 3])
+        x, y, z = (target[:3, :3] @ self._offset[:3, :3].T).T.tolist()  # of the flange there
+        angles = joints.tolist()
         for _ in range(max_steps):
-            tcp, rows = self.tcp_matrix(joints), self.jacobian(joints)
-            error = np.empty(6)
-            error[:3] = target[:3, 3] - tcp[:3, 3]
-            error[3:] = rotation_vector(target[:3, :3] @ tcp[:3, :3].T)
-            damping = _IK_MIN_DAMPING + _IK_ERROR_DAMPING * float(error @ error)
-            normal = rows.T @ rows
-            normal.flat[:: JOINTS + 1] += damping
-            change = np.asarray(np.linalg.solve(normal, rows.T @ error), dtype=np.float64)
-            largest = max(map(abs, change.tolist()))
+            columns, tcp, flange = self._columns(_turned(angles))
+            error = (*minus(goal, tcp), *_turn(flange, (x, y, z)))
+            damping = _IK_MIN_DAMPING + _IK_ERROR_DAMPING * sum(part * part for part in error)
+            change = _damped_solution(columns, error, damping)
+            largest = max(map(abs, change))
             if largest > _IK_MAX_STEP_RAD:
-                change *= _IK_MAX_STEP_RAD / largest
-            joints = joints + change
-            left = max(map(abs, (error - rows @ change).tolist()))
+                change = [part * (_IK_MAX_STEP_RAD / largest) for part in change]
+            angles = [angle + part for angle, part in zip(angles, change, strict=True)]
+            left = max(
+                abs(part - sum(map(mul, row, change)))
+                for part, row in zip(error, zip(*columns, strict=True), strict=True)
+            )
             if left < _FOLLOW_TOLERANCE and largest < _LINEAR_STEP_RAD:
-                return joints
+                return np.array(angles)
         return None
+
+    def _columns(self, frames: tuple[Axes, ...]) -> tuple[list[Floats6], Floats3, Axes]:
+        """The columns of the Jacobian, the TCP's place and the flange, of an arm's `frames`."""
+        tcp = placed(frames[-1], self._tool)
+        columns = [(*cross(axis, minus(tcp, at)), *axis) for _, _, axis, at in frames]
+        return columns, tcp, frames[-1]
+
+
+def _damped_solution(columns: list[Floats6], error: Floats6, damping: float) -> list[float]:
+    """x that minimises |A x - error|² + damping |x|², A given by its columns.
+
+    By the normal equations and their factors L D Lᵀ, in floats: six unknowns are too few for numpy.
+    """
+    lower: list[list[float]] = []
+    diagonal: list[float] = []
+    scaled: list[float] = []  # L⁻¹ Aᵀ error
+    for number, column in enumerate(columns):
+        row: list[float] = []
+        for other in range(number):
+            known = sum(map(mul, map(mul, row, lower[other]), diagonal))
+            row.append((sum(map(mul, column, columns[other])) - known) / diagonal[other])
+        pivot = sum(map(mul, column, column)) + damping
+        diagonal.append(pivot - sum(map(mul, map(mul, row, row), diagonal)))
+        scaled.append(sum(map(mul, column, error)) - sum(map(mul, row, scaled)))
+        lower.append(row)
+    solution = [part / pivot for part, pivot in zip(scaled, diagonal, strict=True)]
+    for number in range(JOINTS - 1, 0, -1):
+        for other, factor in enumerate(lower[number]):
+            solution[other] -= factor * solution[number]
+    return solution
+
+
+def _turn(start: Axes, end: Sequence[Sequence[float]]) -> Floats3:
+    """Axis times angle [rad] of the rotation from the axes of `start` to those of `end`."""
+    sine_x = sine_y = sine_z = trace = 0.0
+    for (ax, ay, az), (bx, by, bz) in zip(start[:3], end, strict=True):
+        sine_x += ay * bz - az * by
+        sine_y += az * bx - ax * bz
+        sine_z += ax * by - ay * bx
+        trace += ax * bx + ay * by + az * bz
+    turn = _vector_of((0.5 * sine_x, 0.5 * sine_y, 0.5 * sine_z), 0.5 * (trace - 1.0))
+    return rotation_vector(np.array(end).T @ np.array(start[:3])) if turn is None else turn
 
 
 def within_joint_limits(joints: Vector) -> bool:
@@ -162,13 +210,16 @@ def rotation_vector(matrix: Matrix) -> Floats3:
     """Axis times angle [rad] of a rotation matrix, shape (3, 3)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()
     sine_axis = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
-    cosine = 0.5 * (xx + yy + zz - 1.0)
+    turn = _vector_of(sine_axis, 0.5 * (xx + yy + zz - 1.0))
+    return Rotation.from_matrix(matrix).as_rotvec() if turn is None else turn
+
+
+def _vector_of(sine_axis: Floats3, cosine: float) -> Floats3 | None:
+    """Axis times angle [rad]; None near half a turn, where the axis is lost in the rounding."""
     sine = norm(sine_axis)
-    if cosine < 0.0 and sine < 1e-3:  # near half a turn the axis is lost in the rounding
-        return Rotation.from_matrix(matrix).as_rotvec()
-    if sine < 1e-12:
-        return sine_axis
-    return times(sine_axis, math.atan2(sine, cosine) / sine)
+    if cosine < 0.0 and sine < 1e-3:
+        return None
+    return times(sine_axis, math.atan2(sine, cosine) / sine) if sine >= 1e-12 else sine_axis
 
 
 def rotation_matrix(vector: Numbers) -> Matrix:

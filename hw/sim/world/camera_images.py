@@ -8,7 +8,8 @@ import numpy as np
 from hw.sim.layout import Layout
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.scene_renderer import SceneRenderer
-from tams_app.records import Image, Vector
+from tams_app.records import Image
+from tams_app.vectors import Numbers
 
 _MARGIN_PX = 64  # the noise image is larger by this much each way, and shifted for each frame
 
@@ -21,7 +22,7 @@ class CameraImages:
         self._renderer = SceneRenderer(layout)
         self._noises = {view: SensorNoise(seed, view, noise_sigma) for view in VIEWS}
 
-    def take(self, view: str, index: int, qpos: Vector) -> Image:
+    def take(self, view: str, index: int, qpos: Numbers) -> Image:
         """Image `index` of `view` with all joints at `qpos`: BGR, shape (480, 640, 3)."""
         return self._noises[view].apply(self._renderer.render(view, qpos), index)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from tams_app.errors import DeviceError
-from tams_app.records import Frame, Image, Pose, SceneTruth, Vector
+from tams_app.records import Frame, Image, Pose, SceneTruth
 from tams_app.rotation import Rotation
 from tams_app.runtime.shared_ring import (
     RingShape,
@@ -36,12 +36,12 @@ _WORLD, _FRAMES = "world", "frames"
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """Joint coordinates, shape (QPOS_SIZE,), and what follows from them in the base frame.
+    """Joint coordinates, `QPOS_SIZE` of them, and what follows from them in the base frame.
 
     `poses`: block, container and TCP, each x y z [m] and quaternion x y z w.
     """
 
-    qpos: Vector
+    qpos: tuple[float, ...]
     poses: tuple[tuple[float, ...], ...]
     block_speed: float  # [m/s]
     fingers_opening: float  # [m]
@@ -65,7 +65,7 @@ class WorldWriter:
         """Publish `state` as that of the simulated instant `t_ns`."""
         block, container, tcp = state.poses
         record = _STATE.pack(
-            t_ns, *state.qpos.tolist(), *block, *container, *tcp,
+            t_ns, *state.qpos, *block, *container, *tcp,
             state.block_speed, state.fingers_opening,
         )  # fmt: skip
         self._ring.put(record)
@@ -88,7 +88,7 @@ class WorldReader:
             return None
         t_ns, *numbers, block_speed, opening = _STATE.unpack(newest[1])
         poses = tuple(tuple(numbers[at : at + 7]) for at in range(QPOS_SIZE, len(numbers), 7))
-        return t_ns, WorldState(np.array(numbers[:QPOS_SIZE]), poses, block_speed, opening)
+        return t_ns, WorldState(tuple(numbers[:QPOS_SIZE]), poses, block_speed, opening)
 
     def truth(self) -> SceneTruth | None:
         """Where things are, for the trial's rules and the demo operator: not for the application.

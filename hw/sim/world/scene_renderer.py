@@ -24,7 +24,8 @@ from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world.scene import build_model
 from hw.sim.world.visibility import Visibility
 from tams_app.errors import SetupError
-from tams_app.records import Image, Vector
+from tams_app.records import Image
+from tams_app.vectors import Numbers
 
 _MAX_GEOMS = 200
 _MOVING_GROUP = 1  # the geoms that move, in rig.xml
@@ -73,7 +74,7 @@ class SceneRenderer:
         self._pose(self._model.qpos0)
         self._backgrounds = {view: self._background(view) for view in FIXED_VIEWPOINTS}
 
-    def render(self, view: str, qpos: Vector) -> Image:
+    def render(self, view: str, qpos: Numbers) -> Image:
         """The image of `view` when all joints are at `qpos`: BGR, shape (480, 640, 3)."""
         self._pose(qpos)
         camera = self._cameras[view]
@@ -102,7 +103,7 @@ class SceneRenderer:
             self._drawing = None
             self._context.free()
 
-    def _pose(self, qpos: Vector) -> None:
+    def _pose(self, qpos: Numbers) -> None:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)

@@ -44,32 +44,34 @@ class World:
         self._model = build_model(layout, textured=False)
         self._data = data = mujoco.MjData(self._model)
         model, count = self._model, len(JOINTS)
-        # views of the data, of which the arm's joints are the first
-        self._joints, self._torques = data.qpos[:count], data.qfrc_constraint[:count]
-        self._joint_targets, self._grip = data.ctrl[:count], data.ctrl[count:]
-        self._finger = data.qpos[int(model.joint("finger_left").qposadr[0]) :]
+        # views of the data, of which the arm's joints are the first; lists of them are quick
+        self._qpos = memoryview(data.qpos)
+        self._ctrl: memoryview[float] = memoryview(data.ctrl).cast("B").cast("d")
+        self._torques = memoryview(data.qfrc_constraint)[:count]
+        self._finger_place = int(model.joint("finger_left").qposadr[0])
         block_speed = int(model.joint("block").dofadr[0])
-        self._block_speed = data.qvel[block_speed : block_speed + 3]
+        self._block_speed = memoryview(data.qvel)[block_speed : block_speed + 3]
         stiffness, damping = -model.actuator_biasprm[:count, 1:3].T
-        self._lead_s = damping / stiffness
+        self._lead_s = (damping / stiffness).tolist()
         block, container = model.body("block").id, model.body("container").id
         gripper, tcp = model.body("gripper").id, model.site("tcp").id
-        self._poses = (
-            (data.xpos[block], data.xquat[block]),
-            (data.xpos[container], data.xquat[container]),
-            (data.site_xpos[tcp], data.xquat[gripper]),
-        )
-        self._last_target = np.asarray(start_joints, float).copy()
+        self._poses = [
+            (memoryview(place), memoryview(turn))
+            for place, turn in (
+                (data.xpos[block], data.xquat[block]),
+                (data.xpos[container], data.xquat[container]),
+                (data.site_xpos[tcp], data.xquat[gripper]),
+            )
+        ]
+        self._last_target = np.asarray(start_joints, float).tolist()
         self._strained_ns = 0
-        self._joints[:] = start_joints
-        self._joint_targets[:] = start_joints
+        data.qpos[:count] = data.ctrl[:count] = start_joints
         mujoco.mj_forward(self._model, data)
 
     @property
     def joints(self) -> Vector:
         """Measured joints [rad], shape (6,)."""
-        joints: Vector = self._joints.copy()
-        return joints
+        return np.array(self._qpos[: len(JOINTS)].tolist())
 
     @property
     def qpos(self) -> Vector:
@@ -82,26 +84,31 @@ class World:
         steps, rest = divmod(duration_ns, STEP_NS)
         if rest or steps <= 0:
             raise ValueError(f"duration_ns must be a positive multiple of {STEP_NS}")
-        start, self._last_target = self._last_target, np.asarray(joints_target, float).copy()
+        start, self._last_target = self._last_target, np.asarray(joints_target, float).tolist()
+        duration_s, ctrl, count = duration_ns / 1e9, self._ctrl, len(JOINTS)
         # The servo damps the joint's speed; a lead on the target makes it damp the speed's error.
-        lead = self._lead_s * (self._last_target - start) / (duration_ns / 1e9)
-        parts = np.arange(1, steps + 1)[:, None] / steps
-        self._grip[0] = _DRIVE_FORCE_N[closing]
-        for target in start + (self._last_target - start) * parts + lead:
-            self._joint_targets[:] = target
+        joints = [
+            (place, target - place, lead_s * (target - place) / duration_s)
+            for place, target, lead_s in zip(start, self._last_target, self._lead_s, strict=True)
+        ]
+        ctrl[count] = _DRIVE_FORCE_N[closing]
+        for done in range(1, steps + 1):
+            part = done / steps
+            for number, (place, way, lead) in enumerate(joints):
+                ctrl[number] = place + way * part + lead
             mujoco.mj_step(self._model, self._data)
             self._watch_for_collision()
         return PlantState(self.joints, collision=self._strained_ns >= COLLISION_TIME_NS)
 
     def state(self) -> WorldState:
         """This instant as bare numbers."""
-        opening = 2.0 * (FINGER_TRAVEL_M - float(self._finger[0]))
+        opening = 2.0 * (FINGER_TRAVEL_M - self._qpos[self._finger_place])
         poses = []
         for place, turn in self._poses:
             w, *xyz = turn.tolist()
             poses.append((*place.tolist(), *xyz, w))
         speed = math.hypot(*self._block_speed.tolist())
-        return WorldState(self.qpos, tuple(poses), speed, max(0.0, opening))
+        return WorldState(tuple(self._qpos.tolist()), tuple(poses), speed, max(0.0, opening))
 
     def truth(self, now_ns: int) -> SceneTruth:
         """Where things are, stamped `now_ns`."""
