@@ -18,6 +18,7 @@ HELPERS = {
     "renderer": "hw.sim.world.renderer",
     "relay": "tams_app.video.relay",
     "guard": "hw.guard.process",
+    "operator": "tams_app.session.operator_process",
 }
 pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
 
@@ -109,7 +110,7 @@ def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running
     assert stop.stopped_ns is not None
 
 
-@pytest.mark.parametrize("name", ["rig", *also("renderer", "relay", "guard")])
+@pytest.mark.parametrize("name", ["rig", *also("renderer", "relay", "guard", "operator")])
 def test_a_killed_helper_stops_the_arm_and_ends_the_session_with_a_sentence(running, name):
     running.helper(name).kill()
     code, words, log = running.end()

@@ -8,6 +8,7 @@
 | link relay | FIFO 20 | its delays are what it is for |
 | all other threads of the application | round robin 1 | see below |
 | the rig's world | FIFO 5 | simulated time must keep up with the wall's |
+| the simulated operator's hand | FIFO 5 | it stands for a VR runtime |
 | renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
 | quality | idle | it takes what is left over |
 
@@ -28,6 +29,7 @@ GUARD_PRIORITY = 60
 RELAY_PRIORITY = 20
 APPLICATION_PRIORITY = 1
 RIG_PRIORITY = 5
+OPERATOR_PRIORITY = 5
 RENDERER_NICE = -10
 
 _LOWEST_NICE = 19

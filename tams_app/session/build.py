@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.session.devices import Devices
 from tams_app.session.machine_speed import this_machine
 from tams_app.session.rate_ladder import RateLadder
+from tams_app.session.recorders import SessionRecords
 from tams_app.study.trial import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
@@ -75,7 +77,14 @@ def check_views(config: Config, dry_run: bool) -> None:
             )
 
 
-def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool) -> Devices:
+def devices(
+    config: Config,
+    clock: Clock,
+    log_directory: Path,
+    log: SessionRecords,
+    on_failure: Callable[[str, BaseException], None],
+    arm_at_once: bool,
+) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
     `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none.
@@ -83,7 +92,7 @@ def devices(config: Config, clock: Clock, log_directory: Path, arm_at_once: bool
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
-        return SimulatedRig(config, clock, log_directory, operator_confirms=not arm_at_once)
+        return SimulatedRig(config, clock, log_directory, log, on_failure, not arm_at_once)
     return Devices(config, clock)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from hw.arms import arm_kind
 from hw.controller import Controller
-from hw.sim.operator.demo import demo_controller
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import WorldReader, WorldWriter, remove_memory
 from tams_app.config import ArmConfig, Config
@@ -19,17 +18,25 @@ from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.devices import Devices, Note
 from tams_app.session.recorded_hand import recorded_hand
+from tams_app.session.recorders import SessionRecords
+from tams_app.session.rig_operator import RigOperator
 
 LOOPBACK = "127.0.0.1"
 
 
 class SimulatedRig(Devices):
-    """World and arm controller in one process, the cameras' renderer in another."""
+    """World and arm controller in one process, the cameras' renderer and the operator in others."""
 
     def __init__(
-        self, config: Config, clock: Clock, log_directory: Path, operator_confirms: bool
+        self,
+        config: Config,
+        clock: Clock,
+        log_directory: Path,
+        log: SessionRecords,
+        on_failure: Callable[[str, BaseException], None],
+        operator_confirms: bool,
     ) -> None:
-        """`operator_confirms`: the scripted operator arms the arm by the menu button."""
+        """`operator_confirms`: the simulated operator arms the arm by the menu button."""
         super().__init__(config, clock)
         kind = arm_kind(config.arm.model)
         if not kind.rig:
@@ -37,7 +44,7 @@ class SimulatedRig(Devices):
                 f"arm.model: there is no simulated rig with a {kind.title}; "
                 "set rig.enabled to false"
             )
-        self._operator_confirms = operator_confirms
+        self._log = log
         self._memory_name = new_block_name()
         self._reader: WorldReader | None = None
         self._ports: tuple[int, int] | None = None
@@ -60,17 +67,32 @@ class SimulatedRig(Devices):
             "rig": HelperProcess("rig", kind.rig, world, log_directory),
             "renderer": HelperProcess("renderer", "hw.sim.world.renderer", renderer, log_directory),
         }
+        self._operator: RigOperator | None = None
+        if config.rig.hand_trajectory is None:
+            self._operator = RigOperator(
+                config,
+                clock,
+                self._memory_name,
+                log_directory,
+                confirms=operator_confirms,
+                on_glance=log.record,
+                on_failure=on_failure,
+            )
 
     def start(self) -> None:
         WorldWriter(self._memory_name).close()  # there before any reader: no order of starting
         for helper in self.helpers.values():
             helper.start()
+        if self._operator is not None:
+            self.helpers["operator"] = self._operator.launch()
 
     def wait_ready(self) -> None:
         ready = self.helpers["rig"].wait_ready()
         self._ports = (int(ready["control_port"]), int(ready["report_port"]))
         self._reader = WorldReader(self._memory_name)
         self.helpers["renderer"].wait_ready()
+        if self._operator is not None:
+            self._operator.wait_ready()
 
     def arm_config(self) -> ArmConfig:
         assert self._ports is not None, "wait until the rig is ready"
@@ -80,11 +102,12 @@ class SimulatedRig(Devices):
         )
 
     def make_controller(self, note: Note) -> Controller:
-        """The virtual controller in the scripted operator's hand, or a recorded hand's."""
-        config = self._config
-        if config.rig.hand_trajectory is not None:
-            return recorded_hand(Path(config.rig.hand_trajectory))
-        return demo_controller(config, self._read_truth, confirms=self._operator_confirms)
+        """The controller in the simulated operator's hand, or in a recorded one."""
+        trajectory = self._config.rig.hand_trajectory
+        if self._operator is None:
+            assert trajectory is not None, "then there is an operator"
+            return recorded_hand(Path(trajectory))
+        return self._operator.controller
 
     def make_cameras(self, note: Note) -> list[SimCamera]:
         return [
@@ -107,5 +130,7 @@ class SimulatedRig(Devices):
             stack.callback(remove_memory, self._memory_name)
             for helper in self.helpers.values():
                 stack.callback(helper.stop)
+            if self._operator is not None:
+                stack.callback(self._operator.close)
             if self._reader is not None:
                 stack.callback(self._reader.close)

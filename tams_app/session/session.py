@@ -101,7 +101,9 @@ class Session:
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         ladder = build.rate_ladder(config)
-        self._devices = build.devices(config, clock, helper_logs, self._arm_at_once)
+        self._devices = build.devices(
+            config, clock, helper_logs, self._log, failed, self._arm_at_once
+        )
         self._stack.callback(self._devices.close)
         self._devices.start()
         if ladder is not None:

@@ -48,27 +48,38 @@ class ReportingHelper(Generic[Report]):
         self._ended_unasked = ended_unasked
         self._stop_timeout_s = stop_timeout_s
         self._reader = Worker(f"{name}-reports", self._read, on_failure)
+        self._listener: socket.socket | None = None
         self._connection: socket.socket | None = None
         self._closing = False
 
     def start(self, specification: dict[str, Any]) -> dict[str, Any]:
-        """Start it with `specification` and the key `reports_port`, to which it must connect.
+        """Start it and wait: `launch`, then `wait_ready`; closed again if it cannot start."""
+        try:
+            self.launch(specification)
+            return self.wait_ready()
+        except BaseException:
+            self.close()
+            raise
 
-        Returns the object of its ready line. HelperError if it cannot start.
+    def launch(self, specification: dict[str, Any]) -> HelperProcess:
+        """Start it, without waiting, with `specification` and the key `reports_port`.
+
+        It must connect there before it is ready. HelperError if it cannot be started.
         """
-        with socket.create_server(("127.0.0.1", 0), backlog=1) as listener:
-            listener.settimeout(READY_TIMEOUT_S)
-            specification = {**specification, "reports_port": listener.getsockname()[1]}
-            self.process = HelperProcess(
-                self._name, self._module, specification, self._log_directory
-            )
-            try:
-                self.process.start()
-                ready = self.process.wait_ready()
-                self._connection, _ = listener.accept()
-            except BaseException:
-                self.close()
-                raise
+        self._listener = socket.create_server(("127.0.0.1", 0), backlog=1)
+        self._listener.settimeout(READY_TIMEOUT_S)
+        specification = {**specification, "reports_port": self._listener.getsockname()[1]}
+        self.process = HelperProcess(self._name, self._module, specification, self._log_directory)
+        self.process.start()
+        return self.process
+
+    def wait_ready(self) -> dict[str, Any]:
+        """The object of its ready line, once it is launched; HelperError if it cannot start."""
+        assert self.process is not None, "launch it first"
+        assert self._listener is not None, "launch it first"
+        ready = self.process.wait_ready()
+        self._connection, _ = self._listener.accept()
+        self._listener.close()
         self._reader.start()
         return ready
 
@@ -77,6 +88,8 @@ class ReportingHelper(Generic[Report]):
         self._closing = True
         if self.process is not None:
             self.process.stop(self._stop_timeout_s)
+        if self._listener is not None:
+            self._listener.close()
         self._reader.request_stop()
         if self._connection is not None:
             self._reader.stop()

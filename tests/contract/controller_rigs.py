@@ -1,4 +1,5 @@
-"""One rig per kind of controller: the simulated hand, and OpenVR's binding over a fake runtime.
+"""One rig per kind of controller: the simulated hand, here and published by another process, and
+OpenVR's binding over a fake runtime.
 
 A rig holds a controller whose trigger is pressed and whose hand is never quite still, lets time
 pass, and makes the controller suffer what `SensorFault` names.
@@ -6,6 +7,7 @@ pass, and makes the controller suffer what `SensorFault` names.
 
 from __future__ import annotations
 
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -17,9 +19,12 @@ import openvr
 from hw.controller import Controller
 from hw.openvr.controller import OpenVrController
 from hw.sim.operator.hand import Button, Hand, HandCommand
+from hw.sim.operator.remote_controller import ControllerPublisher, RemoteController
 from tams_app.config import ControllerConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.runtime.shared_ring import new_block_name
+from tams_app.session.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
@@ -104,6 +109,45 @@ class VirtualControllerRig(ControllerRig):
 
     def advance(self) -> int:
         self._clock.advance_ns(TICK_NS)
+        return self._clock.now_ns()
+
+    def felt(self) -> int:
+        return self._holding.pulses
+
+
+class RemoteRig(ControllerRig):
+    """The driver of a controller that is published as by the operator's process, in real time."""
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        self._clock = MonotonicClock()
+        self._cleaning = cleaning
+        self._holding = _Holding()
+        self._published: FaultyController | None = None
+        self.controller = self.make_controller()
+
+    def make_controller(self) -> RemoteController:
+        name, stop = new_block_name(), threading.Event()
+        made = RemoteController(name, self._clock, runs=lambda: True)
+        self._cleaning.callback(made.let_go)
+        published = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
+        self._published = self._published or published
+        publisher = ControllerPublisher(name, published)
+        self._cleaning.callback(publisher.close)
+        thread = threading.Thread(target=publish, args=(publisher, self._clock, stop))
+        thread.start()
+        self._cleaning.callback(thread.join)
+        self._cleaning.callback(stop.set)
+        return made
+
+    def press_menu(self) -> None:
+        self._holding.button = Button.MENU
+
+    def inject(self, fault: SensorFault | None) -> None:
+        assert self._published is not None
+        self._published.inject(fault)
+
+    def advance(self) -> int:
+        time.sleep(TICK_NS / NS_PER_S)
         return self._clock.now_ns()
 
     def felt(self) -> int:

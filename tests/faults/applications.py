@@ -42,6 +42,7 @@ _MODULES = {
     "relay": "tams_app.video.relay",
     "guard": "hw.guard.process",
     "quality": "tams_app.video.quality_process",
+    "operator": "tams_app.session.operator_process",
 }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.remote_controller import RemoteController
 from hw.sim.world.camera import SimCamera
 from tams_app.console.app import run_session
 from tams_app.errors import TamsError
@@ -137,8 +137,8 @@ def test_the_control_thread_itself_dies(
     observed: Observed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     failure = OSError("the runtime's library crashed")
-    sample = failing(observed, VirtualController.sample, failure)
-    monkeypatch.setattr(VirtualController, "sample", sample)
+    sample = failing(observed, RemoteController.sample, failure)
+    monkeypatch.setattr(RemoteController, "sample", sample)
     ends_with(observed, tmp_path, "control: OSError")
     log = only_log(tmp_path)
     assert not log.truncated

@@ -12,10 +12,16 @@ from tams_app.errors import ConfigError, LogError
 from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorded_hand import ReplayedController, recorded_hand
+from tams_app.session.recorders import SessionRecords
 from tams_app.session.rig import SimulatedRig
 from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
 
 pytestmark = pytest.mark.untimed
+
+
+class Unkept:
+    def record(self, item):
+        pass
 
 
 def write(path, count):
@@ -46,5 +52,7 @@ def test_a_log_without_a_hand_and_a_file_that_is_none_are_one_sentence(tmp_path)
 def test_the_live_rig_takes_the_configured_hand(tmp_path):
     path = write(tmp_path / "session.mcap", 3)
     config = load_config(None, {"rig.hand_trajectory": str(path)})
-    rig = SimulatedRig(config, VirtualClock(), tmp_path, operator_confirms=True)
+    clock = VirtualClock()
+    log = SessionRecords(clock, Unkept())
+    rig = SimulatedRig(config, clock, tmp_path, log, lambda *_: None, operator_confirms=True)
     assert isinstance(rig.make_controller(lambda level, text: None), ReplayedController)
