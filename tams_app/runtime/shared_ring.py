@@ -100,13 +100,16 @@ class SharedRing:
         (checksum,), head = _CHECKSUM.unpack_from(copy), copy[_CHECKSUM.size :]
         return head if checksum == _checksum(number, head) else None
 
-    def bulk(self, number: int) -> Bulk | None:
-        """A copy of the bulk of record `number`; None if it is not there (any more)."""
+    def bulk(self, number: int, read: Callable[[Bulk], Bulk] = np.copy) -> Bulk | None:
+        """What `read` makes of the bulk of record `number`; None if it is not there (any more).
+
+        `read` keeps no reference to what it is given; by default it copies it.
+        """
         at, serial = self._bulk_at(number), 2 * number + 2
         if _NUMBER.unpack_from(self._memory, at)[0] != serial:
             return None
-        copy = self._bulk_place(at).copy()
-        return copy if _NUMBER.unpack_from(self._memory, at)[0] == serial else None
+        made = read(self._bulk_place(at))
+        return made if _NUMBER.unpack_from(self._memory, at)[0] == serial else None
 
     def newest(self) -> tuple[int, bytes] | None:
         """Number and head of the newest record that is whole; None if there is none."""

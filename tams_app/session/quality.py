@@ -10,6 +10,7 @@ from tams_app.errors import TamsError
 from tams_app.records import Frame, FrameQuality, ShownFrame
 from tams_app.session.devices import Note
 from tams_app.units import NS_PER_S
+from tams_app.video.frame_ring import FrameBlock
 from tams_app.video.quality_client import QualityClient
 
 RECENT_SCORES = 15
@@ -26,20 +27,23 @@ class LiveQuality:
     def __init__(
         self,
         config: VideoConfig,
+        screen: FrameBlock,
         logs: Path,
         record: Callable[[FrameQuality], None],
         note: Note,
     ) -> None:
-        """`record` gets one record per captured frame, in a thread of its own."""
+        """`screen`: where shown frames are put. `record` gets one record per captured frame.
+
+        `record` is called in a thread of its own.
+        """
         self._wanted = config.quality.enabled
+        self._screen = screen
         self._record = record
         self._note = note
         self._recent: dict[str, tuple[tuple[int, float], ...]] = {}  # capture [ns] and score
         self._started = False
         self._client = QualityClient(
-            config.views,
-            config.width,
-            config.height,
+            screen,
             log_directory=logs,
             on_quality=self._keep,
             on_failure=lambda _name, failure: self._tell(failure),
@@ -68,7 +72,7 @@ class LiveQuality:
 
     def shown(self, shown: ShownFrame) -> None:
         """Hand over a frame that reached the screen; each view from one thread."""
-        self._client.push_shown(shown)
+        self._screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
 
     def recent_live(self, view: str, now_ns: int) -> float | None:
         """Mean live SSIM of the last scored frames of `view`; None where there is none lately."""

@@ -1,6 +1,6 @@
 """The helper process that compares shown frames with captured ones, with the time left over.
 
-Specification: memory_name, views, width, height, reports_port. It reports every
+Specification: captured_memory, shown_memory, views, width, height, reports_port. It reports every
 captured frame's fate as a FrameQuality, with scores where there was time to spare (`SparePace`),
 each view in turn, so that what is left out is spread evenly.
 """
@@ -151,10 +151,12 @@ def main() -> None:
     cv2.setNumThreads(1)
     specification: dict[str, Any] = side.specification
     names = tuple(specification["views"])
-    layout = RingLayout(names, int(specification["width"]), int(specification["height"]))
+    size = int(specification["width"]), int(specification["height"])
+    captured, shown = RingLayout(CAPTURED, names, *size), RingLayout(SHOWN, names, *size)
     address = ("127.0.0.1", int(specification["reports_port"]))
     with (
-        open_block(str(specification["memory_name"])) as block,
+        open_block(str(specification["captured_memory"])) as captures,
+        open_block(str(specification["shown_memory"])) as screen,
         socket.create_connection(address, _SEND_TIMEOUT_S) as results,
     ):
 
@@ -164,8 +166,8 @@ def main() -> None:
         views = [
             ViewScores(
                 name,
-                FrameReader(block, layout, name, CAPTURED),
-                FrameReader(block, layout, name, SHOWN),
+                FrameReader(captures, captured, name),
+                FrameReader(screen, shown, name),
                 report,
             )
             for name in names

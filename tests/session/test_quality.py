@@ -16,6 +16,7 @@ from tams_app.config import VideoConfig
 from tams_app.records import Frame, FrameQuality, Image, ShownFrame
 from tams_app.session.quality import RECENT_SCORES, LiveQuality
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 
 pytestmark = pytest.mark.waiting
 
@@ -52,7 +53,8 @@ def quality_of(session: Session, logs: Path, enabled: bool = True) -> LiveQualit
     config = VideoConfig.model_validate(
         {"views": ["gt"], "width": WIDTH, "height": HEIGHT, "quality": {"enabled": enabled}}
     )
-    return LiveQuality(config, logs, session.record, session.note)
+    screen = FrameBlock(RingLayout(SHOWN, config.views, WIDTH, HEIGHT))
+    return LiveQuality(config, screen, logs, session.record, session.note)
 
 
 @pytest.fixture
@@ -66,6 +68,7 @@ def started(session: Session, tmp_path: Path) -> Iterator[LiveQuality]:
     quality.start()
     yield quality
     quality.close()
+    quality._screen.close()
 
 
 def frame(index: int) -> Image:
@@ -128,7 +131,7 @@ def test_no_memory_for_the_frames_is_noted_and_the_session_goes_on_without(
     def full(name: str, size: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tams_app.video.quality_client.create_block", full)
+    monkeypatch.setattr("tams_app.video.frame_ring.create_block", full)
     quality = quality_of(session, tmp_path)
     quality.start()
     push(quality, 0)

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from tams_app.records import Image
+from tams_app.runtime.shared_ring import open_block
 from tams_app.video.frame_ring import (
     CAPTURED,
     ENTRIES,
-    LUMAS,
+    IMAGES,
     SHOWN,
+    FrameBlock,
     FrameReader,
     FrameWriter,
     RingLayout,
@@ -22,7 +24,7 @@ from tams_app.video.ssim import luma_of
 
 pytestmark = pytest.mark.untimed
 
-LAYOUT = RingLayout(("eih", "gt"), 34, 22)
+LAYOUT, COLOUR = (RingLayout(kind, ("eih", "gt"), 34, 22) for kind in (CAPTURED, SHOWN))
 
 
 def image(seed: int) -> Image:
@@ -32,19 +34,19 @@ def image(seed: int) -> Image:
 class Rings:
     """A writer and a reader of one ring in a block of its own."""
 
-    def __init__(self) -> None:
-        self.block = mmap.mmap(-1, LAYOUT.block_bytes)
-        self.writer = FrameWriter(self.block, LAYOUT, "gt", CAPTURED)
-        self.reader = FrameReader(self.block, LAYOUT, "gt", CAPTURED)
+    def __init__(self, layout: RingLayout) -> None:
+        self.block = mmap.mmap(-1, layout.block_bytes)
+        self.writer = FrameWriter(self.block, layout, "gt")
+        self.reader = FrameReader(self.block, layout, "gt")
 
     def put(self, indices: range) -> None:
         for index in indices:
             self.writer.put(index, 1000 * index, image(index))
 
 
-@pytest.fixture
-def rings() -> Iterator[Rings]:
-    rings = Rings()
+@pytest.fixture(params=[LAYOUT, COLOUR], ids=lambda layout: layout.kind)
+def rings(request: pytest.FixtureRequest) -> Iterator[Rings]:
+    rings = Rings(request.param)
     yield rings
     rings.block.close()
 
@@ -61,11 +63,11 @@ def test_frames_arrive_once_in_order_as_luma(rings: Rings) -> None:
 
 
 def test_a_reader_that_falls_behind_misses_frames_but_none_of_their_times(rings: Rings) -> None:
-    rings.put(range(LUMAS + 7))
+    rings.put(range(IMAGES + 7))
     entries = rings.reader.read(rings.reader.written())
-    assert [one.index for one in entries] == list(range(LUMAS + 7))
-    assert [one.luma is None for one in entries] == [True] * 7 + [False] * LUMAS
-    np.testing.assert_array_equal(entries[-1].luma, luma_of(image(LUMAS + 6)))
+    assert [one.index for one in entries] == list(range(IMAGES + 7))
+    assert [one.luma is None for one in entries] == [True] * 7 + [False] * IMAGES
+    np.testing.assert_array_equal(entries[-1].luma, luma_of(image(IMAGES + 6)))
 
 
 def test_what_was_overwritten_for_good_is_left_out(rings: Rings) -> None:
@@ -77,23 +79,59 @@ def test_what_was_overwritten_for_good_is_left_out(rings: Rings) -> None:
 def test_a_frame_that_is_being_overwritten_is_not_read(
     rings: Rings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rings.put(range(LUMAS))
+    rings.put(range(IMAGES))
     seen = []
 
-    def interrupt(*arguments: object, **others: object) -> None:
+    def interrupt(writer: FrameWriter, bulk: object, image: object) -> None:
         seen.extend(rings.reader.read(1))
 
-    monkeypatch.setattr("tams_app.video.frame_ring.cv2.cvtColor", interrupt)
-    rings.put(range(LUMAS, LUMAS + 1))
+    for method in ("_to_luma", "_copy"):
+        monkeypatch.setattr(FrameWriter, method, interrupt)
+    rings.put(range(IMAGES, IMAGES + 1))
     assert [(one.index, one.luma) for one in seen] == [(0, None)]
 
 
+def test_the_newest_frame_shown_is_there_in_colour() -> None:
+    rings = Rings(COLOUR)
+    assert rings.reader.newest_image() is None
+    rings.put(range(IMAGES + 3))
+    np.testing.assert_array_equal(rings.reader.newest_image(), image(IMAGES + 2))
+    assert len(rings.reader.read(2)) == 2  # which the reader in order does not miss by this
+    rings.block.close()
+
+
+def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden() -> None:
+    block = FrameBlock(COLOUR)
+    block.put("gt", 0, 0, image(0))  # before it is there: left out
+    block.create()
+    block.put("gt", 1, 1000, image(1))
+    block.create()  # it is there already, with all that was put
+    with open_block(block.name) as memory:
+        reader = FrameReader(memory, COLOUR, "gt")
+        np.testing.assert_array_equal(reader.newest_image(), image(1))
+        block.hide()
+        with pytest.raises(FileNotFoundError):
+            open_block(block.name)
+        block.put("gt", 2, 2000, image(2))
+        assert [one.index for one in reader.read(reader.written())] == [1, 2]
+    block.close()
+    block.close()
+    block.put("gt", 3, 3000, image(3))  # after the end: left out
+
+
+def test_a_block_that_is_closed_leaves_no_name() -> None:
+    block = FrameBlock(LAYOUT)
+    block.create()
+    block.close()
+    with pytest.raises(FileNotFoundError):
+        open_block(block.name)
+
+
 def test_rings_do_not_touch_each_other() -> None:
-    with mmap.mmap(-1, LAYOUT.block_bytes) as block:
-        places = [(view, kind) for view in LAYOUT.views for kind in (CAPTURED, SHOWN)]
-        writers = [FrameWriter(block, LAYOUT, *place) for place in places]
-        readers = [FrameReader(block, LAYOUT, *place) for place in places]
-        for _ in range(2 * LUMAS):
+    with mmap.mmap(-1, COLOUR.block_bytes) as block:
+        writers = [FrameWriter(block, COLOUR, view) for view in COLOUR.views]
+        readers = [FrameReader(block, COLOUR, view) for view in COLOUR.views]
+        for _ in range(2 * IMAGES):
             for number, writer in enumerate(writers):
                 writer.put(number, number, image(number))
         for number, reader in enumerate(readers):

@@ -14,9 +14,16 @@ import numpy as np
 import pytest
 
 from tams_app.errors import HelperError
-from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.records import Frame, FrameQuality, Image
 from tams_app.units import NS_PER_MS
-from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, FrameWriter, RingLayout
+from tams_app.video.frame_ring import (
+    CAPTURED,
+    SHOWN,
+    FrameBlock,
+    FrameReader,
+    FrameWriter,
+    RingLayout,
+)
 from tams_app.video.quality_client import QualityClient
 from tams_app.video.quality_process import WAITING_FATES, SparePace, ViewScores, run
 from tams_app.video.ssim import FrameMoments, luma_of, ssim
@@ -44,17 +51,21 @@ class Bench:
     """One view's scores over rings in a block, driven by hand."""
 
     def __init__(self) -> None:
-        layout = RingLayout(("gt",), WIDTH, HEIGHT)
-        self.block = mmap.mmap(-1, layout.block_bytes)
-        self.captured = FrameWriter(self.block, layout, "gt", CAPTURED)
-        self.shown = FrameWriter(self.block, layout, "gt", SHOWN)
+        writers, readers = [], []
+        self._blocks = []
+        for kind in (CAPTURED, SHOWN):
+            layout = RingLayout(kind, ("gt",), WIDTH, HEIGHT)
+            block = mmap.mmap(-1, layout.block_bytes)
+            self._blocks.append(block)
+            writers.append(FrameWriter(block, layout, "gt"))
+            readers.append(FrameReader(block, layout, "gt"))
+        self.captured, self.shown = writers
         self.told: list[FrameQuality] = []
-        self.scores = ViewScores(
-            "gt",
-            FrameReader(self.block, layout, "gt", CAPTURED),
-            FrameReader(self.block, layout, "gt", SHOWN),
-            self.told.append,
-        )
+        self.scores = ViewScores("gt", *readers, self.told.append)
+
+    def close(self) -> None:
+        for block in self._blocks:
+            block.close()
 
     def frame(self, index: int, shown: bool = True) -> None:
         self.captured.put(index, index * FRAME_NS, image(index))
@@ -66,7 +77,7 @@ class Bench:
 def bench() -> Iterator[Bench]:
     bench = Bench()
     yield bench
-    bench.block.close()
+    bench.close()
 
 
 def test_with_time_enough_every_frame_is_scored(bench: Bench) -> None:
@@ -150,43 +161,52 @@ class Told:
             )
 
 
-def client_of(told: Told, logs: Path) -> QualityClient:
-    return QualityClient(
-        ("eih", "gt"), WIDTH, HEIGHT, log_directory=logs, on_quality=told.add, on_failure=told.fail
-    )
+class Pushed:
+    """A client, and the memory of the frames shown, which is the session's."""
 
+    def __init__(self, told: Told, logs: Path) -> None:
+        self.screen = FrameBlock(RingLayout(SHOWN, ("eih", "gt"), WIDTH, HEIGHT))
+        self.client = QualityClient(
+            self.screen, log_directory=logs, on_quality=told.add, on_failure=told.fail
+        )
 
-def push(client: QualityClient, index: int, shown: bool = True) -> None:
-    for view in ("eih", "gt"):
-        client.push_capture(Frame(view, index, index * FRAME_NS, image(index)))
-        if shown:
-            shown_ns = index * FRAME_NS + NS_PER_MS
-            client.push_shown(ShownFrame(view, index, shown_ns, blurred(index)))
+    def push(self, index: int, shown: bool = True) -> None:
+        for view in ("eih", "gt"):
+            self.client.push_capture(Frame(view, index, index * FRAME_NS, image(index)))
+            if shown:
+                self.screen.put(view, index, index * FRAME_NS + NS_PER_MS, blurred(index))
+
+    def close(self) -> None:
+        self.client.close()
+        self.screen.close()
 
 
 def blocks() -> set[str]:
     """Names of shared memory that this process has made."""
-    return {path.name for path in Path("/dev/shm").glob(f"tams-{os.getpid()}-*-quality")}
+    return {path.name for path in Path("/dev/shm").glob(f"tams-{os.getpid()}-*")}
 
 
 def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
     told = Told()
-    client = client_of(told, tmp_path)
-    push(client, 0)  # before the start: left out
+    pushed = Pushed(told, tmp_path)
+    client = pushed.client
+    pushed.push(0)  # before the start: left out
     client.start()
     try:
+        assert blocks() == {pushed.screen.name}  # the session's, which others may read as well
+        pushed.screen.hide()
         assert blocks() == set()  # nothing that a killed session could leave behind
         assert client.process is not None
         assert client.process.pid is not None
         assert os.sched_getscheduler(client.process.pid) == os.SCHED_IDLE
         for index in range(1, 11):
-            push(client, index)
+            pushed.push(index)
             assert told.wait(records=2 * index)
-        push(client, 11, shown=False)
+        pushed.push(11, shown=False)
     finally:
-        client.close()
-        client.close()
-    push(client, 12)  # after the end: left out
+        pushed.close()
+        pushed.close()
+    pushed.push(12)  # after the end: left out
     for view in ("eih", "gt"):
         mine = [one for one in told.records if one.view == view]
         assert [one.index for one in mine] == list(range(1, 12))
@@ -201,16 +221,17 @@ def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
 
 def test_a_helper_that_is_killed_is_told_and_hurts_nothing_else(tmp_path: Path) -> None:
     told = Told()
-    client = client_of(told, tmp_path)
+    pushed = Pushed(told, tmp_path)
+    client = pushed.client
     client.start()
     try:
         assert client.process is not None
         assert client.process.pid is not None
         os.kill(client.process.pid, signal.SIGKILL)
         assert told.wait(failures=1)
-        push(client, 1)
+        pushed.push(1)
     finally:
-        client.close()
+        pushed.close()
     assert isinstance(told.failures[0], HelperError)
     assert "frames are no longer compared" in str(told.failures[0])
 
@@ -219,8 +240,8 @@ def test_a_helper_that_cannot_start_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
-    client = client_of(Told(), tmp_path)
+    pushed = Pushed(Told(), tmp_path)
     with pytest.raises(HelperError, match="quality could not be started"):
-        client.start()
-    client.close()
+        pushed.client.start()
+    pushed.close()
     assert blocks() == set()
