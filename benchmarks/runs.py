@@ -35,9 +35,15 @@ class Run:
 
 
 def run_session(out: Path, *options: str) -> Run:
-    """`run_tams.py run --sim --headless` with `options`; RuntimeError with its words on failure."""
+    """`run_tams.py run --sim --headless` with `options`; RuntimeError with its words on failure.
+
+    By the scripted operator, unless they say otherwise: the machine's speed must not change what
+    is done.
+    """
     before = set(out.glob("*/"))
     command = [sys.executable, "run_tams.py", "run", "--sim", "--headless", "--out", str(out)]
+    if "--operator" not in options:
+        command += ["--operator", "scripted"]
     spawned_ns = time.time_ns()
     result = subprocess.run(
         [*command, *options],

@@ -126,6 +126,9 @@ def run(
         int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
     ] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No windows.")] = False,
+    operator: Annotated[
+        str | None, typer.Option(help="Of the simulated rig: auto, seeing or scripted.")
+    ] = None,
     arm: Annotated[
         bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
     ] = False,
@@ -137,7 +140,7 @@ def run(
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
 ) -> None:
-    """Teleoperate: on the simulated rig, one pick-and-place by a scripted operator."""
+    """Teleoperate: on the simulated rig, one pick-and-place by a simulated operator."""
     settings = load_config(
         config,
         {
@@ -150,6 +153,7 @@ def run(
             "video.fps": fps,
             "rig.fixed_fps": None if fps is None else True,
             "headless": True if headless else None,
+            "rig.operator.kind": operator,
             "recording.record_reference": True if record_reference else None,
             "recording.directory": str(out) if out else None,
         },

@@ -40,6 +40,7 @@ class Running:
         self.process = subprocess.Popen(
             [
                 *(sys.executable, "run_tams.py", "run", "--sim", "--arm", "--headless"),
+                *("--operator", "scripted"),
                 *("--config", str(config), "--out", str(self.out)),
             ],
             cwd=PROJECT_DIRECTORY,

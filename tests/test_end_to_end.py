@@ -29,7 +29,7 @@ def finished(tmp_path_factory):
     require_real_time()
     out = tmp_path_factory.mktemp("run")
     result = subprocess.run(
-        command(out, "--seed", "1", "--seconds", "90"),
+        command(out, "--seed", "1", "--seconds", "90", "--operator", "scripted"),
         cwd=PROJECT_DIRECTORY,
         capture_output=True,
         text=True,

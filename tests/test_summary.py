@@ -109,7 +109,7 @@ KEYS: dict[str, Any] = {
         "missing_phases": [None],
         "by_phase": {},
     },
-    "operator": {"relied_on": None, "uncertainty_mm": None},
+    "operator": dict.fromkeys(("kind", "glances_per_s", "relied_on", "uncertainty_mm")),
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},
 }
 

@@ -84,9 +84,17 @@ def test_glances_that_told_nothing_or_came_before_the_first_phase_are_left_out()
 
 
 def test_without_glances_nothing_is_claimed():
-    assert operator(log_of()) == {"relied_on": None, "uncertainty_mm": None}
+    assert set(operator(log_of()).values()) == {None}
     told = operator(log_of(glance(0.5)))
     assert told["relied_on"] == {"by_phase": {}, "n": {}, "agreement": None}
+
+
+def test_who_worked_and_how_often_they_looked_is_told():
+    log = log_of(*(glance(0.1 * number) for number in range(1, 6)))
+    log.facts["operator"] = "seeing"
+    told = operator(log)
+    assert (told["kind"], told["glances_per_s"]) == ("seeing", 10.0)
+    assert operator(log_of(glance(0.1)))["glances_per_s"] is None
 
 
 def test_how_sure_the_operator_was_is_told_by_stage():

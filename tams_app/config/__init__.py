@@ -19,7 +19,7 @@ from tams_app.config.streaming import (
     RepairConfig,
     VideoConfig,
 )
-from tams_app.config.whole import Config, OperatorConfig, StudyConfig, TrialConfig
+from tams_app.config.whole import Config, OperatorConfig, OperatorKind, StudyConfig, TrialConfig
 
 __all__ = [
     "CONFIG_DIRECTORY",
@@ -35,6 +35,7 @@ __all__ = [
     "MappingConfig",
     "Network",
     "OperatorConfig",
+    "OperatorKind",
     "PhasesConfig",
     "PolicyConfig",
     "ProfileConfig",

@@ -20,14 +20,19 @@ from tams_app.config.section import NonNegative, Positive, Section, Triple
 from tams_app.config.streaming import Network, PolicyConfig, VideoConfig
 from tams_app.records import Phase
 
+OperatorKind = Literal["auto", "seeing", "scripted"]
+
 
 class OperatorConfig(Section):
-    """The scripted operator of the simulated rig."""
+    """The simulated rig's operator."""
 
+    kind: OperatorKind = "auto"
+    """Who works in a live session: `seeing`, from the images alone; `scripted`, who is told where
+    things are; `auto`: seeing where this computer is fast enough. Studies: always seeing."""
     reach_speed_m_s: Positive = 0.20
-    """Speed of the hand on long ways."""
+    """Scripted: speed of the hand on long ways."""
     fine_speed_m_s: Positive = 0.06
-    """Speed of the hand near block and container."""
+    """Scripted: speed of the hand near block and container."""
     arm_reach_m: Positive = 0.18
     """Travel of the hand from its rest point before it has to re-clutch."""
     position_noise_mm: NonNegative = 0.15
@@ -35,7 +40,7 @@ class OperatorConfig(Section):
     rotation_noise_deg: NonNegative = 0.05
     """Standard deviation of the tracked rotation."""
     reaction_s: NonNegative = 0.25
-    """Reaction time."""
+    """Scripted: reaction time."""
 
 
 class RigConfig(Section):

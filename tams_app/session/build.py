@@ -23,6 +23,7 @@ from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
 from tams_app.vectors import floats
+from tams_app.video.frame_ring import FrameBlock
 from tams_app.video.networks import resolve_network
 
 # of `Workspace.excess`, in its order
@@ -82,17 +83,19 @@ def devices(
     clock: Clock,
     log_directory: Path,
     log: SessionRecords,
+    screen: FrameBlock,
     on_failure: Callable[[str, BaseException], None],
     arm_at_once: bool,
 ) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
-    `arm_at_once`: the arming needs no confirmation, and the rig's operator gives none.
+    `screen`: where the frames shown are put, for an operator who looks at them. `arm_at_once`: the
+    arming needs no confirmation, and the rig's operator gives none.
     """
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
-        return SimulatedRig(config, clock, log_directory, log, on_failure, not arm_at_once)
+        return SimulatedRig(config, clock, log_directory, log, screen, on_failure, not arm_at_once)
     return Devices(config, clock)
 
 

@@ -1,29 +1,47 @@
 """The helper process of the simulated operator, who holds the rig's controller.
 
-Specification: config, confirms, controller_memory, world_memory, reports_port. It publishes the
-controller 250 times a second, as a VR runtime does. Here alone operator and world meet: the
-scripted operator reads where things truly are.
+Specification: config, confirms, controller_memory, shown_memory, world_memory, reports_port. Ready
+facts: operator, sentence. It publishes the controller 250 times a second, as a VR runtime does, and
+reports what the seeing operator's glances told. Here alone operator and world meet: the scripted
+operator reads where things truly are, the seeing one gets the frames shown and nothing else.
 """
 
 from __future__ import annotations
 
+import os
 import socket
+import sys
 import threading
+import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
+import cv2
+
 from hw.controller import Controller
 from hw.sim.operator.demo import demo_controller
+from hw.sim.operator.glance_cost import glance_cpu_s
 from hw.sim.operator.remote_controller import ControllerPublisher
+from hw.sim.operator.seeing import Images, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
 from tams_app.config import Config
 from tams_app.errors import TamsError
+from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock, FixedRate, MonotonicClock
 from tams_app.runtime.process import HelperSide
-from tams_app.runtime.realtime import OPERATOR_PRIORITY, use_fifo
+from tams_app.runtime.realtime import OPERATOR_PRIORITY, use_fifo, use_ordinary
+from tams_app.runtime.shared_ring import open_block
+from tams_app.runtime.worker import Worker
+from tams_app.session.operator_choice import choose_operator, eyes_share
+from tams_app.units import NS_PER_S
+from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
+from tams_app.video.reporting_helper import line_of
 
 RATE_HZ = 250.0
 _CONNECT_TIMEOUT_S = 5.0
+_POLL_S = 0.005
+_SWITCH_S = 0.001  # how long the eyes may keep the hand waiting for the interpreter
 
 
 def publish(publisher: ControllerPublisher, clock: Clock, stop: threading.Event) -> None:
@@ -34,32 +52,80 @@ def publish(publisher: ControllerPublisher, clock: Clock, stop: threading.Event)
         rate.wait()
 
 
+class Eyes:
+    """The seeing operator's glances: as often as they look and as `share` of a core allows."""
+
+    def __init__(self, watch: Callable[[int], None], clock: Clock, share: float) -> None:
+        """`watch`: looks if it is time to."""
+        self._watch = watch
+        self._clock = clock
+        self._rest = 1.0 / share - 1.0  # per time spent looking
+
+    def run(self, stop: threading.Event) -> None:
+        """Look until `stop` is set; the body of a Worker."""
+        use_ordinary()
+        while not stop.is_set():
+            began_ns = time.thread_time_ns()
+            self._watch(self._clock.now_ns())
+            spent_s = (time.thread_time_ns() - began_ns) / NS_PER_S
+            stop.wait(max(_POLL_S, self._rest * spent_s))
+
+
 def main() -> None:
     side = HelperSide()
+    cv2.setNumThreads(1)
     try:
-        _serve(side, side.specification)
+        with ExitStack() as stack:
+            _serve(side, side.specification, stack)
     except TamsError as error:
         side.fail(str(error))
         raise SystemExit(error.exit_code) from error
 
 
-def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
-    config = Config.model_validate(specification["config"])
+def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) -> None:
+    config, clock = Config.model_validate(specification["config"]), MonotonicClock()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     address = ("127.0.0.1", int(specification["reports_port"]))
-    with ExitStack() as stack:
-        stack.enter_context(socket.create_connection(address, _CONNECT_TIMEOUT_S))
-        controller = _scripted(config, specification, stack)
-        publisher = ControllerPublisher(str(specification["controller_memory"]), controller)
-        stack.callback(publisher.close)
-        use_fifo(OPERATOR_PRIORITY)
-        side.ready()
-        publish(publisher, MonotonicClock(), side.stop_requested)
+    reports = stack.enter_context(socket.create_connection(address, _CONNECT_TIMEOUT_S))
+    choice = choose_operator(config.rig.operator.kind, glance_cpu_s, cores or 1)
+    confirms, eyes = bool(specification["confirms"]), None
+    if choice.kind == "seeing":
+
+        def report(glance: OperatorGlance) -> None:
+            reports.sendall(line_of(glance))
+
+        images = _screen(config, str(specification["shown_memory"]), stack)
+        person = SeeingParticipant(config, config.seed, images, report, confirms)
+        controller: Controller = person.controller
+        eyes = Worker(
+            "eyes",
+            Eyes(person.watch, clock, eyes_share(cores or 1)).run,
+            lambda *_: side.stop_requested.set(),
+        )
+        sys.setswitchinterval(_SWITCH_S)
+    else:
+        world = WorldReader(str(specification["world_memory"]))
+        stack.callback(world.close)
+        controller = demo_controller(config, world.truth, confirms=confirms)
+    publisher = ControllerPublisher(str(specification["controller_memory"]), controller)
+    stack.callback(publisher.close)
+    use_fifo(OPERATOR_PRIORITY)
+    if eyes is not None:
+        stack.callback(eyes.stop)
+        eyes.start()
+    side.ready(operator=choice.kind, sentence=choice.sentence)
+    publish(publisher, clock, side.stop_requested)
+    if eyes is not None and eyes.failure is not None:
+        raise eyes.failure
 
 
-def _scripted(config: Config, specification: dict[str, Any], stack: ExitStack) -> Controller:
-    world = WorldReader(str(specification["world_memory"]))
-    stack.callback(world.close)
-    return demo_controller(config, world.truth, confirms=bool(specification["confirms"]))
+def _screen(config: Config, memory_name: str, stack: ExitStack) -> Images:
+    """What is on the screen now, by view."""
+    video = config.video
+    layout = RingLayout(SHOWN, video.views, video.width, video.height)
+    block = stack.enter_context(open_block(memory_name))
+    readers = {view: FrameReader(block, layout, view) for view in video.views}
+    return lambda: {view: reader.newest_image() for view, reader in readers.items()}
 
 
 if __name__ == "__main__":

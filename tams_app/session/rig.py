@@ -20,6 +20,7 @@ from tams_app.session.devices import Devices, Note
 from tams_app.session.recorded_hand import recorded_hand
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.rig_operator import RigOperator
+from tams_app.video.frame_ring import FrameBlock
 
 LOOPBACK = "127.0.0.1"
 
@@ -33,10 +34,14 @@ class SimulatedRig(Devices):
         clock: Clock,
         log_directory: Path,
         log: SessionRecords,
+        screen: FrameBlock,
         on_failure: Callable[[str, BaseException], None],
         operator_confirms: bool,
     ) -> None:
-        """`operator_confirms`: the simulated operator arms the arm by the menu button."""
+        """`screen`: where the frames shown are put, for an operator who looks at them.
+
+        `operator_confirms`: the simulated operator arms the arm by the menu button.
+        """
         super().__init__(config, clock)
         kind = arm_kind(config.arm.model)
         if not kind.rig:
@@ -63,7 +68,7 @@ class SimulatedRig(Devices):
             "nice": config.rig.render_nice,
             "noise_sigma": config.rig.camera_noise_sigma,
         }
-        self.helpers = {
+        self.helpers: dict[str, HelperProcess] = {
             "rig": HelperProcess("rig", kind.rig, world, log_directory),
             "renderer": HelperProcess("renderer", "hw.sim.world.renderer", renderer, log_directory),
         }
@@ -73,6 +78,7 @@ class SimulatedRig(Devices):
                 config,
                 clock,
                 self._memory_name,
+                screen,
                 log_directory,
                 confirms=operator_confirms,
                 on_glance=log.record,
@@ -92,7 +98,13 @@ class SimulatedRig(Devices):
         self._reader = WorldReader(self._memory_name)
         self.helpers["renderer"].wait_ready()
         if self._operator is not None:
-            self._operator.wait_ready()
+            self._tell(*self._operator.wait_ready())
+        else:
+            self._tell("recorded", "the operator is a recorded hand, which sees nothing")
+
+    def _tell(self, operator: str, sentence: str) -> None:
+        self._log.fact("operator", operator)
+        self._log.note("info", sentence)
 
     def arm_config(self) -> ArmConfig:
         assert self._ports is not None, "wait until the rig is ready"

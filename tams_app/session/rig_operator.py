@@ -11,6 +11,7 @@ from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+from tams_app.video.frame_ring import FrameBlock
 from tams_app.video.reporting_helper import ReportingHelper
 
 
@@ -25,20 +26,25 @@ class RigOperator:
         config: Config,
         clock: Clock,
         memory_name: str,
+        screen: FrameBlock,
         log_directory: Path,
         *,
         confirms: bool,
         on_glance: Callable[[OperatorGlance], None],
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
-        """`memory_name`: of the rig; `confirms`: the operator arms the arm by the menu button.
+        """`memory_name`: of the rig. `confirms`: the operator arms the arm by the menu button.
+
+        `screen`: where the frames shown are put, for an operator who looks at them.
 
         `on_glance` and `on_failure` are called in a thread of their own.
         """
+        self._screen = screen if config.rig.operator.kind != "scripted" else None
         self._specification = {
             "config": config.model_dump(mode="json"),
             "confirms": confirms,
             "controller_memory": memory_name,
+            "shown_memory": screen.name,
             "world_memory": memory_name,
         }
         self._helper = ReportingHelper(
@@ -54,12 +60,18 @@ class RigOperator:
 
     def launch(self) -> HelperProcess:
         """Start the process without waiting."""
+        if self._screen is not None:
+            self._screen.create()
         return self._helper.launch(self._specification)
 
-    def wait_ready(self) -> None:
-        """Wait until the controller is published; HelperError if it cannot be."""
-        self._helper.wait_ready()
+    def wait_ready(self) -> tuple[str, str]:
+        """Who it is, seeing or scripted, and why, once the controller is published.
+
+        HelperError if it cannot be.
+        """
+        ready = self._helper.wait_ready()
         self.controller.hide()
+        return str(ready["operator"]), str(ready["sentence"])
 
     def close(self) -> None:
         """End the process and give its memory back; may be called twice."""

@@ -36,6 +36,7 @@ from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tams_app.video.networks import resolve_network
 
 STOP_TIMEOUT_NS = 300 * NS_PER_MS
@@ -101,8 +102,11 @@ class Session:
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         ladder = build.rate_ladder(config)
+        video = config.video
+        self._screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        self._stack.callback(self._screen.close)
         self._devices = build.devices(
-            config, clock, helper_logs, self._log, failed, self._arm_at_once
+            config, clock, helper_logs, self._log, self._screen, failed, self._arm_at_once
         )
         self._stack.callback(self._devices.close)
         self._devices.start()
@@ -121,6 +125,7 @@ class Session:
         cameras = self._stack.enter_context(ExitStack())  # closed after arm and controller
         self._go_on()
         self._devices.wait_ready()
+        self._screen.hide()  # all who read it have it open
         self._helpers.update(self._devices.helpers)
         self._go_on()
         connected = self._connect_devices(helper_logs)
@@ -151,7 +156,7 @@ class Session:
 
     def _start_video(self, helper_logs: Path) -> None:
         config, log = self.config, self._log
-        self._quality = LiveQuality(config.video, helper_logs, log.record, self.note)
+        self._quality = LiveQuality(config.video, self._screen, helper_logs, log.record, self.note)
         self._stack.callback(self._quality.close)
         self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
         network, failed = resolve_network(config, config.network), self._on_worker_failure

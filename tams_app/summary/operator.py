@@ -1,4 +1,4 @@
-"""Which view the simulated operator relied on, and how uncertain they were."""
+"""Who the simulated operator was, how often they looked, at which view, and how uncertain."""
 
 from __future__ import annotations
 
@@ -10,19 +10,31 @@ from tams_app.policy.allocation import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase
 from tams_app.summary.tables import percentiles, phase_at, ratio
+from tams_app.units import NS_PER_S
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
-    """Both are null where no glance was recorded, as with people.
+    """All is null where there was none to tell of, as with people.
 
+    `kind`: seeing, scripted or recorded. `glances_per_s`: from the first glance to the last.
     `relied_on`: `by_phase` is the mean share of each view over the glances in that phase which
     told something, `n` of them; `agreement` the fraction of these glances in which the view that
     told most was the phase's primary view (argmax W). `uncertainty_mm`: by stage of the task, one
     standard deviation of the distance to the goal (block, then container), as they judged it.
     """
-    if not log.glances:
-        return {"relied_on": None, "uncertainty_mm": None}
-    return {"relied_on": _relied_on(log), "uncertainty_mm": _uncertainty_mm(log.glances)}
+    looked = bool(log.glances)
+    return {
+        "kind": log.facts.get("operator"),
+        "glances_per_s": _glances_per_s(log.glances),
+        "relied_on": _relied_on(log) if looked else None,
+        "uncertainty_mm": _uncertainty_mm(log.glances) if looked else None,
+    }
+
+
+def _glances_per_s(glances: list[OperatorGlance]) -> float | None:
+    """None of fewer than two."""
+    span_ns = glances[-1].t_ns - glances[0].t_ns if glances else 0
+    return round((len(glances) - 1) * NS_PER_S / span_ns, 2) if span_ns > 0 else None
 
 
 def _relied_on(log: SessionLog) -> dict[str, Any]:

@@ -117,7 +117,8 @@ class FrameReader:
             head, luma = self._ring.head(number), self._ring.bulk(number, self._luma)
             if head is None:  # overwritten while the ones before it were read
                 continue
-            entries.append(RingEntry(*_ENTRY.unpack(head), luma))
+            index, t_ns = _ENTRY.unpack(head)
+            entries.append(RingEntry(index, t_ns, luma))
         self._next = max(self._next, until)
         return entries
 

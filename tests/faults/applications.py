@@ -158,6 +158,7 @@ def rig_config(out: Path) -> Config:
     return load_config(
         overrides={
             "rig.enabled": True,
+            "rig.operator.kind": "scripted",
             "headless": True,
             "seconds": PATIENCE_S,
             "control.realtime_priority": 0,
@@ -178,12 +179,15 @@ def only_log(out: Path) -> SessionLog:
 class Application:
     """`run_tams.py run` in a process of its own, on the rig, armed once; ends it when left."""
 
-    def __init__(self, out: Path, quality: bool = False, **overrides: object) -> None:
-        """`quality`: the frames are compared as well."""
+    def __init__(
+        self, out: Path, quality: bool = False, operator: str = "scripted", **overrides: object
+    ) -> None:
+        """`quality`: the frames are compared as well. `operator`: who works."""
         self.out = out / "logs"
         settings = {
             "include": [str(DEFAULT_CONFIG)],
             "headless": True,
+            "rig": {"operator": {"kind": operator}},
             "recording": {"directory": str(self.out), "min_free_mb": 1.0},
             "video": {"fps": FPS, "quality": {"enabled": quality}},
             **overrides,

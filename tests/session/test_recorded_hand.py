@@ -14,6 +14,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorded_hand import ReplayedController, recorded_hand
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.rig import SimulatedRig
+from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
 
 pytestmark = pytest.mark.untimed
@@ -54,5 +55,6 @@ def test_the_live_rig_takes_the_configured_hand(tmp_path):
     config = load_config(None, {"rig.hand_trajectory": str(path)})
     clock = VirtualClock()
     log = SessionRecords(clock, Unkept())
-    rig = SimulatedRig(config, clock, tmp_path, log, lambda *_: None, operator_confirms=True)
+    screen = FrameBlock(RingLayout(SHOWN, config.video.views, 640, 480))
+    rig = SimulatedRig(config, clock, tmp_path, log, screen, lambda *_: None, True)
     assert isinstance(rig.make_controller(lambda level, text: None), ReplayedController)

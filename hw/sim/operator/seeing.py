@@ -174,14 +174,19 @@ class SeeingParticipant:
     """
 
     def __init__(
-        self, config: Config, seed: int, images: Images, record: Callable[[OperatorGlance], None]
+        self,
+        config: Config,
+        seed: int,
+        images: Images,
+        record: Callable[[OperatorGlance], None],
+        confirms: bool = True,
     ) -> None:
-        """`record` keeps each glance."""
+        """`record` keeps each glance; `confirms`: they arm the arm by the menu button."""
         profile, asked = ParticipantProfile.draw(seed), EfferenceCopy()
         settings, hand = config.rig.operator, operator_hand(config)
         self._record = record
         self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s)
-        self.operator = Operator(hand, settings, self.eyes, seed, True, profile, asked)
+        self.operator = Operator(hand, settings, self.eyes, seed, confirms, profile, asked)
         self.controller = VirtualController(
             self.operator, settings, config.seed, rig_wiring(config)
         )

@@ -172,6 +172,8 @@ class VirtualTrial(Listener):
         self._robot.arm.connect()
         self._controller.start()
         self._engine.begin("virtual")
+        recorded = self._config.rig.hand_trajectory is not None
+        self._log.fact("operator", "recorded" if recorded else "seeing")
         self._cameras.start(now_ns)
         self._events.post(now_ns, self._step_policy)
         repeat(self._events, now_ns, self._config.control.rate_hz, self._tick)

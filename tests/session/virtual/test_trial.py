@@ -131,6 +131,7 @@ def test_phases_allocations_and_capacity_are_recorded_as_live(log, summary):
 
 
 def test_which_view_the_operator_relied_on_is_told_by_phase(log, summary):
+    assert summary["operator"]["kind"] == "seeing"
     relied = summary["operator"]["relied_on"]
     assert set(relied["by_phase"]) <= {phase.value for phase in Phase}
     for phase, shares in relied["by_phase"].items():
@@ -200,7 +201,9 @@ def test_a_recorded_hand_moves_the_arm_the_same_way_without_looking(whole, log, 
     np.testing.assert_allclose(
         again.ticks[-1].arm.tcp.position, log.ticks[-1].arm.tcp.position, atol=1e-6
     )
-    assert summarise(again)["operator"] == {"relied_on": None, "uncertainty_mm": None}
+    told = summarise(again)["operator"]
+    assert told.pop("kind") == "recorded"
+    assert set(told.values()) == {None}
 
 
 def test_the_folder_holds_log_configuration_and_summary(tmp_path):
