@@ -46,6 +46,7 @@ class SeeingRig:
         self._delay_ns = round(delay_ms * NS_PER_MS)
         self._distort = distort
         self._taken: deque[tuple[int, Vector]] = deque()
+        self.frozen = False  # the screen keeps showing what it shows
         self.glances: list[Seen] = []
         self._participant = SeeingParticipant(config, participant, self.images, self._note)
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
@@ -61,13 +62,19 @@ class SeeingRig:
     def now_ns(self) -> int:
         return self._clock.now_ns()
 
+    @property
+    def tcp(self) -> Vector:
+        """Where the tool truly is [m]."""
+        return self._robot.truth().tcp.position
+
     def tick(self) -> None:
         """One control period."""
         self._clock.advance_ns(round(NS_PER_S / self._config.control.rate_hz))
         self._robot.catch_up()
         if not self._taken or self.now_ns - self._taken[-1][0] >= FRAME_NS:
             self._taken.append((self.now_ns, self._robot.qpos))
-        while len(self._taken) > 1 and self._taken[1][0] <= self.now_ns - self._delay_ns:
+        shown_ns = 0 if self.frozen else self.now_ns - self._delay_ns
+        while len(self._taken) > 1 and self._taken[1][0] <= shown_ns:
             self._taken.popleft()
         self._participant.watch(self.now_ns)
         self._loop.tick(self.now_ns)

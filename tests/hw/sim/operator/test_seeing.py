@@ -26,6 +26,12 @@ def _rig(cameras: CameraImages, **conditions) -> SeeingRig:
     return SeeingRig(CONFIG, 3, cameras, **conditions)
 
 
+def _tick(rig: SeeingRig) -> bool:
+    """One control period; whether the operator holds the trigger."""
+    rig.tick()
+    return rig.operator.hand.trigger > 0.5
+
+
 def _reach(rig: SeeingRig, seconds: float) -> float:
     """Seconds until the operator is over the block; `seconds` when they do not get there."""
     start_ns = rig.now_ns
@@ -71,6 +77,24 @@ def test_on_clear_images_the_operator_gets_over_the_block_and_knows_where_it_is(
     seen = rig.glances[-1]
     assert np.linalg.norm((seen.believed_gap - seen.true_gap)[:2]) < 0.004
     assert seen.glance.block_sigma < 0.002
+
+
+def test_images_that_freeze_make_the_operator_let_go_and_wait(cameras):
+    rig = _rig(cameras)
+    try:
+        start = rig.tcp
+        while np.linalg.norm(rig.tcp - start) < 0.03:
+            rig.tick()
+            assert rig.now_ns < 12 * NS_PER_S, "the operator never reached"
+        rig.frozen = True
+        held = [_tick(rig) for _ in range(5 * 120)]  # twice what the rest of the way takes
+        assert rig.operator.stage is Stage.REACH
+        assert held.index(False) < 2 * 120
+        assert sum(held) < 0.6 * len(held)
+        rig.frozen = False
+        assert _reach(rig, 20.0) < 20.0
+    finally:
+        rig.close()
 
 
 def test_blurred_images_make_the_operator_less_certain(reaches):
