@@ -9,6 +9,7 @@
 | all other threads of the application | round robin 1 | see below |
 | the rig's world | FIFO 5 | simulated time must keep up with the wall's |
 | the simulated operator's hand | FIFO 5 | it stands for a VR runtime |
+| the simulated operator's eyes | round robin 1 | they share the GIL with the hand, and rest a lot |
 | renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
 | quality | idle | it takes what is left over |
 

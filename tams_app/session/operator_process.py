@@ -30,7 +30,12 @@ from tams_app.errors import TamsError
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock, FixedRate, MonotonicClock
 from tams_app.runtime.process import HelperSide
-from tams_app.runtime.realtime import OPERATOR_PRIORITY, use_fifo, use_ordinary
+from tams_app.runtime.realtime import (
+    APPLICATION_PRIORITY,
+    OPERATOR_PRIORITY,
+    use_fifo,
+    use_round_robin,
+)
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
 from tams_app.session.operator_choice import choose_operator, eyes_share
@@ -63,7 +68,7 @@ class Eyes:
 
     def run(self, stop: threading.Event) -> None:
         """Look until `stop` is set; the body of a Worker."""
-        use_ordinary()
+        use_round_robin(APPLICATION_PRIORITY)  # not below the hand's: they share the GIL
         while not stop.is_set():
             began_ns = time.thread_time_ns()
             self._watch(self._clock.now_ns())

@@ -109,6 +109,27 @@ def test_a_stopped_arm_is_a_fault_and_does_not_go_on_by_itself(
     assert shown.split(":")[0] in {Reason.ARM_SILENT.label, Reason.ARM_LINK_LOST.label}
 
 
+def test_a_stopped_runtime_of_the_controller_is_a_fault_and_does_not_go_on_by_itself(
+    application: Application, witness: Witness
+) -> None:
+    """As a VR runtime that hangs: the last sample grows old."""
+    operator = application.helper("operator")
+    for _ in range(ATTEMPTS):
+        until(witness.moves, "the arm to move")
+        before = len(application.lines)
+        operator.suspend()
+        stopped = application.says_within(STOPPED_S, "fault, pose frozen", before)
+        operator.resume()
+        if stopped:  # else they had just let go of the trigger
+            break
+    witness.waits_for_the_stop()
+    witness.stands()
+    log = application.interrupted()
+    fault = first_tick(log, ArmingState.FAULT, Reason.POSE_FROZEN.label)
+    assert all(tick.twist.is_zero for tick in log.ticks[fault:])
+    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[fault:])
+
+
 def test_a_killed_measurement_of_the_frames_is_told_and_neither_stops_the_arm_nor_the_session(
     tmp_path: Path,
 ) -> None:
