@@ -1,9 +1,9 @@
 """The helper process of the simulated operator, who holds the rig's controller.
 
 Specification: config, confirms, controller_memory, shown_memory, world_memory, reports_port. Ready
-facts: operator, sentence. It publishes the controller 250 times a second, as a VR runtime does, and
-reports what the seeing operator's glances told. Here alone operator and world meet: the scripted
-operator reads where things truly are, the seeing one gets the frames shown and nothing else.
+facts: operator, sentence. It publishes the controller at a rate of its own, as a VR runtime does,
+and reports what the seeing operator's glances told. Here alone operator and world meet: the
+scripted operator reads where things truly are, the seeing one gets the frames shown, nothing else.
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ from tams_app.runtime.realtime import (
 )
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
-from tams_app.session.operator_choice import choose_operator, eyes_share
+from tams_app.session.operator_choice import LEAST_GLANCES_HZ, choose_operator, eyes_share
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
 from tams_app.video.reporting_helper import line_of
 
-RATE_HZ = 250.0
+RATE_HZ = 125.0  # a sample for every tick of the control loop: each costs .1 to .3 ms
 _CONNECT_TIMEOUT_S = 5.0
 _POLL_S = 0.005
+_LONGEST_S = 1.0 / LEAST_GLANCES_HZ  # from glance to glance
 _SWITCH_S = 0.001  # how long the eyes may keep the hand waiting for the interpreter
 
 
@@ -58,7 +59,10 @@ def publish(publisher: ControllerPublisher, clock: Clock, stop: threading.Event)
 
 
 class Eyes:
-    """The seeing operator's glances: as often as they look and as `share` of a core allows."""
+    """The seeing operator's glances: as often as they look and as `share` of a core allows.
+
+    But never fewer than the task needs: what costs less then is to show fewer frames.
+    """
 
     def __init__(self, watch: Callable[[int], None], clock: Clock, share: float) -> None:
         """`watch`: looks if it is time to."""
@@ -70,10 +74,12 @@ class Eyes:
         """Look until `stop` is set; the body of a Worker."""
         use_round_robin(APPLICATION_PRIORITY)  # not below the hand's: they share the GIL
         while not stop.is_set():
-            began_ns = time.thread_time_ns()
-            self._watch(self._clock.now_ns())
+            now_ns, began_ns = self._clock.now_ns(), time.thread_time_ns()
+            self._watch(now_ns)
             spent_s = (time.thread_time_ns() - began_ns) / NS_PER_S
-            stop.wait(max(_POLL_S, self._rest * spent_s))
+            took_s = (self._clock.now_ns() - now_ns) / NS_PER_S
+            rest_s = min(self._rest * spent_s, _LONGEST_S - took_s)
+            stop.wait(max(_POLL_S, rest_s))
 
 
 def main() -> None:
