@@ -24,11 +24,10 @@ from benchmarks.processor_time import CONTROL, Profile, watch
 from tams_app.recording import SessionLog, read_log
 from tams_app.teleop.safety import ArmingState
 
-# Whether a session's frame rate can be fixed: one that adapts is no rate that both hold.
-_FIXES_FPS = """
+_OPTIONS = """
 import inspect
 from tams_app.cli import run
-print("fps" in inspect.signature(run).parameters)
+print(*inspect.signature(run).parameters)
 """
 _END_TIMEOUT_S = 20.0
 _ERROR_LINES = 3
@@ -48,14 +47,17 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Checkout:
-    """A working copy; `fixes_fps`: whether its `run` takes --fps.
+    """A working copy; `options`: what its `run` takes, so that both sides do the same work.
+
+    A rate that adapts is none that both hold, and an operator who sees does other work than one
+    who is told where things are, the only one there was.
 
     `settings`: a configuration file for its runs alone, laid over the default one.
     """
 
     directory: Path
     commit: str
-    fixes_fps: bool
+    options: frozenset[str]
     settings: Path | None = None
 
     @classmethod
@@ -66,8 +68,8 @@ class Checkout:
             raise RuntimeError(f"{directory}: no checkout of TAMS")
         if settings is not None and not settings.is_file():
             raise RuntimeError(f"{settings}: no such file")
-        fixes_fps = _output([sys.executable, "-c", _FIXES_FPS], directory).strip() == "True"
-        return cls(directory, _commit(directory), fixes_fps, settings and settings.resolve())
+        options = frozenset(_output([sys.executable, "-c", _OPTIONS], directory).split())
+        return cls(directory, _commit(directory), options, settings and settings.resolve())
 
     def configuration(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """The checkout's default configuration with its own settings and `changes`, by section."""
@@ -89,8 +91,10 @@ def run_session(checkout: Checkout, setting: Setting) -> SessionCost:
         folder = Path(name)
         command = ["run", "--sim", "--headless", "--network", setting.network]
         command += ["--seed", str(setting.seed), "--seconds", f"{setting.seconds:g}"]
-        if checkout.fixes_fps:
+        if "fps" in checkout.options:
             command += ["--fps", str(setting.fps)]
+        if "operator" in checkout.options:
+            command += ["--operator", "scripted"]
         config = _write(folder, checkout.configuration({"video": {"fps": setting.fps}}))
         command += ["--config", str(config), "--out", str(folder / "logs")]
         launched = [sys.executable, named_threads.__file__, "run_tams.py", *command]

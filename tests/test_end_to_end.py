@@ -184,3 +184,25 @@ def test_report_makes_summary_and_frame_anew_from_the_log(finished, summary):
     assert result.returncode == 0, result.stderr
     assert json.loads((folder / "summary.json").read_text()) == summary
     assert (folder / "bitrates.png").exists()
+
+
+@pytest.mark.verify
+def test_an_operator_who_sees_places_the_block_and_says_how_often_they_looked(tmp_path):
+    require_real_time()
+    result = subprocess.run(
+        command(tmp_path, "--seed", "4", "--seconds", "120", "--operator", "seeing"),
+        cwd=PROJECT_DIRECTORY,
+        capture_output=True,
+        text=True,
+        timeout=170,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    first = result.stdout.splitlines()[0]
+    assert first == "the seeing operator works, from the images on the screen alone, as configured"
+    (folder,) = tmp_path.iterdir()
+    told = json.loads((folder / "summary.json").read_text())
+    assert told["outcome"]["completed"] is True
+    assert told["operator"]["kind"] == "seeing"
+    assert told["operator"]["glances_per_s"] > 4
+    assert told["operator"]["relied_on"]["agreement"] is not None

@@ -19,6 +19,6 @@ def test_a_session_is_told_apart_by_thread_and_process() -> None:
 
 
 def test_a_session_that_cannot_start_says_why() -> None:
-    checkout = Checkout(PROJECT_DIRECTORY, "", fixes_fps=False)
+    checkout = Checkout(PROJECT_DIRECTORY, "", frozenset())
     with pytest.raises(RuntimeError, match=r"exit code 2: .*no_such_network"):
         run_session(checkout, Setting(seed=1, fps=5, seconds=9, network="no_such_network"))

@@ -130,6 +130,27 @@ def test_a_stopped_runtime_of_the_controller_is_a_fault_and_does_not_go_on_by_it
     assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[fault:])
 
 
+def test_an_operator_who_sees_does_nothing_without_video_and_goes_on_with_it(
+    tmp_path: Path,
+) -> None:
+    with Application(tmp_path, operator="seeing") as application:
+        witness = application.engaged()
+        relay = application.helper("relay")
+        holds_while_stopped(application, relay)  # it goes on when the frames are back
+        application.says("engaged", len(application.lines))
+        before = len(application.lines)
+        relay.suspend()
+        application.says("holding, stale video", before)
+        witness.stands(5.0)
+        relay.resume()
+        application.says("engaged", len(application.lines))
+        until(witness.moves, "the arm to move on")
+        log = application.interrupted()
+    assert log.outcome is not None
+    assert log.facts["operator"] == "seeing"
+    assert log.glances
+
+
 def test_a_killed_measurement_of_the_frames_is_told_and_neither_stops_the_arm_nor_the_session(
     tmp_path: Path,
 ) -> None:
