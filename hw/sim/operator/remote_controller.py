@@ -12,11 +12,11 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hw.controller import Controller
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.shared_ring import (
     RingShape,
@@ -76,7 +76,7 @@ class ControllerPublisher:
                 sample.buttons_ns,
                 _STATUSES.index(sample.status),
                 pose is not None,
-                *(_NO_POSE if pose is None else (*pose.position, *pose.rotation.as_quat())),
+                *(_NO_POSE if pose is None else (*pose.position, *pose.rotation)),
                 sample.trigger,
                 sample.grip,
                 sample.a,
@@ -200,7 +200,7 @@ class RemoteController(Controller):
         """The pose of `numbers`; the last sample's where it has not changed."""
         if self._last.pose is not None and pose_ns == self._last.pose_ns:
             return self._last.pose
-        return Pose(np.array(numbers[:3]), Rotation.from_quat(numbers[3:]))
+        return Pose(np.array(numbers[:3]), Rotation(*numbers[3:]))
 
 
 def _remove(memory_name: str) -> None:
