@@ -5,7 +5,6 @@ from __future__ import annotations
 import mmap
 from collections.abc import Callable, Iterable, Iterator
 
-import numpy as np
 import pytest
 
 from tams_app.runtime.shared_ring import Bulk, RingShape, SharedRing
@@ -86,35 +85,28 @@ def test_a_record_that_is_being_written_is_not_there(ring: SharedRing) -> None:
     assert seen == [4, None, None, None, (3, head_of(3))]
 
 
-def slowly_copied(monkeypatch: pytest.MonkeyPatch, meanwhile: Callable[[], None]) -> None:
-    """Have `meanwhile` happen while the next bulk is copied."""
-    original = SharedRing._bulk_place
+def slowly(meanwhile: Callable[[], None]) -> Callable[[Bulk], Bulk]:
+    """Copies a bulk while `meanwhile` happens."""
 
-    class Slow:
-        def copy(self) -> Bulk:
-            monkeypatch.setattr(SharedRing, "_bulk_place", original)
-            meanwhile()
-            return np.zeros(SHAPE.bulk_bytes, np.uint8)
+    def read(bulk: Bulk) -> Bulk:
+        meanwhile()
+        return bulk.copy()
 
-    monkeypatch.setattr(SharedRing, "_bulk_place", lambda *_: Slow())
+    return read
 
 
-def test_a_bulk_overwritten_during_the_copy_is_thrown_away(
-    ring: SharedRing, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bulk_overwritten_during_the_copy_is_thrown_away(ring: SharedRing) -> None:
     put(ring, 0)
-    slowly_copied(monkeypatch, lambda: put_all(ring, range(1, SHAPE.bulks + 1)))
-    assert ring.bulk(0) is None
+    assert ring.bulk(0, slowly(lambda: put_all(ring, range(1, SHAPE.bulks + 1)))) is None
 
 
 def test_a_bulk_finished_during_the_copy_is_thrown_away(
-    memory: mmap.mmap, ring: SharedRing, monkeypatch: pytest.MonkeyPatch
+    memory: mmap.mmap, ring: SharedRing
 ) -> None:
     put(ring, 0)
     at = ring._bulk_at(0)
     finished, memory[at] = memory[at], 1  # still being written
-    slowly_copied(monkeypatch, lambda: memory.__setitem__(at, finished))
-    assert ring.bulk(0) is None
+    assert ring.bulk(0, slowly(lambda: memory.__setitem__(at, finished))) is None
 
 
 @pytest.mark.parametrize("position", [0, 3, 8, 20, 31])
