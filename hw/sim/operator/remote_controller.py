@@ -136,7 +136,8 @@ class RemoteController(Controller):
             now_ns = self._clock.now_ns()
             if now_ns >= deadline_ns or not self._runs():
                 raise DeviceError(
-                    "The simulated operator does not answer: start the session again."
+                    "The simulated operator does not answer: see helpers/operator.log in the "
+                    "session's folder, then start the session again."
                 )
             self._clock.sleep_until_ns(now_ns + _POLL_NS)
             self._read()
