@@ -237,6 +237,7 @@ class EncodedFrame:
     keyframe: bool
     data: bytes
     pushed_ns: int = 0  # handed to the sender; 0 in logs that do not say
+    rtp_timestamp: int | None = None  # of its packets; None in logs that do not say
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +268,7 @@ class ShownFrame:
     index: int  # capture index, exact also under loss
     shown_ns: int
     image: Image
+    capture_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +276,7 @@ class FrameQuality:
     """What became of one captured frame. Scores are SSIM, None where they were not computed.
 
     `age_ns`: of what was on screen when it was captured (None: nothing, or not known);
-    `frozen`: that frame stayed for more than 200 ms; `concealed`: the decoder filled
+    `frozen`: that frame stayed too long (`freeze_ns`); `concealed`: the decoder filled
     in for lost data, None where this is not known live.
     """
 
@@ -318,7 +320,7 @@ class PacketRecord:
     departed_ns: int  # left the bottleneck; 0 if it overflowed
     delivered_ns: int  # 0 if it was not delivered
     fate: PacketFate
-    rtp_timestamp: int = 0  # 90 kHz; capture index = rtp_timestamp / 3000 at 30 fps; 0 for RTCP
+    rtp_timestamp: int = 0  # 90 kHz, that of its `EncodedFrame`; 0 for RTCP
 
 
 @dataclass(frozen=True, slots=True)

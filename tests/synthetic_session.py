@@ -111,6 +111,11 @@ def capture_ns(index: int) -> int:
     return START_NS + index * NS_PER_S // FPS
 
 
+def rtp_timestamp(index: int) -> int:
+    """Of a frame whose view began with index 0."""
+    return index * 90_000 // FPS
+
+
 def frame_packets(view: str, index: int, size_bytes: int, delay_ns: int) -> list[PacketRecord]:
     """`size_bytes` (IP) of one frame in packets of at most 1228 bytes, all delivered."""
     sizes = [1228] * (size_bytes // 1228)
@@ -127,7 +132,7 @@ def frame_packets(view: str, index: int, size_bytes: int, delay_ns: int) -> list
             entered_ns + number * 10_000 + 8 * NS_PER_MS,
             entered_ns + number * 10_000 + delay_ns,
             PacketFate.DELIVERED,
-            rtp_timestamp=index * 3000,
+            rtp_timestamp=rtp_timestamp(index),
         )
         for number, size in enumerate(sizes)
     ]
@@ -183,7 +188,12 @@ class Synthetic:
         log.captured.append(FrameCaptured(view, index, t_ns))
         ideal = TARGETS[self.phase_at(t_ns)][view] * 1000 / 8 / FPS
         size = round(ideal * self.accuracy * (1 + self.noise * self.random.standard_normal()))
-        log.sent.append(FrameSent(view, index, t_ns, t_ns + 4 * NS_PER_MS, index == 0, size))
+        encoded_ns, is_first = t_ns + 4 * NS_PER_MS, index == 0
+        log.sent.append(
+            FrameSent(
+                view, index, t_ns, encoded_ns, is_first, size, rtp_timestamp=rtp_timestamp(index)
+            )
+        )
         log.packets += frame_packets(view, index, size, delay_ns=50 * NS_PER_MS)
         log.shown.append(FrameShown(view, index, t_ns + self.latency_ns))
 
@@ -200,6 +210,7 @@ def live_records(seconds: float, video_bytes: int = 8000) -> Iterator[Any]:
             sent.encoded_ns,
             sent.keyframe,
             random.bytes(video_bytes),
+            rtp_timestamp=sent.rtp_timestamp,
         )
         for sent in log.sent
     ]

@@ -98,7 +98,7 @@ def one_of_each() -> list[Any]:
         Frame("eih", 4, t + 1, image),
         EncodedFrame("eih", 4, t + 1, t + 9, True, b"\0\0\0\1\x65abc"),
         DroppedFrame("gs", 5, t + 2),
-        ShownFrame("eih", 4, t + 77, image),
+        ShownFrame("eih", 4, t + 77, image, t),
         PacketRecord(
             "gt", PacketKind.REPAIR, 65535, 1228, t, t + 5, t + 9, PacketFate.DELIVERED, 12000
         ),
@@ -342,6 +342,12 @@ def _keys(tree: Any) -> Iterator[str]:
     for key in tree if isinstance(tree, dict) else ():
         yield key
         yield from _keys(tree[key])
+
+
+def test_frames_of_a_log_that_does_not_tell_their_timestamps_find_their_packets() -> None:
+    summary = summarise(read_log(DATA / "virtual-0.1.mcap"))
+    assert all(0 < view["tracking_error"] < 0.03 for view in summary["views"].values())
+    assert all(view["frames_damaged"] == 0 for view in summary["views"].values())
 
 
 def test_an_arm_in_the_numbers_of_the_first_schema_reads_as_one_in_words() -> None:

@@ -25,7 +25,7 @@ from tams_app.records import (
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
-from tams_app.summary.tracking import steps, windows
+from tams_app.summary.tracking import Windows, steps, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import (
     START_NS,
@@ -367,13 +367,38 @@ def test_a_change_of_the_target_by_a_tenth_is_no_step() -> None:
     assert steps(Targets.of(log), "eih").tolist() == [START_NS, START_NS + 3, START_NS + 4]
 
 
-def test_windows_span_no_gap_of_the_camera() -> None:
+def windows_without(*missed: int) -> Windows:
+    """Windows of a view whose camera missed these frames."""
     log = Synthetic(1.0).log()
-    log.captured = [one for one in log.captured if one.index != 15]
+    log.captured = [one for one in log.captured if one.index not in missed]
     frames, packets = FrameTable.of(log, "eih"), PacketTable.of(log)
-    found = windows(log, "eih", frames, packets, Targets.of(log))
-    assert len(found.start_ns) == (15 - 7) + (14 - 7)
+    return windows(log, "eih", frames, packets, Targets.of(log))
+
+
+def test_windows_span_no_gap_of_the_camera() -> None:
+    found = windows_without(15, 16)
+    assert len(found.start_ns) == (15 - 8) + (13 - 7)  # nor does one end with the gap
     np.testing.assert_allclose(found.error, 0, atol=0.01)
+
+
+def test_the_time_of_one_missed_frame_counts() -> None:
+    found = windows_without(15)
+    assert len(found.start_ns) == 29 - 7
+    assert sorted(set(found.error.round(3))) == pytest.approx([8 / 9 - 1, 0.0], abs=0.01)
+
+
+@pytest.mark.parametrize(("rate_hz", "frames"), [(5, 8), (15, 8), (30, 8), (60, 16)])
+def test_a_window_is_eight_frames_or_270_ms(rate_hz: int, frames: int) -> None:
+    log = Synthetic(2.0).log()
+    log.captured = [
+        replace(one, capture_ns=START_NS + one.index * NS_PER_S // rate_hz) for one in log.captured
+    ]
+    table, packets = FrameTable.of(log, "eih"), PacketTable.of(log)
+    found = windows(log, "eih", table, packets, Targets.of(log))
+    np.testing.assert_allclose(
+        found.end_ns - found.start_ns, frames * NS_PER_S / rate_hz, rtol=1e-6
+    )
+    np.testing.assert_allclose(found.sent_kbps, 1000 * rate_hz / 30, rtol=0.01)
 
 
 def test_frames_dropped_at_the_source_count_as_frames_without_bytes() -> None:
@@ -408,6 +433,20 @@ def test_a_freeze_is_a_frame_unchanged_for_more_than_200_ms() -> None:
     assert freezes["total_s"] == pytest.approx(20 / 30, abs=1e-3)
     assert freezes["longest_s"] == pytest.approx(13 / 30, abs=1e-3)
     assert summarise(log)["views"]["gt"]["freezes"]["count"] == 0
+
+
+def test_at_few_frames_a_second_a_freeze_is_two_missing_frames_in_a_row() -> None:
+    log = Synthetic(2.0).log()  # 60 frames, now over 12 s
+    log.captured = [
+        replace(one, capture_ns=START_NS + one.index * NS_PER_S // 5) for one in log.captured
+    ]
+    log.shown = [
+        replace(one, shown_ns=START_NS + one.index * NS_PER_S // 5 + 60_000_000)
+        for one in log.shown
+        if one.index not in (20, 40, 41)
+    ]
+    freezes = summarise(log)["views"]["eih"]["freezes"]
+    assert freezes == {"count": 1, "total_s": 0.6, "longest_s": 0.6}
 
 
 def test_a_frame_that_stays_away_until_the_end_is_a_freeze() -> None:

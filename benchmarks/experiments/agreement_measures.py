@@ -10,9 +10,10 @@ import numpy as np
 from benchmarks.experiments.replay import Replay
 from tams_app.recording import FrameSent
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
-from tams_app.summary.summarise import FREEZE_NS, rate_kbps
+from tams_app.summary.summarise import rate_kbps
 from tams_app.summary.tables import PacketTable, Targets, step_mean
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.frame_interval import freeze_ns
 
 KINDS = ("received", "delivered", "live")
 PRIMARY = "primary"
@@ -130,7 +131,8 @@ def _frames(replay: Replay, view: str) -> Measures:
             if one.view == view and replay.inside(one.shown_ns)
         }
     )
-    frozen = [after - before for before, after in pairwise(shown) if after - before > FREEZE_NS]
+    longest_ns = freeze_ns(NS_PER_S // replay.log.header.fps)
+    frozen = [after - before for before, after in pairwise(shown) if after - before > longest_ns]
     sent = _sent(replay, view)
     keyframes = [one.size_bytes for one in sent if one.keyframe]
     return {

@@ -57,7 +57,9 @@ class RtpSessionView:
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, 80.0, self._count_keyframe, _ignore
         )
-        self.decoder = ViewDecoder(view, config, rule, clock, self.shown.append)
+        self.decoder = ViewDecoder(
+            view, config, rule, clock, self._frames.sent.find, self.shown.append
+        )
         self._sender = gst.parse_pipeline(
             pipelines.session_sender(
                 config,

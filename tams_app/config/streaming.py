@@ -52,7 +52,7 @@ class AllocationConfig(Section):
     floor_kbps: NonNegative = 150.0
     """b_min: what each view gets at least, if the budget allows."""
     source_drop_below_kbps: NonNegative = 80.0
-    """A view with a lower target sends no frames."""
+    """Frames are dropped if the target gives each less than this would give each of 30 a second."""
     static_weights: dict[str, Fraction] = Field(
         default_factory=lambda: {"eih": 0.50, "gt": 0.25, "gs": 0.25}
     )
@@ -125,11 +125,11 @@ class VideoConfig(Section):
     height: Annotated[int, Field(ge=120, le=1080, multiple_of=2)] = 480
     """Height of a frame in pixels."""
     fps: Annotated[int, Field(ge=5, le=60)] = 30
-    """Frames per second of each view."""
+    """Frames per second that each camera is asked for."""
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
     """x264's speed preset."""
     vbv_ms: Positive = 33.0
-    """Length of the encoder's rate buffer at the target rate."""
+    """Length of the encoder's rate buffer at 30 frames a second: 33 is one frame, at any rate."""
     keyframe_interval: Annotated[int, Field(ge=1)] = 600
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200

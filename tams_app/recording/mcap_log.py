@@ -112,6 +112,7 @@ class McapLog:
             frame.keyframe,
             len(frame.data),
             frame.pushed_ns,
+            frame.rtp_timestamp,
         )
         self._write_record(sent, frame.encoded_ns)
         if not self._bitstream:

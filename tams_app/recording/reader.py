@@ -149,6 +149,7 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
                 sent.keyframe,
                 payload,
                 sent.pushed_ns,
+                sent.rtp_timestamp,
             )
             sent = None  # where the next record is missing, its bytes are no other frame's
 

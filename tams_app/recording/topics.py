@@ -34,7 +34,9 @@ from tams_app.records import (
     Tick,
 )
 
-SCHEMA = 2  # logs of schema 1 are read by `upgrades`
+# Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
+# Up to schema 2 an RTP timestamp told the index: n · 90000 / fps.
+SCHEMA = 3
 PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows our logs
 REFERENCE_PROFILE = "tams-reference"
 
@@ -94,6 +96,7 @@ class FrameSent:
     keyframe: bool
     size_bytes: int
     pushed_ns: int = 0
+    rtp_timestamp: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,8 +53,6 @@ class Uplink(Video):
         """Bind the ends, start the relay between them, let the streams run."""
         config, exits = self._config, {}
         for view in config.video.views:
-            receiver = VideoReceiver(view, config.video, self._rule, self._clock, self._on_shown)
-            self.receivers[view] = receiver
             sender = VideoSender(
                 view,
                 config.video,
@@ -66,6 +64,10 @@ class Uplink(Video):
                 self._log.record,
             )
             self._senders[view] = sender
+            receiver = VideoReceiver(
+                view, config.video, self._rule, self._clock, sender.sent.find, self._on_shown
+            )
+            self.receivers[view] = receiver
             exits[view] = ViewPorts(
                 config.video.bind_host,
                 receiver.rtp_port,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
 from abc import ABC, abstractmethod
-from collections import OrderedDict
 from typing import Protocol
 
 from tams_app.config import Config, Network
@@ -15,8 +13,6 @@ from tams_app.units import NS_PER_MS
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule, repair_rule
 
-_REMEMBERED = 300  # ten seconds of frames
-
 
 class Quality(Protocol):
     """Compares the frames shown with those captured."""
@@ -26,25 +22,6 @@ class Quality(Protocol):
 
     def shown(self, shown: ShownFrame) -> None:
         """A frame that reached the screen, after the captures that came before it."""
-
-
-class CaptureTimes:
-    """When the last frames of one view were captured, by their index."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._times: OrderedDict[int, int] = OrderedDict()
-
-    def add(self, index: int, capture_ns: int) -> None:
-        with self._lock:
-            self._times[index] = capture_ns
-            if len(self._times) > _REMEMBERED:
-                self._times.popitem(last=False)
-
-    def of(self, index: int) -> int | None:
-        """Capture time [ns] of frame `index`, None if it is not remembered."""
-        with self._lock:
-            return self._times.get(index)
 
 
 class Video(ABC):
@@ -62,20 +39,17 @@ class Video(ABC):
         self._start_kbps = first.target_kbps
         self._log = log
         self._quality = quality
-        self._times = {view: CaptureTimes() for view in video.views}
 
     def push(self, frame: Frame) -> None:
-        """Send a captured frame, and remember it; each view from one thread."""
+        """Send a captured frame; each view from one thread."""
         self._log.capture(frame)
         self._quality.captured(frame)
-        self._times[frame.view].add(frame.index, frame.capture_ns)
         self._send(frame)
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the frame shown of `view`; None before the first, and where it is not known."""
+        """Age of the frame shown of `view`; None before the first."""
         shown = self.shown(view)
-        capture_ns = None if shown is None else self._times[view].of(shown.index)
-        return None if capture_ns is None else now_ns - capture_ns
+        return None if shown is None else now_ns - shown.capture_ns
 
     @abstractmethod
     def shown(self, view: str) -> ShownFrame | None:

@@ -16,6 +16,7 @@ from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targe
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 250 * NS_PER_MS
+WINDOW_FRAMES = 7.5  # at least
 STEPS_PER_FRAME = 4  # how far the window slides at a time
 DPI = 200
 WIDTH_IN = 7.16  # two columns of the paper
@@ -29,7 +30,6 @@ _FRAMES = "#555555"
 _MIN_LABEL_FRACTION = 0.035  # of the width: phases shorter than this keep their line only
 _STYLE_PT = 8
 _TARGET_PT, _MEASURED_PT = 0.9, 1.3
-_MEASURED_LABEL = f"Measured, {WINDOW_NS // NS_PER_MS} ms windows"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,26 +41,38 @@ class RateCurve:
 
 
 def measured_rate(
-    packets: PacketTable, view: int, span: Span, fps: int, origin_ns: int
+    packets: PacketTable, view: int, span: Span, frame_ns: int, origin_ns: int
 ) -> RateCurve:
-    """IP bytes of media and repair that entered the uplink within trailing 250 ms windows.
+    """IP bytes of media and repair that entered the uplink within trailing windows.
 
-    Averaged over one frame time: frames enter in bursts, and 250 ms hold 7 or 8 of them, which
-    would draw a saw of 13 % that is not there.
+    Averaged over one frame time, `frame_ns`: frames enter in bursts, and a window holds 7 or 8 of
+    them, which would draw a saw of 13 % that is not there.
     """
+    window_ns = window_of_ns(frame_ns)
     mine = packets.is_video & (packets.view == view)
     order = np.argsort(packets.entered_ns[mine], kind="stable")
     entered_ns = packets.entered_ns[mine][order]
     total = np.concatenate(([0], np.cumsum(packets.size_bytes[mine][order])))
-    step_ns = NS_PER_S / fps / STEPS_PER_FRAME
-    ends_ns = np.arange(span.start_ns + WINDOW_NS, span.end_ns + 1, step_ns)
+    step_ns = frame_ns / STEPS_PER_FRAME
+    ends_ns = np.arange(span.start_ns + window_ns, span.end_ns + 1, step_ns)
     if len(ends_ns) < STEPS_PER_FRAME:
         return RateCurve(np.empty(0), np.empty(0))
     until = np.searchsorted(entered_ns, ends_ns, side="right")
-    since = np.searchsorted(entered_ns, ends_ns - WINDOW_NS, side="right")
-    kbps = (total[until] - total[since]) * 8 / 1000 / (WINDOW_NS / NS_PER_S)
+    since = np.searchsorted(entered_ns, ends_ns - window_ns, side="right")
+    kbps = (total[until] - total[since]) * 8 / 1000 / (window_ns / NS_PER_S)
     smooth = np.convolve(kbps, np.full(STEPS_PER_FRAME, 1 / STEPS_PER_FRAME), mode="valid")
     return RateCurve((ends_ns[STEPS_PER_FRAME - 1 :] - origin_ns) / NS_PER_S, smooth)
+
+
+def window_of_ns(frame_ns: int) -> int:
+    """250 ms, or longer where frames are rare."""
+    return max(WINDOW_NS, round(WINDOW_FRAMES * frame_ns))
+
+
+def _frame_ns(log: SessionLog, view: str) -> int:
+    """The median time between captures."""
+    usual_ns = FrameTable.of(log, view).usual_ns
+    return int(np.median(usual_ns)) if len(usual_ns) else NS_PER_S // log.header.fps
 
 
 def bitrates_figure(log: SessionLog) -> Figure:
@@ -81,10 +93,12 @@ def bitrates_figure(log: SessionLog) -> Figure:
         _dress(axis, view)
     _draw_phases(log, list(axes), span)
     axes[-1].set_xlabel("Time since session start [s]", fontsize=_STYLE_PT)
+    longest_ns = max(window_of_ns(_frame_ns(log, view)) for view in views)
+    measured = f"Measured, {longest_ns // NS_PER_MS} ms windows"
     figure.legend(
         handles=[
             Line2D([], [], color=_TARGET, linewidth=_TARGET_PT, label="Target"),
-            Line2D([], [], color=_MEASURED[0], linewidth=_MEASURED_PT, label=_MEASURED_LABEL),
+            Line2D([], [], color=_MEASURED[0], linewidth=_MEASURED_PT, label=measured),
             Line2D([], [], color=_FRAMES, linewidth=_TARGET_PT, linestyle=":", label="Frames/s"),
         ],
         loc="outside upper right",
@@ -110,7 +124,8 @@ def _draw_view(
     axis: Axes, log: SessionLog, place: int, packets: PacketTable, targets: Targets, span: Span
 ) -> None:
     origin_ns = log.header.started_ns
-    kbps = targets.kbps[log.header.views[place]]
+    view = log.header.views[place]
+    kbps, frame_ns = targets.kbps[view], _frame_ns(log, view)
     axis.step(
         (np.append(targets.t_ns, span.end_ns) - origin_ns) / NS_PER_S,
         np.append(kbps, kbps[-1]) / 1000,
@@ -120,7 +135,7 @@ def _draw_view(
         zorder=3,
     )
     if len(packets.size_bytes):
-        curve = measured_rate(packets, place, span, log.header.fps, origin_ns)
+        curve = measured_rate(packets, place, span, frame_ns, origin_ns)
         axis.plot(
             curve.t_s,
             curve.kbps / 1000,

@@ -17,9 +17,17 @@ import numpy as np
 from tams_app.policy.allocation import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, PacketKind, Phase
-from tams_app.summary.tables import Flags, Floats, Integers, Number, mean, phase_at, ratio
+from tams_app.summary.tables import (
+    Flags,
+    Floats,
+    Integers,
+    Number,
+    capture_indices,
+    mean,
+    phase_at,
+    ratio,
+)
 from tams_app.video.concealment import concealed_frames
-from tams_app.video.frame_identity import index_of_rtp_timestamp
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 INTACT = "undamaged_received_ssim"
@@ -163,16 +171,18 @@ def _concealed_and_shown(log: SessionLog, view: str) -> set[int] | None:
     if not packets:
         return None
     keyframe_of = {frame.index: frame.keyframe for frame in log.sent if frame.view == view}
+    index_of = capture_indices(log, view)
     shown_ns: dict[int, int] = {}
     for one in log.shown:
         if one.view == view:
             shown_ns.setdefault(one.index, one.shown_ns)
-    return concealed_frames(keyframe_of, packets, shown_ns, log.header.fps) & shown_ns.keys()
+    return concealed_frames(keyframe_of, packets, shown_ns, index_of) & shown_ns.keys()
 
 
 def _packets_of(frames: list[FrameQuality], log: SessionLog) -> Floats:
+    index_of = {view: capture_indices(log, view) for view in log.header.views}
     sent = Counter(
-        (packet.view, index_of_rtp_timestamp(packet.rtp_timestamp, log.header.fps))
+        (packet.view, index_of.get(packet.view, {}).get(packet.rtp_timestamp))
         for packet in log.packets
         if packet.kind is PacketKind.MEDIA
     )

@@ -31,9 +31,9 @@ from tams_app.summary.tables import (
 )
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.frame_interval import freeze_ns
 
 SCHEMA = 1
-FREEZE_NS = 200 * NS_PER_MS
 SUMMARY_NAME = "summary.json"
 BEFORE_NAME = "summary.json.before"
 
@@ -119,15 +119,18 @@ def _view(
 
 
 def _freezes(frames: FrameTable, span: Span | None) -> dict[str, Any]:
-    """Times for which the shown frame stayed the same for more than 200 ms.
+    """Times for which the shown frame stayed the same for too long (`freeze_ns`).
 
     The last frame shown counts until the captures end; before the first there is nothing to freeze.
     """
-    shown_ns = np.sort(frames.shown_ns[frames.shown_ns > 0])
+    order = np.argsort(frames.shown_ns, kind="stable")
+    order = order[frames.shown_ns[order] > 0]
+    shown_ns = frames.shown_ns[order]
     if span is None or not len(shown_ns):
         return {"count": None, "total_s": None, "longest_s": None}
     gaps = np.diff(np.append(shown_ns, max(span.end_ns, int(shown_ns[-1]))))
-    frozen_s = gaps[gaps > FREEZE_NS] / NS_PER_S
+    longest_ns = [freeze_ns(usual_ns) for usual_ns in frames.usual_ns[order].tolist()]
+    frozen_s = gaps[gaps > longest_ns] / NS_PER_S
     return {
         "count": len(frozen_s),
         "total_s": round(float(np.sum(frozen_s)), 4),

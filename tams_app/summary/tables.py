@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from tams_app.recording import SessionLog
 from tams_app.records import PacketFate, PacketKind, Phase
+from tams_app.units import NS_PER_S
+from tams_app.video.frame_identity import RTP_CLOCK_HZ
+from tams_app.video.frame_interval import FrameIntervals
 
-RTP_CLOCK_HZ = 90_000
+_TIMESTAMPS_SINCE = 3  # schema of the log
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +60,15 @@ class PacketTable:
 
 @dataclass(frozen=True, slots=True)
 class FrameTable:
-    """One view's captures in order of index, and when each was shown (0: never)."""
+    """One view's captures in order of index, and when each was shown (0: never).
+
+    `usual_ns` is the time between frames that was usual when it was captured.
+    """
 
     index: Integers
     capture_ns: Integers
     shown_ns: Integers
+    usual_ns: Integers
 
     @staticmethod
     def of(log: SessionLog, view: str) -> FrameTable:
@@ -73,7 +80,8 @@ class FrameTable:
         index = np.array(sorted(captured), dtype=np.int64)
         capture_ns = np.array([captured[number] for number in index], dtype=np.int64)
         shown_ns = np.array([shown.get(number, 0) for number in index.tolist()], dtype=np.int64)
-        return FrameTable(index, capture_ns, shown_ns)
+        usual_ns = _usual_intervals_ns(capture_ns, log.header.fps)
+        return FrameTable(index, capture_ns, shown_ns, usual_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +123,9 @@ class Span:
             return None
         first_capture_ns = min(frame.capture_ns for frame in log.captured)
         first_target_ns = min(allocation.t_ns for allocation in log.allocations)
-        last_capture_ns = max(frame.capture_ns for frame in log.captured)
-        end_ns = last_capture_ns + round(1e9 / log.header.fps)
+        last = max(log.captured, key=lambda frame: frame.capture_ns)
+        frames = FrameTable.of(log, last.view)
+        end_ns = last.capture_ns + int(frames.usual_ns[-1])
         start_ns = max(first_capture_ns, first_target_ns)
         return Span(start_ns, end_ns) if end_ns > start_ns else None
 
@@ -128,6 +137,28 @@ def phase_at(log: SessionLog, t_ns: Integers) -> Integers:
     numbers = {phase: number for number, phase in enumerate(Phase)}
     phase = np.array([-1, *(numbers[change.phase] for change in changes)], dtype=np.int64)
     return phase[np.searchsorted(began_ns, t_ns, side="right")]
+
+
+def capture_indices(log: SessionLog, view: str) -> dict[int, int]:
+    """The captures of `view` that were sent: their indices by RTP timestamp.
+
+    Logs before schema 3 do not say: there the payloader rounded index · 90000 / fps down.
+    """
+    if log.header.schema < _TIMESTAMPS_SINCE:
+        ticks = RTP_CLOCK_HZ / log.header.fps
+        stamps = {packet.rtp_timestamp for packet in log.packets if packet.view == view}
+        return {timestamp: round(timestamp / ticks) for timestamp in stamps}
+    return {
+        one.rtp_timestamp: one.index
+        for one in log.sent
+        if one.view == view and one.rtp_timestamp is not None
+    }
+
+
+def _usual_intervals_ns(capture_ns: Integers, fps: int) -> Integers:
+    intervals = FrameIntervals(NS_PER_S // fps)
+    usual = [intervals.step(t_ns).usual_ns for t_ns in capture_ns.tolist()]
+    return np.array([*usual[1:2], *usual[1:]] or usual, dtype=np.int64)
 
 
 Floats: TypeAlias = NDArray[np.float64]

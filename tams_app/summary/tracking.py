@@ -1,8 +1,9 @@
 """How well the rate on the wire follows the target (docs/GLOSSARY.md, Measures).
 
-Windows are 8 consecutive frames by capture index, sliding by one frame; the rate of a window is the
-IP bytes of its frames' media and repair packets over 8 frame times. A frame that was dropped at the
-source counts with no bytes.
+Windows are 8 consecutive frames, or as many as come nearest to 270 ms if that is more, sliding by
+one frame. The rate of a window is the IP bytes of its frames' media and repair packets over the
+time from its first capture to the one after its last. A frame that was dropped at the source counts
+with no bytes. No window spans a gap in which the camera missed two frames or more in a row.
 """
 
 from __future__ import annotations
@@ -10,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from tams_app.recording import SessionLog
 from tams_app.summary.tables import (
-    RTP_CLOCK_HZ,
     Flags,
     Floats,
     FrameTable,
@@ -22,14 +21,15 @@ from tams_app.summary.tables import (
     Number,
     PacketTable,
     Targets,
+    capture_indices,
     last_before,
     mean,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.rate_control import STEP_FRACTION, WINDOW_FRAMES, WINDOW_NS
 
-WINDOW_FRAMES = 8
-STEP_FRACTION = 0.10  # a change of the target by more than this is a step
 LEFT_OUT_NS = 500 * NS_PER_MS  # after a step
+GAP_INTERVALS = 2.5  # of the usual time between frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,32 +51,40 @@ def windows(
     log: SessionLog, view: str, frames: FrameTable, packets: PacketTable, targets: Targets
 ) -> Windows:
     """Every full window between the first and the last frame that was put on the wire."""
-    period_ns = NS_PER_S // log.header.fps
     per_frame = wire_bytes(log, view, frames, packets)
     on_wire = np.flatnonzero(per_frame)
     inside = slice(on_wire[0], on_wire[-1] + 1) if len(on_wire) else slice(0, 0)
-    index, capture_ns = frames.index[inside], frames.capture_ns[inside]
-    target = last_before(targets.t_ns, targets.kbps[view], capture_ns)
-    if len(index) < WINDOW_FRAMES:
-        empty = np.empty(0)
-        return Windows(empty.astype(np.int64), empty.astype(np.int64), empty, empty)
-    last = WINDOW_FRAMES - 1
-    total = _sliding_sum(per_frame[inside])
-    window_target = _sliding_sum(target) / WINDOW_FRAMES
-    whole = (index[last:] - index[:-last] == last) & (window_target > 0)
+    start_ns, usual_ns = frames.capture_ns[inside], frames.usual_ns[inside]
+    end_ns = np.append(start_ns, start_ns[-1:] + usual_ns[-1:])[1:]
+    asked = last_before(targets.t_ns, targets.kbps[view], start_ns)  # NaN before the first
+    first = np.arange(len(start_ns))
+    enough = np.searchsorted(end_ns, start_ns + WINDOW_NS - usual_ns // 2)
+    last = np.maximum(first + WINDOW_FRAMES - 1, enough)
+    first, last = first[last < len(first)], last[last < len(first)]
+
+    def total(values: Floats | Flags) -> Floats:
+        cumulated = np.append(0.0, np.cumsum(values))
+        found: Floats = cumulated[last + 1] - cumulated[first]
+        return found
+
+    durations_ns = end_ns - start_ns
+    left_out = total(np.isnan(asked) | (durations_ns > GAP_INTERVALS * usual_ns))
+    time_ns = (end_ns[last] - start_ns[first]).astype(np.float64)
+    window_target = total(np.nan_to_num(asked) * durations_ns) / time_ns
+    whole = (left_out == 0) & (window_target > 0)
+    sent_kbps = total(per_frame[inside]) * 8 / 1000 / (time_ns / NS_PER_S)
     return Windows(
-        capture_ns[:-last][whole],
-        capture_ns[last:][whole] + period_ns,
-        (total * 8 * log.header.fps / WINDOW_FRAMES / 1000)[whole],
-        window_target[whole],
+        start_ns[first][whole], end_ns[last][whole], sent_kbps[whole], window_target[whole]
     )
 
 
 def wire_bytes(log: SessionLog, view: str, frames: FrameTable, packets: PacketTable) -> Floats:
     """IP bytes of media and repair of each captured frame, shape (frames,)."""
     mine = packets.is_video & (packets.view == log.header.views.index(view))
-    ticks_per_frame = RTP_CLOCK_HZ / log.header.fps
-    frame = np.round(packets.rtp_timestamp[mine] / ticks_per_frame).astype(np.int64)
+    index_of = capture_indices(log, view)
+    frame = np.array(
+        [index_of.get(one, -1) for one in packets.rtp_timestamp[mine].tolist()], np.int64
+    )
     place = np.searchsorted(frames.index, frame)
     known = place < len(frames.index)
     known[known] = frames.index[place[known]] == frame[known]
@@ -98,8 +106,3 @@ def tracking_error(found: Windows, step_ns: Integers) -> Number:
     for at_ns in step_ns:
         touched |= (found.end_ns > at_ns) & (found.start_ns < at_ns + LEFT_OUT_NS)
     return mean(np.abs(found.error[~touched]))
-
-
-def _sliding_sum(values: Floats) -> Floats:
-    total: Floats = sliding_window_view(values, WINDOW_FRAMES).sum(axis=1)
-    return total

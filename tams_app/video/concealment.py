@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
 from tams_app.records import PacketKind, PacketRecord
-from tams_app.video.frame_identity import index_of_rtp_timestamp
 
 _SEQUENCES = 1 << 16
 _NEVER_NS = 1 << 62
@@ -22,7 +21,7 @@ def concealed_frames(
     keyframe_of: Mapping[int, bool],
     packets: Iterable[PacketRecord],
     shown_ns: Mapping[int, int],
-    fps: int,
+    index_of: Mapping[int, int],
 ) -> set[int]:
     """Capture indices of the concealed frames of one view, shown or not.
 
@@ -31,10 +30,14 @@ def concealed_frames(
         packets: the view's media and repair datagrams with their fates.
         shown_ns: when frames were shown, by index; a packet that arrives after its frame or a
             later one was shown is too late.
-        fps: the camera's frames per second.
+        index_of: the frames' indices by RTP timestamp; other packets are left out.
     """
-    video = [packet for packet in packets if packet.kind is not PacketKind.RTCP]
-    incomplete = _incomplete(set(keyframe_of), video, shown_ns, fps)
+    video = [
+        packet
+        for packet in packets
+        if packet.kind is not PacketKind.RTCP and packet.rtp_timestamp in index_of
+    ]
+    incomplete = _incomplete(set(keyframe_of), video, shown_ns, index_of)
     found, concealed = set(), True  # nothing can be predicted before the first keyframe
     for index in sorted(keyframe_of):
         concealed = index in incomplete or (concealed and not keyframe_of[index])
@@ -44,7 +47,10 @@ def concealed_frames(
 
 
 def _incomplete(
-    sent: set[int], video: list[PacketRecord], shown_ns: Mapping[int, int], fps: int
+    sent: set[int],
+    video: list[PacketRecord],
+    shown_ns: Mapping[int, int],
+    index_of: Mapping[int, int],
 ) -> set[int]:
     """Frames of which a packet is missing or too late, or never came to the link at all."""
     arrived_ns: dict[tuple[int, int], int] = {}  # RTP timestamp and sequence: a lap apart differ
@@ -54,17 +60,17 @@ def _incomplete(
         arrived_ns[key] = min(at_ns, arrived_ns.get(key, _NEVER_NS))
     last_ns: dict[int, int] = {}  # when a frame's last packet arrived
     for (timestamp, _), at_ns in arrived_ns.items():
-        index = index_of_rtp_timestamp(timestamp, fps)
+        index = index_of[timestamp]
         last_ns[index] = max(at_ns, last_ns.get(index, 0))
     deadline_ns, found = _NEVER_NS, sent - last_ns.keys()
     for index in sorted(last_ns.keys() | shown_ns.keys(), reverse=True):
         deadline_ns = min(deadline_ns, shown_ns.get(index, _NEVER_NS))
         if last_ns.get(index, 0) >= deadline_ns:
             found.add(index)
-    return found | _beside_gaps(video, fps)
+    return found | _beside_gaps(video, index_of)
 
 
-def _beside_gaps(video: list[PacketRecord], fps: int) -> set[int]:
+def _beside_gaps(video: list[PacketRecord], index_of: Mapping[int, int]) -> set[int]:
     """Frames on both sides of a gap in the sequence numbers: lost on the way to the link."""
     media = sorted(
         (packet for packet in video if packet.kind is PacketKind.MEDIA),
@@ -73,5 +79,5 @@ def _beside_gaps(video: list[PacketRecord], fps: int) -> set[int]:
     found: set[int] = set()
     for before, after in pairwise(media):
         if 1 < (after.sequence - before.sequence) % _SEQUENCES < _SEQUENCES // 2:
-            found |= {index_of_rtp_timestamp(one.rtp_timestamp, fps) for one in (before, after)}
+            found |= {index_of[one.rtp_timestamp] for one in (before, after)}
     return found

@@ -1,55 +1,92 @@
-"""Which captured frame is this? From times alone, exact also under loss (FINDINGS 4)."""
+"""Which captured frame is this? Its RTP timestamp tells, exact also under loss (FINDINGS 4).
+
+A timestamp counts from the capture of the stream's first frame, as RTP wants it, at whatever rate
+frames come. `SentFrames`, on the sender's side, knows what each stands for. `RtpTimes`, on the
+receiver's, gets the timestamps back from the decoder. Between them goes the timestamp alone.
+"""
 
 from __future__ import annotations
 
-from tams_app.units import NS_PER_S
+from dataclasses import dataclass
+
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 RTP_CLOCK_HZ = 90_000
 _RTP_TIMESTAMPS = 1 << 32
+_REMEMBERED = 600  # frames; ten seconds at 60 a second: no network keeps any for as long
+_IN_LINE_NS = 5 * NS_PER_MS  # half of the least time between two frames
 
 
-def pts_of_index(index: int, fps: int) -> int:
-    """Presentation time [ns] of a captured frame, relative to the stream's start."""
-    return index * NS_PER_S // fps
+def rtp_timestamp(pts_ns: int) -> int:
+    """The timestamp that the payloader makes of a presentation time [ns]: rounded down."""
+    return pts_ns * RTP_CLOCK_HZ // NS_PER_S % _RTP_TIMESTAMPS
 
 
-def index_of_pts(pts_ns: int, fps: int) -> int:
-    """The captured frame a presentation time [ns] stands for; it was rounded down, so round."""
-    return (2 * pts_ns * fps + NS_PER_S) // (2 * NS_PER_S)
+def _ticks(duration_ns: int) -> int:
+    """To the nearest tick of RTP's clock."""
+    return (2 * duration_ns * RTP_CLOCK_HZ + NS_PER_S) // (2 * NS_PER_S)
 
 
-def index_of_rtp_timestamp(timestamp: int, fps: int) -> int:
-    """The captured frame of an RTP timestamp; sent with offset 0, it wraps after 13 hours."""
-    return (2 * timestamp * fps + RTP_CLOCK_HZ) // (2 * RTP_CLOCK_HZ)
+@dataclass(frozen=True, slots=True)
+class SentFrame:
+    """The capture that a timestamp stands for, and when it was handed to the sender [ns]."""
+
+    index: int
+    capture_ns: int
+    pushed_ns: int
 
 
-class FrameIdentity:
-    """Capture indices of one receiver's frames, anchored at its first packet.
+class SentFrames:
+    """The last frames of one view's stream by RTP timestamp.
 
-    A jitter buffer with mode=none makes PTS a linear function of the RTP timestamp, so that
-    n = n₀ + round((pts − pts₀)·fps). Both times of the anchor are those of the same packet.
-    After 3 s without packets it restarts its PTS from 0: `follow` tells what they lack then.
+    `add` from one thread, `find` from any: a dict does each of its operations at once.
     """
 
-    def __init__(self, fps: int, pts_ns: int, rtp_timestamp: int) -> None:
-        self._fps = fps
-        self._first_index = index_of_rtp_timestamp(rtp_timestamp, fps)
+    def __init__(self) -> None:
+        self._first_ns: int | None = None
+        self._last_ticks = -1
+        self._frames: dict[int, SentFrame] = {}  # oldest first
+
+    def add(self, frame: SentFrame) -> int:
+        """Remember the next frame of the stream; its presentation time [ns]."""
+        if self._first_ns is None:
+            self._first_ns = frame.capture_ns
+        ticks = _ticks(frame.capture_ns - self._first_ns)
+        self._last_ticks = ticks = max(ticks, self._last_ticks + 1)
+        self._frames[ticks % _RTP_TIMESTAMPS] = frame
+        if len(self._frames) > _REMEMBERED:
+            del self._frames[next(iter(self._frames))]
+        return -(-ticks * NS_PER_S // RTP_CLOCK_HZ)  # rounded up: `rtp_timestamp` rounds down
+
+    def find(self, timestamp: int) -> SentFrame | None:
+        """What an RTP timestamp stands for; None if that is not remembered."""
+        return self._frames.get(timestamp)
+
+
+class RtpTimes:
+    """RTP timestamps of one receiver's frames, anchored at its first packet.
+
+    A jitter buffer with mode=none makes PTS a linear function of the RTP timestamp. Both times of
+    the anchor are those of the same packet. After 3 s without packets it restarts its PTS from 0:
+    `follow` tells what they lack then.
+    """
+
+    def __init__(self, pts_ns: int, timestamp: int) -> None:
         self._first_pts_ns = pts_ns
-        self._last_timestamp = rtp_timestamp
+        self._first_timestamp = self._last_timestamp = timestamp
         self._ticks = 0  # from the first packet to the last one followed
 
-    def index(self, pts_ns: int) -> int:
-        """The capture index of the frame with presentation time `pts_ns`."""
-        return self._first_index + index_of_pts(pts_ns - self._first_pts_ns, self._fps)
+    def timestamp(self, pts_ns: int) -> int:
+        """The RTP timestamp of the frame with presentation time `pts_ns`."""
+        return (self._first_timestamp + _ticks(pts_ns - self._first_pts_ns)) % _RTP_TIMESTAMPS
 
-    def follow(self, pts_ns: int, rtp_timestamp: int) -> int:
+    def follow(self, pts_ns: int, timestamp: int) -> int:
         """What the PTS of this packet and its successors lack [ns]; 0 while they are in line.
 
         Call it with packets less than 6 hours apart: it counts timestamps through their wrap.
         """
-        step = (rtp_timestamp - self._last_timestamp) % _RTP_TIMESTAMPS
+        step = (timestamp - self._last_timestamp) % _RTP_TIMESTAMPS
         self._ticks += step - _RTP_TIMESTAMPS if step >= _RTP_TIMESTAMPS // 2 else step
-        self._last_timestamp = rtp_timestamp
+        self._last_timestamp = timestamp
         missing_ns = self._first_pts_ns + self._ticks * NS_PER_S // RTP_CLOCK_HZ - pts_ns
-        in_line = abs(missing_ns) * 2 * self._fps < NS_PER_S
-        return 0 if in_line else missing_ns
+        return 0 if abs(missing_ns) < _IN_LINE_NS else missing_ns

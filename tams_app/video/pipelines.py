@@ -10,6 +10,7 @@ from __future__ import annotations
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
 from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc, repair_ssrc
+from tams_app.video.rate_control import X264_FPS
 from tams_app.video.repair import RepairRule
 
 RTCP_CAPS = "application/x-rtcp"
@@ -31,10 +32,9 @@ SHOWN_FRAMES = (
 
 
 def raw_caps(config: VideoConfig) -> str:
-    """Caps of the frames that enter: BGR."""
+    """Caps of the frames that enter: BGR, at the rate that x264 is to take them for."""
     return (
-        f"video/x-raw,format=BGR,width={config.width},height={config.height},"
-        f"framerate={config.fps}/1"
+        f"video/x-raw,format=BGR,width={config.width},height={config.height},framerate={X264_FPS}/1"
     )
 
 

@@ -10,10 +10,9 @@ from collections import OrderedDict, deque
 from dataclasses import dataclass, replace
 
 from tams_app.records import FrameQuality
-from tams_app.units import NS_PER_MS
+from tams_app.video.frame_interval import FrameIntervals, freeze_ns
 from tams_app.video.ssim import FrameMoments, Luma, ssim
 
-FREEZE_NS = 200 * NS_PER_MS
 WINDOW_FRAMES = 90  # three seconds: the link, repair and decoding keep nothing for as long
 _KEPT_MOMENTS = 8  # images; one takes 3.7 MB
 
@@ -68,11 +67,14 @@ class ViewQuality:
         self._pending: OrderedDict[int, _Captured] = OrderedDict()
         self._history: deque[_Shown] = deque()  # from what pending captures found on screen on
         self._newest_capture_ns = 0
+        self._intervals = FrameIntervals(0)
+        self._freeze_ns = 0
 
     def captured(self, index: int, capture_ns: int, luma: Luma | None) -> list[Fate]:
         """A camera's frame; decides the oldest one if the window is full."""
         self._pending[index] = _Captured(capture_ns, Image(luma))
         self._newest_capture_ns = capture_ns
+        self._freeze_ns = freeze_ns(self._intervals.step(capture_ns).usual_ns)
         if len(self._pending) <= self._window_frames:
             return []
         oldest, capture = self._pending.popitem(last=False)
@@ -113,7 +115,7 @@ class ViewQuality:
             capture_ns=capture.capture_ns,
             shown_ns=shown.shown_ns if shown else None,
             age_ns=_age_ns(on_screen, capture.capture_ns),
-            frozen=on_screen is not None and self._stayed_ns(on_screen, now_ns) > FREEZE_NS,
+            frozen=on_screen is not None and self._stayed_ns(on_screen, now_ns) > self._freeze_ns,
             concealed=None,  # known from the log alone (`concealment`)
             received=None,
             delivered=None,

@@ -11,6 +11,7 @@ from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
+from tams_app.video.frame_identity import SentFrame
 from tams_app.video.packets import media_ssrc
 from tams_app.video.repair import RepairRule
 from tams_app.video.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
@@ -29,6 +30,7 @@ class VideoReceiver:
         config: VideoConfig,
         rule: RepairRule,
         clock: Clock,
+        identify: Callable[[int], SentFrame | None],
         on_shown: Callable[[ShownFrame], None],
     ) -> None:
         """Bind the ports for RTP and for the sender's RTCP.
@@ -38,6 +40,7 @@ class VideoReceiver:
             config: size and rate of the frames, decoder, ports.
             rule: how lost packets are repaired; the sender's `rtx` must agree.
             clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
+            identify: which capture an RTP timestamp stands for (`VideoSender.sent`).
             on_shown: called once per frame in the decoder's thread: it must only hand over.
 
         Raises:
@@ -49,7 +52,7 @@ class VideoReceiver:
         self._config = config
         self._rule = rule
         self._decoder = gst.choose_decoder(config.decoder)
-        self._frames = ViewDecoder(view, config, rule, clock, on_shown)
+        self._frames = ViewDecoder(view, config, rule, clock, identify, on_shown)
         self.mailbox = self._frames.mailbox
         self._failure = ""
         self._pipeline: Any = None

@@ -25,7 +25,8 @@ from tams_app.video.view_encoder import ViewEncoder
 class VideoSender:
     """Encodes and sends one view; `push` from one thread, `set_target_kbps` from any.
 
-    Construct, tell the receiver's side `feedback_port`, `start`, `push` each frame, `close`.
+    Construct, tell the receiver's side `feedback_port`, `start`, `push` each frame, `close`. `sent`
+    tells what the RTP timestamps of its packets stand for.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class VideoSender:
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
+        self.sent = self._frames.sent
         self._failure = ""
         self._pipeline: Any = None
         ports = requested_ports(config, view)

@@ -19,7 +19,7 @@ from tams_app.records import Image, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import Mailbox
 from tams_app.video import pipelines
-from tams_app.video.frame_identity import FrameIdentity
+from tams_app.video.frame_identity import RtpTimes, SentFrame
 from tams_app.video.repair import KeyframeRequests, RepairRule
 
 _RTP_SEQUENCE = slice(2, 4)  # of the RTP header (RFC 3550)
@@ -29,8 +29,10 @@ _RTP_TIMESTAMP = slice(4, 8)
 class ViewDecoder:
     """Identifies the frames of a decoder chain, and requests keyframes.
 
-    The newest frame waits in `mailbox`. `on_shown` runs in the decoder's thread, once per
-    frame: it must only hand over. `failure`: why frames no longer come, "" while they do.
+    The newest frame waits in `mailbox`. `identify` tells which capture an RTP timestamp stands for:
+    what the receiver needs of the sender (`SentFrames.find`). `on_shown` runs in the decoder's
+    thread, once per frame: it must only hand over. `failure`: why frames no longer come, "" while
+    they do.
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class ViewDecoder:
         config: VideoConfig,
         rule: RepairRule,
         clock: Clock,
+        identify: Callable[[int], SentFrame | None],
         on_shown: Callable[[ShownFrame], None],
     ) -> None:
         self.mailbox: Mailbox[ShownFrame] = Mailbox()
@@ -46,8 +49,9 @@ class ViewDecoder:
         self._view = view
         self._config = config
         self._clock = clock
+        self._identify = identify
         self._on_shown = on_shown
-        self._identity: FrameIdentity | None = None
+        self._times: RtpTimes | None = None
         self._requests = KeyframeRequests(rule.pli_interval_ms)
         self._requests_lock = threading.Lock()
         self._asks_for_keyframes = rule.pli
@@ -85,7 +89,7 @@ class ViewDecoder:
         first = next(gst.buffers_of(probe))
         header = first.extract_dup(0, 12)
         timestamp = int.from_bytes(header[_RTP_TIMESTAMP], "big")
-        self._identity = FrameIdentity(self._config.fps, first.pts, timestamp)
+        self._times = RtpTimes(first.pts, timestamp)
         # the depayloader asks for a keyframe at every start; packet 0 begins with one
         self._start_request_is_idle = header[_RTP_SEQUENCE] == b"\0\0"
         return gst.load().Gst.PadProbeReturn.REMOVE
@@ -116,10 +120,10 @@ class ViewDecoder:
 
         An access unit with the marker ends with the packet that the depayloader is at.
         """
-        if self._identity is None or not access_unit.has_flags(gst.load().Gst.BufferFlags.MARKER):
+        if self._times is None or not access_unit.has_flags(gst.load().Gst.BufferFlags.MARKER):
             return
         timestamp = self._depayloader.get_property("stats").get_value("timestamp")
-        shift_ns = self._identity.follow(access_unit.pts, timestamp)
+        shift_ns = self._times.follow(access_unit.pts, timestamp)
         if shift_ns:
             offset_ns = self.jitterbuffer.get_property("ts-offset")
             self.jitterbuffer.set_property("ts-offset", offset_ns + shift_ns)
@@ -135,13 +139,16 @@ class ViewDecoder:
         return Gst.FlowReturn.OK
 
     def _show(self, buffer: Any) -> None:
-        if self._identity is None:
+        if self._times is None:
             raise TamsError("a frame came out before a packet went in")
+        sent = self._identify(self._times.timestamp(buffer.pts))
+        if sent is None:
+            return  # nobody may steer by a frame of unknown age
         height, width = self._config.height, self._config.width
         pixels = gst.pixels_of(buffer).reshape(height, width, 4)
         image: Image = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2BGR), np.uint8)
-        index = self._identity.index(buffer.pts)
-        shown = ShownFrame(self._view, index, self._clock.now_ns(), image)
+        now_ns = self._clock.now_ns()
+        shown = ShownFrame(self._view, sent.index, now_ns, image, sent.capture_ns)
         self.mailbox.put(shown)
         self._on_shown(shown)
         self._send_waiting_request()

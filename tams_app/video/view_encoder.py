@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +14,8 @@ from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_identity import index_of_pts, pts_of_index
+from tams_app.video.frame_identity import SentFrame, SentFrames, rtp_timestamp
+from tams_app.video.frame_interval import FrameIntervals, FrameTime
 from tams_app.video.rate_control import EncoderServo, SourceDrop
 
 
@@ -24,7 +24,7 @@ class ViewEncoder:
 
     `admit` from one thread, `set_target_kbps` from any. `on_encoded` runs in the encoder's thread
     once per frame, `on_dropped` in the thread that admits: both must only hand over.
-    `start_kbps`: target until the first is set.
+    `start_kbps`: target until the first is set. `sent`: what the stream's timestamps stand for.
     """
 
     def __init__(
@@ -39,17 +39,17 @@ class ViewEncoder:
     ) -> None:
         self.view = view
         self.failure = ""
-        self._config = config
+        self.sent = SentFrames()
         self._clock = clock
         self._on_encoded = on_encoded
         self._on_dropped = on_dropped
         self._target_kbps = start_kbps
         self._source_drop = SourceDrop(source_drop_below_kbps)
-        self._servo = EncoderServo(config.fps, config.mtu_bytes)
-        self._lock = threading.Lock()
-        self._underway: dict[int, tuple[int, int]] = {}  # captured and admitted, not yet encoded
-        frame_target_kbps = self._source_drop.frame_target_kbps(start_kbps)
-        self.encoder_kbps = round(self._servo.payload_kbps(frame_target_kbps))
+        first_ns = NS_PER_S // config.fps
+        self._intervals = FrameIntervals(first_ns)
+        self._servo = EncoderServo(config.mtu_bytes)
+        frame_kbps = self._source_drop.frame_target_kbps(start_kbps, first_ns)
+        self.encoder_kbps = round(self._servo.encoder_kbps(frame_kbps, first_ns))
 
     def attach(self, pipeline: Any) -> None:
         """Take the `encoder` of a chain that was built with `encoder_kbps`."""
@@ -67,19 +67,18 @@ class ViewEncoder:
 
         `wire_bytes`: IP datagram bytes that have left so far, repair packets included.
         """
-        admitted_ns, target_kbps = self._clock.now_ns(), self._target_kbps
-        if not self._source_drop.keep(target_kbps):
+        pushed_ns, target_kbps = self._clock.now_ns(), self._target_kbps
+        time = self._intervals.step(frame.capture_ns)
+        if not self._source_drop.keep(target_kbps, time.usual_ns):
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns))
             return None
-        self._set_encoder_rate(wire_bytes, self._source_drop.frame_target_kbps(target_kbps))
-        with self._lock:
-            self._underway[frame.index] = (frame.capture_ns, admitted_ns)
-        fps = self._config.fps
-        pts_ns = pts_of_index(frame.index, fps)
-        return gst.raw_buffer(frame.image, pts_ns, NS_PER_S // fps)
+        frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
+        self._set_encoder_rate(wire_bytes, frame_kbps, time)
+        pts_ns = self.sent.add(SentFrame(frame.index, frame.capture_ns, pushed_ns))
+        return gst.raw_buffer(frame.image, pts_ns, time.usual_ns)
 
-    def _set_encoder_rate(self, wire_bytes: int, frame_target_kbps: float) -> None:
-        encoder_kbps = self._servo.step(wire_bytes, frame_target_kbps)
+    def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
+        encoder_kbps = self._servo.step(wire_bytes, frame_kbps, time)
         if encoder_kbps != self.encoder_kbps:
             self._encoder.set_property("bitrate", encoder_kbps)
             self.encoder_kbps = encoder_kbps
@@ -99,20 +98,21 @@ class ViewEncoder:
         # x264enc shifts PTS by 1000 h and says so in its segment
         segment = pad.get_sticky_event(Gst.EventType.SEGMENT, 0).parse_segment()
         running_ns = segment.to_running_time(Gst.Format.TIME, buffer.pts)
-        index = index_of_pts(running_ns, self._config.fps)
+        timestamp = rtp_timestamp(running_ns)
+        sent = self.sent.find(timestamp)
+        if sent is None:
+            raise TamsError(f"the encoder returned timestamp {timestamp}, which was never pushed")
         keyframe = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
-        capture_ns, admitted_ns = self._take_underway(index)
         data = buffer.extract_dup(0, buffer.get_size())
         self._on_encoded(
-            EncodedFrame(self.view, index, capture_ns, encoded_ns, keyframe, data, admitted_ns)
+            EncodedFrame(
+                self.view,
+                sent.index,
+                sent.capture_ns,
+                encoded_ns,
+                keyframe,
+                data,
+                sent.pushed_ns,
+                timestamp,
+            )
         )
-
-    def _take_underway(self, index: int) -> tuple[int, int]:
-        """When `index` was captured and admitted [ns]; earlier ones were overrun."""
-        with self._lock:
-            times = self._underway.pop(index, None)
-            for earlier in [number for number in self._underway if number < index]:
-                del self._underway[earlier]
-        if times is None:
-            raise TamsError(f"the encoder returned frame {index}, which was never pushed")
-        return times

@@ -54,7 +54,7 @@ def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
 def shown(index: int, colour: tuple[int, int, int], view: str = "eih") -> ShownFrame:
     image = np.zeros((480, 640, 3), np.uint8)
     image[:] = colour
-    return ShownFrame(view, index, 1_000_000_000 + index * 33_000_000, image)
+    return ShownFrame(view, index, 1_000_000_000 + index * 33_000_000, image, 0)
 
 
 def share_of(photograph: Image, colour: tuple[int, int, int]) -> float:

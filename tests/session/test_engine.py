@@ -75,7 +75,8 @@ class Mirror(Video):
         """Nothing to stop."""
 
     def _send(self, frame):
-        shown = ShownFrame(frame.view, frame.index, frame.capture_ns, frame.image)
+        shown_ns = frame.capture_ns
+        shown = ShownFrame(frame.view, frame.index, shown_ns, frame.image, frame.capture_ns)
         self._screen[frame.view] = shown
         self._on_shown(shown)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -23,11 +24,23 @@ def test_the_measured_curve_is_the_rate_on_the_wire_without_a_saw() -> None:
     log = Synthetic(6.0, switch_s=3.0).log()
     span = Span.of(log)
     assert span is not None
-    curve = measured_rate(PacketTable.of(log), 0, span, log.header.fps, START_NS)
+    curve = measured_rate(PacketTable.of(log), 0, span, NS_PER_S // 30, START_NS)
     steady = (curve.t_s > 0.4) & (curve.t_s < 3.0)
     np.testing.assert_allclose(curve.kbps[steady], 1000, rtol=0.02)
     np.testing.assert_allclose(curve.kbps[curve.t_s > 3.4], 3000, rtol=0.02)
     assert curve.t_s[0] == pytest.approx(0.25 + 0.025, abs=1e-6)  # never before a whole window
+
+
+def test_where_frames_are_rare_the_windows_are_longer_and_there_is_no_saw() -> None:
+    log = Synthetic(6.0).log()
+    span = Span.of(log)
+    assert span is not None
+    packets = PacketTable.of(log)
+    stretched = replace(packets, entered_ns=START_NS + 6 * (packets.entered_ns - START_NS))
+    longer = Span(span.start_ns, START_NS + 36 * NS_PER_S)
+    curve = measured_rate(stretched, 0, longer, NS_PER_S // 5, START_NS)
+    np.testing.assert_allclose(curve.kbps[8:], 1000 / 6, rtol=0.02)
+    assert curve.t_s[0] == pytest.approx(1.5 + 0.15, abs=1e-6)
 
 
 def test_each_view_has_its_target_and_each_phase_its_dashed_line_and_name() -> None:

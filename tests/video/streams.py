@@ -13,6 +13,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tams_app.video.sender import VideoSender
@@ -28,17 +29,21 @@ UNREPAIRED = RepairRule(rtx=False, latency_ms=20, pli_interval_ms=300.0)
 class Stream:
     """What went through one sender and one receiver."""
 
-    def __init__(self, config: VideoConfig, rule: RepairRule, kbps: float) -> None:
+    def __init__(
+        self, config: VideoConfig, rule: RepairRule, kbps: float, camera_hz: float | None = None
+    ) -> None:
         self.clock = MonotonicClock()
         self.encoded: list[EncodedFrame] = []
         self.dropped: list[DroppedFrame] = []
         self.shown: list[ShownFrame] = []
         self._arrived = threading.Condition()
-        self.receiver = VideoReceiver("eih", config, rule, self.clock, self._note)
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
             self.encoded.append, self.dropped.append,
         )  # fmt: skip
+        self.receiver = VideoReceiver(
+            "eih", config, rule, self.clock, self.sender.sent.find, self._note
+        )
         self.exits = ViewPorts(
             "127.0.0.1",
             self.receiver.rtp_port,
@@ -46,15 +51,20 @@ class Stream:
             self.sender.feedback_port,
         )
         self._pushed = 0
-        self._period_s = 1.0 / config.fps
+        self._period_s = 1.0 / (camera_hz or config.fps)
+        self._capture_ns = self.clock.now_ns()
 
     def push(self, indices: range) -> None:
-        """Push frames at the camera's pace, or slower where the encoder does not keep up."""
+        """Push frames at the camera's pace, or slower where the encoder does not keep up.
+
+        Their capture times are those of a camera that keeps its pace.
+        """
         frames = [frame(index) for index in indices]
         due = time.monotonic()
         for each in frames:
             time.sleep(max(0.0, due - time.monotonic()))
-            self.sender.push(replace(each, capture_ns=self.clock.now_ns()))
+            self.sender.push(replace(each, capture_ns=self._capture_ns))
+            self._capture_ns += round(self._period_s * NS_PER_S)
             self._pushed += 1
             self._wait_for_encoder()
             due = max(due + self._period_s, time.monotonic())
@@ -87,8 +97,10 @@ def stream(
     rule: RepairRule = PATIENT,
     kbps: float = 1500.0,
     fps: int = 60,
+    camera_hz: float | None = None,
 ) -> Iterator[Stream]:
-    joined = Stream(VideoConfig(fps=fps), rule, kbps)
+    """`camera_hz`: frames a second that the camera gives, if not the `fps` that it is asked for."""
+    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances

@@ -13,6 +13,7 @@ from tests.video.virtual_time.runs import shared_run
 pytestmark = pytest.mark.untimed
 
 KEYFRAMES = {index: index in (0, 6) for index in range(10)}
+INDEX_OF = {index * 3000: index for index in (*range(10), 30_000)}
 SHOWN = {index: 1000 + index * 33 for index in range(10)}
 
 
@@ -31,14 +32,13 @@ def packet(kind: PacketKind, index: int, part: int, delivered_ns: int) -> Packet
     fate = PacketFate.DELIVERED if delivered_ns else PacketFate.LOST
     entered_ns = 900 + index * 33 + part
     sequence = (65530 + 2 * index + part) % 65536
-    timestamp = index * 3000 - (index > 0)  # as the payloader truncates
     return PacketRecord(
-        "eih", kind, sequence, 1000, entered_ns, entered_ns, delivered_ns, fate, timestamp
+        "eih", kind, sequence, 1000, entered_ns, entered_ns, delivered_ns, fate, index * 3000
     )
 
 
 def concealed(found: list[PacketRecord], shown: dict[int, int] = SHOWN) -> list[int]:
-    return sorted(concealed_frames(KEYFRAMES, found, shown, 30))
+    return sorted(concealed_frames(KEYFRAMES, found, shown, INDEX_OF))
 
 
 def test_without_loss_nothing_is_concealed() -> None:
@@ -93,7 +93,8 @@ def test_all_other_frames_are_bit_exact_and_concealed_ones_are_found(rule: Repai
     assert len(set(references.values())) == len(references)  # no two frames alike
     shown_ns = {each.index: each.shown_ns for each in run.shown}
     keyframe_of = {each.index: each.keyframe for each in run.encoded}
-    found = concealed_frames(keyframe_of, run.packets, shown_ns, 30) & shown_ns.keys()
+    index_of = {each.rtp_timestamp: each.index for each in run.encoded}
+    found = concealed_frames(keyframe_of, run.packets, shown_ns, index_of) & shown_ns.keys()
     whole = {each.index for each in run.shown if checksum(each) == references[each.index]}
     assert sum(packet.fate is not PacketFate.DELIVERED for packet in run.packets) > 5
     assert len(shown_ns) == len(run.shown) > 60

@@ -12,13 +12,13 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_S
 from tams_app.video import pipelines
-from tams_app.video.frame_identity import FrameIdentity, pts_of_index
+from tams_app.video.frame_identity import RtpTimes
 from tams_app.video.repair import RepairRule
 from tests.video.scenes import frame
 
 pytestmark = pytest.mark.waiting
 
-FPS = 30
+FRAME_NS = 33_400_000  # 3006 ticks of 90 kHz
 RULE = RepairRule(rtx=False, latency_ms=50, pli_interval_ms=300.0)
 _WAIT_NS = 20 * NS_PER_S
 
@@ -48,7 +48,7 @@ def pulled(pipeline: Any, wait_ns: int) -> Iterator[Any]:
 def packets_of(encoder: Any, index: int) -> list[bytes]:
     """All RTP packets of one frame: up to the marker bit."""
     pixels = frame(index).image.tobytes()
-    buffer = gst.raw_buffer(pixels, pts_of_index(index, FPS), NS_PER_S // FPS)
+    buffer = gst.raw_buffer(pixels, index * FRAME_NS, FRAME_NS)
     encoder.get_by_name("in").emit("push-buffer", buffer)
     packets: list[bytes] = []
     while not packets or not packets[-1][1] & 0x80:
@@ -68,23 +68,22 @@ def encoder() -> Iterator[Any]:
 
 def test_encoder_and_decoder_chains_join_without_udp(encoder: Any) -> None:
     decoder = app_ended(pipelines.decoder_chain(RULE, "avdec_h264"), pipelines.rtp_caps())
-    indices: list[int] = []
-    identity: FrameIdentity | None = None
-    first_timestamp = None
+    sent: list[int] = []
+    shown: list[int] = []
+    times: RtpTimes | None = None
     for index in range(3, 33):
         for packet in packets_of(encoder, index):
-            if first_timestamp is None:
-                first_timestamp = int.from_bytes(packet[4:8], "big")
-            rtp = gst.raw_buffer(packet, pts_of_index(index, FPS), 0)
+            sent.append(int.from_bytes(packet[4:8], "big"))
+            rtp = gst.raw_buffer(packet, index * FRAME_NS, 0)
             rtp.dts = rtp.pts
             decoder.get_by_name("in").emit("push-buffer", rtp)
-        for shown in pulled(decoder, _WAIT_NS):
-            assert shown.get_size() == 640 * 480 * 4
-            identity = identity or FrameIdentity(FPS, shown.pts, first_timestamp or 0)
-            indices.append(identity.index(shown.pts))
+        for picture in pulled(decoder, _WAIT_NS):
+            assert picture.get_size() == 640 * 480 * 4
+            times = times or RtpTimes(picture.pts, sent[0])
+            shown.append(times.timestamp(picture.pts))
     assert gst.poll_bus(decoder) == ""
     gst.shut_down(decoder)
-    assert indices == list(range(3, 33))
+    assert sorted(set(sent)) == shown == [index * 3006 for index in range(3, 33)]
 
 
 def test_frames_in_four_bytes_have_the_colours_of_those_in_three() -> None:

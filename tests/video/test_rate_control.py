@@ -6,44 +6,72 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame
 from tams_app.units import NS_PER_S
-from tams_app.video.rate_control import WINDOW_FRAMES, EncoderServo
+from tams_app.video.frame_interval import FrameIntervals, FrameTime
+from tams_app.video.rate_control import WINDOW_FRAMES, X264_FPS, EncoderServo
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import EncoderChain
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tests.video.camera_times import camera_times_ns
 from tests.video.scenes import image
 
 pytestmark = pytest.mark.untimed
 
 FPS = 30
+FRAME_NS = NS_PER_S // FPS
+STEADY = FrameTime(FRAME_NS, FRAME_NS)
+
+# frames per second and seconds
+rate_sequences = st.lists(
+    st.tuples(st.floats(5.0, 60.0), st.floats(1.0, 6.0)), min_size=1, max_size=4
+)
 
 
 def run_model(
-    targets_kbps: list[float], yields: float, repair_share: float = 0.0
+    targets_kbps: list[float],
+    yields: float,
+    repair_share: float = 0.0,
+    frame_ns: int = FRAME_NS,
 ) -> tuple[list[float], list[int]]:
     """Wire rate [kbit/s] of each frame and the bitrates asked for, when the encoder delivers
     `yields` of its bitrate and `repair_share` of the bytes are sent again."""
-    servo = EncoderServo(FPS, 1200)
+    servo = EncoderServo(1200)
     sent, rates, asked = 0, [], []
     for target_kbps in targets_kbps:
-        bitrate = servo.step(sent, target_kbps)
-        wire = bitrate * 1000 / 8 / FPS * yields * 1.05 * (1 + repair_share)
+        bitrate = servo.step(sent, target_kbps, FrameTime(frame_ns, frame_ns))
+        wire = bitrate * 1000 / 8 / X264_FPS * yields * 1.05 * (1 + repair_share)
         sent += round(wire)
-        rates.append(wire * 8 * FPS / 1000)
+        rates.append(wire * 8e6 / frame_ns)
         asked.append(bitrate)
     return rates, asked
 
 
-@given(st.floats(0.75, 1.15), st.floats(100.0, 8000.0))
+def sizes_at(times_ns: list[int], kbps: float, yields: float) -> np.ndarray:
+    """Each frame's size, in the time that the target gave it since the frame before.
+
+    The model has x264's VBV of one frame, which a frame leaves filled for one as large as itself:
+    the next cannot be larger than that.
+    """
+    servo, intervals = EncoderServo(1200), FrameIntervals(FRAME_NS)
+    sent, before, sizes = 0, 10**9, []
+    for t_ns in times_ns:
+        bitrate = servo.step(sent, kbps, intervals.step(t_ns))
+        wire = round(min(bitrate, before) * 1000 / 8 / X264_FPS * yields * 1.05)
+        sent, before = sent + wire, bitrate
+        sizes.append(wire)
+    return np.array(sizes[1:]) * 8e6 / kbps / np.diff(times_ns)
+
+
+@given(st.floats(0.75, 1.15), st.floats(100.0, 8000.0), st.floats(5.0, 60.0))
 def test_an_encoder_that_misses_its_bitrate_is_brought_to_the_target(
-    yields: float, target_kbps: float
+    yields: float, target_kbps: float, rate_hz: float
 ) -> None:
-    rates, _ = run_model([target_kbps] * 90, yields)
+    rates, _ = run_model([target_kbps] * 90, yields, frame_ns=round(NS_PER_S / rate_hz))
     assert np.mean(rates[-30:]) == pytest.approx(target_kbps, rel=0.03)
 
 
@@ -53,6 +81,29 @@ def test_media_gives_way_to_repair_so_that_the_sum_meets_the_target(repair_share
     _, asked_without = run_model([1500.0] * 120, 0.9)
     assert np.mean(rates[-30:]) == pytest.approx(1500.0, rel=0.03)
     assert asked[-1] <= asked_without[-1] + 15
+
+
+@given(rate_sequences, st.floats(0.8, 1.05))
+def test_whatever_the_rates_of_the_camera_the_target_is_met_soon_after_each_change(
+    rates: list[tuple[float, float]], yields: float
+) -> None:
+    sizes = sizes_at(camera_times_ns(*rates), 1500.0, yields)
+    first = 0
+    for rate_hz, seconds in rates:
+        frames = round(rate_hz * seconds)
+        settled = sizes[first + 24 : first + frames]  # three windows
+        if len(settled) >= WINDOW_FRAMES:
+            assert np.mean(settled) == pytest.approx(1.0, abs=0.05)
+        first += frames
+
+
+@given(rate_sequences, st.floats(0.8, 1.0), st.floats(0.0, 0.2), st.integers(0, 99))
+def test_no_change_of_the_rate_makes_a_frame_of_more_than_one_and_a_half_intervals(
+    rates: list[tuple[float, float]], yields: float, missed: float, seed: int
+) -> None:
+    times_ns = camera_times_ns(*rates, missed=missed, seed=seed)
+    assume(len(times_ns) > 1)
+    assert sizes_at(times_ns, 1500.0, yields).max() <= 1.5
 
 
 def test_a_step_of_the_target_takes_effect_with_the_next_frame() -> None:
@@ -67,37 +118,44 @@ def test_many_small_changes_do_not_keep_the_servo_from_learning() -> None:
 
 
 def test_a_still_frame_does_not_wind_the_servo_up() -> None:
-    servo = EncoderServo(FPS, 1200)
+    servo = EncoderServo(1200)
     sent = 0
     for _ in range(300):
-        bitrate_still = servo.step(sent, 2000.0)
+        bitrate_still = servo.step(sent, 2000.0, STEADY)
         sent += 500  # a still scene needs 6 % of its target
     for _ in range(WINDOW_FRAMES):  # now the scene fills what it may
-        bitrate = servo.step(sent, 2000.0)
+        bitrate = servo.step(sent, 2000.0, STEADY)
         sent += round(bitrate * 1000 / 8 / FPS)
     assert bitrate_still <= 3100
-    assert servo.step(sent, 2000.0) <= 2200
+    assert servo.step(sent, 2000.0, STEADY) <= 2200
 
 
 def test_one_burst_of_repair_does_not_starve_the_encoder() -> None:
-    servo = EncoderServo(FPS, 1200)
+    servo = EncoderServo(1200)
     sent = 0
     for _ in range(60):
-        usual = servo.step(sent, 1000.0)
+        usual = servo.step(sent, 1000.0, STEADY)
         sent += 4167
     sent += 10 * 4167
-    assert servo.step(sent, 1000.0) >= 0.35 * usual
+    assert servo.step(sent, 1000.0, STEADY) >= 0.35 * usual
 
 
-@given(st.lists(st.tuples(st.floats(0.0, 20_000.0), st.integers(0, 10**6)), max_size=60))
-def test_whatever_happens_the_bitrate_stays_near_the_target(
-    steps: list[tuple[float, int]],
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 20_000.0), st.integers(0, 10**6), st.integers(0, NS_PER_S)),
+        max_size=60,
+    )
+)
+def test_whatever_happens_a_frames_bits_stay_near_what_its_time_gives(
+    steps: list[tuple[float, int, int]],
 ) -> None:
-    servo = EncoderServo(FPS, 1200)
-    sent = 0
-    for target_kbps, burst in steps:
-        sent += burst
-        assert 1 <= servo.step(sent, target_kbps) <= max(1.0, 1.51 * target_kbps)
+    servo, intervals = EncoderServo(1200), FrameIntervals(FRAME_NS)
+    sent = t_ns = 0
+    for target_kbps, burst, passed_ns in steps:
+        sent, t_ns = sent + burst, t_ns + passed_ns
+        time = intervals.step(t_ns)
+        highest = 1.51 * target_kbps * time.elapsed_ns / FRAME_NS
+        assert 1 <= servo.step(sent, target_kbps, time) <= max(1.0, highest)
 
 
 # --- with the real encoder ----------------------------------------------------------------------

@@ -10,6 +10,7 @@ import pytest
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError, SetupError
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.video.frame_identity import SentFrames
 from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
@@ -25,6 +26,9 @@ from tests.video.streams import (
 )
 
 pytestmark = pytest.mark.waiting
+
+CLOCK = MonotonicClock()
+NOTHING_SENT = SentFrames().find
 
 
 def is_media(datagram: bytes) -> bool:
@@ -188,7 +192,9 @@ def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:
         reports = taken.getsockname()[1]
         config = VideoConfig(first_port=reports - 1)
         with pytest.raises(ConfigError, match=f"UDP port {reports} on 127.0.0.1"):
-            VideoReceiver("eih", config, PATIENT, MonotonicClock(), lambda shown: None)
+            VideoReceiver(
+                "eih", config, PATIENT, MonotonicClock(), NOTHING_SENT, lambda shown: None
+            )
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_again:
             free_again.bind(("127.0.0.1", reports - 1))
 
@@ -196,7 +202,7 @@ def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:
 def test_an_unknown_decoder_is_refused_before_anything_is_bound() -> None:
     config = VideoConfig(decoder="nosuchdec")
     with pytest.raises(SetupError, match="no decoder nosuchdec"):
-        VideoReceiver("eih", config, PATIENT, MonotonicClock(), lambda shown: None)
+        VideoReceiver("eih", config, PATIENT, CLOCK, NOTHING_SENT, lambda shown: None)
 
 
 def test_an_exception_of_the_consumer_is_told_to_the_owner() -> None:

@@ -62,8 +62,20 @@ def test_packets_carry_the_fixed_numbers_of_their_view() -> None:
     assert max(len(datagram) for datagram in link.rtp) <= VideoConfig().mtu_bytes
 
 
+def test_a_camera_of_half_its_rate_has_its_whole_target_sent() -> None:
+    with stream(kbps=1000.0, fps=30, camera_hz=15.0) as joined:
+        joined.push(range(10))
+        assert joined.wait_until(lambda: len(joined.shown) == 10)
+        before = joined.sender.wire_bytes
+        joined.push(range(10, 40))
+        assert joined.wait_until(lambda: len(joined.shown) == 40)
+        sent_kbps = (joined.sender.wire_bytes - before) * 8 / 1000 / (30 / 15)
+    assert joined.shown_indices() == list(range(40))
+    assert sent_kbps == pytest.approx(1000, rel=0.08)
+
+
 def test_a_starving_target_drops_whole_frames_and_tells_which() -> None:
-    with stream(kbps=40.0) as joined:
+    with stream(kbps=40.0, fps=30) as joined:
         joined.push(range(20))
         assert joined.wait_until(lambda: len(joined.shown) == 10)
     assert [each.index for each in joined.dropped] == list(range(1, 20, 2))

@@ -84,7 +84,7 @@ class TrialVideo(Video):
 
     def frames(self) -> Mapping[str, Image | None]:
         """What is on the operator's screen, by view; None before the first frame."""
-        shown = {view: self.shown(view) for view in self._times}
+        shown = {view: self.shown(view) for view in self._chains.receivers}
         return {view: None if one is None else one.image for view, one in shown.items()}
 
     def shown(self, view: str) -> ShownFrame | None:

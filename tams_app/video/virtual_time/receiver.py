@@ -10,6 +10,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
+from tams_app.video.frame_identity import SentFrame
 from tams_app.video.packets import read_rtp
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ViewDecoder
@@ -31,6 +32,7 @@ class VirtualReceiver:
         rule: RepairRule,
         seed: int,
         shared: Shared,
+        identify: Callable[[int], SentFrame | None],
         return_feedback: Callable[[Feedback], None],
     ) -> None:
         self.view = view
@@ -41,7 +43,7 @@ class VirtualReceiver:
         self._decoded: list[ShownFrame] = []
         self._session = ReceiverSession(Random(f"{seed}/{view}/receiver-rtcp"), rule.rtx)
         done_clock = LaterClock(shared.clock, shared.times.decoding_ns)
-        self.decoder = ViewDecoder(view, config, rule, done_clock, self._decoded.append)
+        self.decoder = ViewDecoder(view, config, rule, done_clock, identify, self._decoded.append)
         self._chain = DecoderChain(
             view, gst.choose_decoder(config.decoder), rule, self.decoder, shared.clock
         )

@@ -57,6 +57,7 @@ class VirtualSender:
             records.encoded,
             records.dropped,
         )
+        self.sent = self._frames.sent
         self._chain = EncoderChain(view, config, self._frames, shared.clock)
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
 from tams_app.records import Frame, ShownFrame
+from tams_app.video.frame_identity import SentFrame
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule
@@ -55,7 +56,9 @@ class VirtualVideo:
         self._senders: dict[str, VirtualSender] = {}
         self.receivers: dict[str, VirtualReceiver] = {}
         for view in config.views:
-            receiver = VirtualReceiver(view, config, rule, seed, shared, self._return_to(view))
+            receiver = VirtualReceiver(
+                view, config, rule, seed, shared, self._identify_for(view), self._return_to(view)
+            )
             self.receivers[view] = receiver
             self._senders[view] = VirtualSender(
                 view,
@@ -135,6 +138,9 @@ class VirtualVideo:
             stack.callback(self._waiter.close)
             for end in self._ends:
                 stack.callback(end.close)
+
+    def _identify_for(self, view: str) -> Callable[[int], SentFrame | None]:
+        return lambda timestamp: self._senders[view].sent.find(timestamp)
 
     def _return_to(self, view: str) -> Callable[[Feedback], None]:
         return lambda feedback: self._senders[view].obey(feedback)

@@ -11,7 +11,6 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import EncodedFrame, ShownFrame
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_identity import index_of_rtp_timestamp
 from tams_app.video.packets import read_rtp
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ViewDecoder
@@ -38,15 +37,18 @@ class Ends:
         self.frames = ViewEncoder(
             "eih", config, self.clock, 1500.0, 80.0, self.encoded.append, lambda dropped: None
         )
-        images = ViewDecoder("eih", config, rule, self.clock, self.shown.append)
+        self.images = ViewDecoder(
+            "eih", config, rule, self.clock, self.frames.sent.find, self.shown.append
+        )
         self.encoder = EncoderChain("eih", config, self.frames, self.clock)
-        self.decoder = DecoderChain("eih", "avdec_h264", rule, images, self.clock)
+        self.decoder = DecoderChain("eih", "avdec_h264", rule, self.images, self.clock)
         self.waiter = IdleWaiter()
         self.encoder.start()
         self.decoder.start()
 
     def packets(self, index: int) -> list[bytes]:
-        buffer = self.frames.admit(frame(index), 0)
+        captured = frame(index, capture_ns=self.clock.now_ns())
+        buffer = self.frames.admit(captured, 0)
         assert buffer is not None
         return self.encoder.encode(buffer)
 
@@ -84,7 +86,7 @@ def test_one_frame_in_gives_its_packets_out(ends: Ends) -> None:
     for index in range(5):
         headers = [header for packet in ends.packets(index) if (header := read_rtp(packet))]
         assert [header.marker for header in headers] == [False] * (len(headers) - 1) + [True]
-        assert {index_of_rtp_timestamp(header.timestamp, 30) for header in headers} == {index}
+        assert {header.timestamp for header in headers} == {ends.encoded[-1].rtp_timestamp}
         assert len(ends.encoded) == index + 1
 
 
@@ -95,6 +97,13 @@ def test_a_requested_keyframe_is_the_next_frame(ends: Ends) -> None:
     ends.packets(2)
     ends.packets(3)
     assert [sent.keyframe for sent in ends.encoded] == [True, False, True, False]
+
+
+def test_a_frame_that_nobody_can_identify_is_not_shown(ends: Ends) -> None:
+    ends.carry(range(16))
+    ends.images._identify = lambda timestamp: None
+    ends.carry(range(16, 20))
+    assert [seen.index for seen in ends.shown] == list(range(16))
 
 
 def test_a_missing_packet_is_asked_for_at_once_and_once(ends: Ends) -> None:
