@@ -344,12 +344,6 @@ def _keys(tree: Any) -> Iterator[str]:
         yield from _keys(tree[key])
 
 
-def test_frames_of_a_log_that_does_not_tell_their_timestamps_find_their_packets() -> None:
-    summary = summarise(read_log(DATA / "virtual-0.1.mcap"))
-    assert all(0 < view["tracking_error"] < 0.03 for view in summary["views"].values())
-    assert all(view["frames_damaged"] == 0 for view in summary["views"].values())
-
-
 def test_an_arm_in_the_numbers_of_the_first_schema_reads_as_one_in_words() -> None:
     logged = json.loads(Codec(Tick).encode(tick(1)))
     for word in ("activity", "servo", "fault"):
@@ -385,7 +379,29 @@ def test_a_log_of_the_first_schema_stays_readable(name: str, driven: set[Any]) -
     assert log.outcome is not None
     summary = summarise(log)
     expected = json.loads((DATA / name).with_suffix(".json").read_text())
+    expected = _without_frame_times(expected)
     assert of_the_keys(expected, summary) == expected
+
+
+def test_a_log_of_the_first_schema_with_regular_frames_has_the_figures_it_had() -> None:
+    """Up to schema 2 they went by the nominal time between frames; the captures jitter by 2 ms."""
+    summary = summarise(read_log(DATA / "virtual-0.1.mcap"))
+    expected = json.loads((DATA / "virtual-0.1.json").read_text())
+    for view, before in expected["views"].items():
+        now = summary["views"][view]
+        assert now["sent_kbps_mean"] == pytest.approx(before["sent_kbps_mean"], rel=0.002)
+        assert now["tracking_error"] == pytest.approx(before["tracking_error"], abs=0.005)
+        assert now["freezes"] == before["freezes"]
+
+
+def _without_frame_times(tree: Any) -> Any:
+    """A summary without what goes by the time between frames."""
+    if not isinstance(tree, dict):
+        return tree
+    by_frame_time = {"sent_kbps_mean", "utilisation", "tracking_error", "freezes"}
+    return {
+        key: _without_frame_times(value) for key, value in tree.items() if key not in by_frame_time
+    }
 
 
 def of_the_keys(expected: Any, found: Any) -> Any:
