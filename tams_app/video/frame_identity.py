@@ -76,6 +76,11 @@ class RtpTimes:
         self._first_timestamp = self._last_timestamp = timestamp
         self._ticks = 0  # from the first packet to the last one followed
 
+    @property
+    def followed_ns(self) -> int:
+        """Capture time of the last packet followed, since the first one's [ns]."""
+        return self._ticks * NS_PER_S // RTP_CLOCK_HZ
+
     def timestamp(self, pts_ns: int) -> int:
         """The RTP timestamp of the frame with presentation time `pts_ns`."""
         return (self._first_timestamp + _ticks(pts_ns - self._first_pts_ns)) % _RTP_TIMESTAMPS
@@ -88,5 +93,5 @@ class RtpTimes:
         step = (timestamp - self._last_timestamp) % _RTP_TIMESTAMPS
         self._ticks += step - _RTP_TIMESTAMPS if step >= _RTP_TIMESTAMPS // 2 else step
         self._last_timestamp = timestamp
-        missing_ns = self._first_pts_ns + self._ticks * NS_PER_S // RTP_CLOCK_HZ - pts_ns
+        missing_ns = self._first_pts_ns + self.followed_ns - pts_ns
         return 0 if abs(missing_ns) < _IN_LINE_NS else missing_ns

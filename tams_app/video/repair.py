@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tams_app.config import Network, RepairConfig
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _RTX_WORTH_MS = 200.0  # beyond this a resent packet comes too late for the operator
 _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
@@ -18,7 +18,8 @@ class RepairRule:
 
     Attributes:
         rtx: whether lost packets are asked for (NACK) and sent again (RTX, RFC 4588).
-        latency_ms: latency of the jitter buffer; spent only while it waits for a gap to fill.
+        latency_ms: latency of the jitter buffer at 30 frames a second (`wait_ms` has it at any
+            rate); spent only while it waits for a gap to fill.
         pli_interval_ms: at most one keyframe request (PLI, RFC 4585) per view in this time.
         pli: whether keyframes are requested at all.
     """
@@ -27,6 +28,16 @@ class RepairRule:
     latency_ms: int
     pli_interval_ms: float
     pli: bool = True
+
+    def wait_ms(self, usual_ns: int) -> int:
+        """Latency of the jitter buffer where frames are usually `usual_ns` apart.
+
+        The rarer the frames, the larger: a resend waits at the bottleneck behind those of the
+        other views, for as long as the time between frames at most.
+        """
+        if not self.rtx:
+            return self.latency_ms
+        return self.latency_ms + max(0, usual_ns - NS_PER_S // 30) // NS_PER_MS
 
 
 _AS_THE_RULE_SAYS = RepairConfig()

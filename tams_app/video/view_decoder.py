@@ -18,12 +18,15 @@ from tams_app.errors import TamsError
 from tams_app.records import Image, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import Mailbox
+from tams_app.units import NS_PER_S
 from tams_app.video import pipelines
 from tams_app.video.frame_identity import RtpTimes, SentFrame
+from tams_app.video.frame_interval import FrameIntervals
 from tams_app.video.repair import KeyframeRequests, RepairRule
 
 _RTP_SEQUENCE = slice(2, 4)  # of the RTP header (RFC 3550)
 _RTP_TIMESTAMP = slice(4, 8)
+_WAIT_TOLERANCE_MS = 10
 
 
 class ViewDecoder:
@@ -52,6 +55,9 @@ class ViewDecoder:
         self._identify = identify
         self._on_shown = on_shown
         self._times: RtpTimes | None = None
+        self._rule = rule
+        self._intervals = FrameIntervals(NS_PER_S // config.fps)
+        self._wait_ms = rule.latency_ms
         self._requests = KeyframeRequests(rule.pli_interval_ms)
         self._requests_lock = threading.Lock()
         self._asks_for_keyframes = rule.pli
@@ -124,10 +130,17 @@ class ViewDecoder:
             return
         timestamp = self._depayloader.get_property("stats").get_value("timestamp")
         shift_ns = self._times.follow(access_unit.pts, timestamp)
+        self._wait_for_resends(self._times.followed_ns)
         if shift_ns:
             offset_ns = self.jitterbuffer.get_property("ts-offset")
             self.jitterbuffer.set_property("ts-offset", offset_ns + shift_ns)
             access_unit.pts += shift_ns
+
+    def _wait_for_resends(self, followed_ns: int) -> None:
+        wait_ms = self._rule.wait_ms(self._intervals.step(followed_ns).usual_ns)
+        if abs(wait_ms - self._wait_ms) > _WAIT_TOLERANCE_MS:
+            self._wait_ms = wait_ms
+            self.jitterbuffer.set_property("latency", wait_ms)
 
     def _on_frame(self, appsink: Any) -> Any:
         Gst = gst.load().Gst

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import Network, RepairConfig
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import KeyframeRequests, RepairRule, repair_rule
 
 pytestmark = pytest.mark.untimed
@@ -41,6 +41,17 @@ def test_repair_can_be_switched_whatever_the_rule_says(
     latency_ms: float, wanted: RepairConfig, rule: RepairRule
 ) -> None:
     assert repair_rule(Network(latency_ms=latency_ms, jitter_ms=8), 300.0, wanted) == rule
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "with_rtx_ms", "without_ms"), [(60, 132, 50), (30, 132, 50), (5, 298, 50)]
+)
+def test_where_frames_are_rare_a_resend_is_waited_for_longer(
+    rate_hz: int, with_rtx_ms: int, without_ms: int
+) -> None:
+    usual_ns = NS_PER_S // rate_hz
+    assert RepairRule(True, 132, 300.0).wait_ms(usual_ns) == with_rtx_ms
+    assert RepairRule(False, 50, 300.0).wait_ms(usual_ns) == without_ms
 
 
 @given(st.floats(0, 500), st.floats(0, 100))

@@ -20,7 +20,7 @@ from tams_app.session.virtual.rig import DELIVERY_NS
 from tams_app.session.virtual.trial import START_NS, VirtualTrial, run_virtual_trial
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.quality import FREEZE_NS
+from tams_app.video.frame_interval import freeze_ns
 from tests.session.virtual.runs import (
     LONG_ENOUGH,
     PARTICIPANT,
@@ -236,4 +236,4 @@ def test_freezes_of_the_summary_and_of_the_scores_agree(log, summary):
     frozen = {view: any(one.frozen for one in log.quality if one.view == view) for view in VIEWS}
     for view in VIEWS:
         longest_s = summary["views"][view]["freezes"]["longest_s"]
-        assert frozen[view] == (longest_s > FREEZE_NS / NS_PER_S)
+        assert frozen[view] == (longest_s > freeze_ns(NS_PER_S // log.header.fps) / NS_PER_S)

@@ -177,6 +177,21 @@ def test_frames_that_are_lost_for_good_shift_no_other_frames_identity() -> None:
     assert shown_ns.keys() - concealed <= whole
 
 
+def test_a_resend_that_waits_behind_the_other_views_frames_still_comes_in_time() -> None:
+    network = NETWORKS["s2"].model_copy(update={"loss": 0.01, "queue_ms": 400})
+    together = camera_times_ns((6, 6))
+    times_ns = {
+        "eih": together,
+        "gt": [t_ns + 3 * NS_PER_MS for t_ns in together],
+        "gs": [t_ns + 6 * NS_PER_MS for t_ns in together],
+    }
+    run = film(times_ns, 1500, network).run
+    repairs = [one for one in run.packets if one.kind is PacketKind.REPAIR]
+    assert len(repairs) > 10
+    lost = sum(run.jitter[view]["num-lost"] for view in times_ns)
+    assert lost <= 0.4 * len(repairs)  # of the last view's, which also waits for its own frames
+
+
 def test_a_frames_last_packet_is_still_repaired_where_frames_are_rare() -> None:
     network = Network(latency_ms=20, jitter_ms=4, loss=0.06)
     filmed = film({"eih": camera_times_ns((5, 12))}, 250, network)
