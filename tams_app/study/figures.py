@@ -142,7 +142,7 @@ def _draw_view(
             color=_MEASURED[place % len(_MEASURED)],
             linewidth=_MEASURED_PT,
         )
-    _draw_frames(axis, log, log.header.views[place], span)
+    _draw_frames(axis, log, view, span)
 
 
 def _draw_frames(axis: Axes, log: SessionLog, view: str, span: Span) -> None:
