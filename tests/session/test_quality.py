@@ -28,6 +28,7 @@ class Session:
     """What is recorded and noted."""
 
     def __init__(self) -> None:
+        self.screen = FrameBlock(RingLayout(SHOWN, ("gt",), WIDTH, HEIGHT))
         self.records: list[FrameQuality] = []
         self.notes: list[tuple[str, str]] = []
         self._changed = threading.Condition()
@@ -53,13 +54,14 @@ def quality_of(session: Session, logs: Path, enabled: bool = True) -> LiveQualit
     config = VideoConfig.model_validate(
         {"views": ["gt"], "width": WIDTH, "height": HEIGHT, "quality": {"enabled": enabled}}
     )
-    screen = FrameBlock(RingLayout(SHOWN, config.views, WIDTH, HEIGHT))
-    return LiveQuality(config, screen, logs, session.record, session.note)
+    return LiveQuality(config, session.screen, logs, session.record, session.note)
 
 
 @pytest.fixture
-def session() -> Session:
-    return Session()
+def session() -> Iterator[Session]:
+    session = Session()
+    yield session
+    session.screen.close()
 
 
 @pytest.fixture
@@ -68,7 +70,6 @@ def started(session: Session, tmp_path: Path) -> Iterator[LiveQuality]:
     quality.start()
     yield quality
     quality.close()
-    quality._screen.close()
 
 
 def frame(index: int) -> Image:
