@@ -20,7 +20,6 @@ from tams_app.session.folder import create_session_folder, furnish_session_folde
 from tams_app.session.observers import StopWatch
 from tams_app.session.recorders import LoadMonitor
 from tams_app.session.uplink import Capture
-from tams_app.session.video import CaptureTimes
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
 
@@ -120,14 +119,6 @@ def test_every_frame_of_a_camera_is_handed_on():
     frames = [frame(0), frame(1), frame(4)]
     Capture(ListCamera(frames, stop), seen.append).run(stop)
     assert seen == frames
-
-
-def test_only_the_last_seconds_of_capture_times_are_kept():
-    times = CaptureTimes()
-    for index in range(1000):
-        times.add(index, index)
-    assert times.of(0) is None
-    assert times.of(999) == 999
 
 
 # --- stops --------------------------------------------------------------------------------------
