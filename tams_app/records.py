@@ -248,7 +248,9 @@ class CameraRates:
     asked_fps: float  # less than the header's `fps` while the rig's cameras are stepped down
     reason: str  # why `asked_fps` is another one from now on, "" if it is not
     given_fps: dict[str, float]  # by view, over the last second; empty in the first record
-    overrun_fps: dict[str, float]  # frames that a camera had besides, and nobody took
+    overrun_fps: dict[
+        str, float
+    ]  # frames that a camera had besides, which the session did not take
 
 
 @dataclass(frozen=True, slots=True)

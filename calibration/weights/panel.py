@@ -92,7 +92,7 @@ def record_session(config_path: Path | None, directory: Path, seed: int) -> Path
         config_path,
         {
             "rig.enabled": True,
-            "rig.operator.kind": "scripted",  # nobody is to wait for a slow computer's eyes
+            "rig.operator.kind": "scripted",  # must not depend on this computer's speed
             "name": _NAME,
             "network": "none",
             "seed": seed,

@@ -118,7 +118,7 @@ def set_cartesian_velocity(api: Any, speeds: Sequence[float], duration_s: float)
     """The return code of `vc_set_cartesian_velocity`, in the base frame and with a duration.
 
     The same frame over the same connection. The SDK's own packs its numbers one by one and words a
-    line for a log that nobody reads: a quarter of what a command costs, 120 times a second.
+    line for a log that is not read: a quarter of what a command costs, 120 times a second.
     """
     commands, register = api._arm.arm_cmd, Register.SET_CARTESIAN_VELOCITY
     payload = _VELOCITY.pack(*speeds, _BASE_FRAME, duration_s)

@@ -86,7 +86,7 @@ class HelperProcess:
         process = self._process
         if process is None or process.stdin is None or process.stdin.closed:
             return
-        with contextlib.suppress(BrokenPipeError):  # it has ended: whoever watches it will see
+        with contextlib.suppress(BrokenPipeError):  # it has ended, which its owner notices
             os.write(process.stdin.fileno(), json.dumps(facts).encode() + b"\n")
 
     @property

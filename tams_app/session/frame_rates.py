@@ -27,7 +27,7 @@ class _Count:
 
     due: int = 0
     taken: int = 0
-    overrun: int = 0  # the camera had them, and nobody took them
+    overrun: int = 0  # the camera had them, the session did not take them
     last_index: int | None = None
     free_ns: int = 0  # when the thread began to wait for the next frame
 
@@ -36,7 +36,7 @@ class _Count:
             left_out = frame.index - self.last_index - 1
             self.due += left_out + 1
             self.taken += 1
-            if frame.capture_ns < self.free_ns:  # it was there before anybody waited for it
+            if frame.capture_ns < self.free_ns:  # it was there before the thread waited for it
                 self.overrun += left_out
         self.last_index = frame.index
 

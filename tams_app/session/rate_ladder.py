@@ -25,8 +25,8 @@ TROUBLE_LATE, CALM_LATE = 0.02, 0.01  # of the control ticks
 SUSTAINED = 2  # observations of trouble in a row
 STARTING = 3  # observations that do not count: at the start much is done that is done once
 SETTLING = 1  # ... and after a change: the one under way began before it
-PATIENCE_NS = 5 * NS_PER_S
-LONGEST_PATIENCE_NS = 80 * NS_PER_S
+RAISE_AFTER_NS = 5 * NS_PER_S
+LONGEST_WAIT_NS = 80 * NS_PER_S
 PROBATION_NS = 30 * NS_PER_S  # a step down within this time after one up is a failed trial
 _MEASURING = 1.05  # a rate reached is counted to within a frame or so
 
@@ -72,7 +72,7 @@ class RateLadder:
         self._troubles = 0
         self._least_missed = 1.0  # in these
         self._calm_ns = 0
-        self._patience_ns = [PATIENCE_NS] * len(self._rungs)  # before each is tried
+        self._raise_after_ns = [RAISE_AFTER_NS] * len(self._rungs)  # before each is tried
         self._raised_ns: int | None = None  # of the last step up, while it is on probation
 
     @property
@@ -98,19 +98,19 @@ class RateLadder:
         self._end_probation(now_ns)
         if self._troubles >= SUSTAINED and self._rung < len(self._rungs) - 1:
             return self._lower(trouble)
-        if self._rung > 0 and self._calm_ns >= self._patience_ns[self._rung - 1]:
+        if self._rung > 0 and self._calm_ns >= self._raise_after_ns[self._rung - 1]:
             return self._raise(now_ns)
         return ""
 
     def _end_probation(self, now_ns: int) -> None:
         if self._raised_ns is not None and now_ns - self._raised_ns > PROBATION_NS:
             self._raised_ns = None
-            self._patience_ns[self._rung] = PATIENCE_NS
+            self._raise_after_ns[self._rung] = RAISE_AFTER_NS
 
     def _lower(self, trouble: str) -> str:
         if self._raised_ns is not None:
-            doubled_ns = 2 * self._patience_ns[self._rung]
-            self._patience_ns[self._rung] = min(doubled_ns, LONGEST_PATIENCE_NS)
+            doubled_ns = 2 * self._raise_after_ns[self._rung]
+            self._raise_after_ns[self._rung] = min(doubled_ns, LONGEST_WAIT_NS)
         self._raised_ns = None
         reached_fps = self.fps * (1.0 - self._least_missed) * _MEASURING
         self._change(self._highest(reached_fps, self._rung + 1))

@@ -69,7 +69,7 @@ def shortfall(
     Args:
         asked_fps: frames a second that were asked for.
         given_fps: by view, what came.
-        overrun_fps: by view, what the camera had besides, and nobody took.
+        overrun_fps: by view, what the camera had besides, which the session did not take.
         simulated: the cameras are the rig's.
         steps: where the rate of the rig's cameras was changed.
     """

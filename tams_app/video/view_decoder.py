@@ -156,7 +156,7 @@ class ViewDecoder:
             raise TamsError("a frame came out before a packet went in")
         sent = self._identify(self._times.timestamp(buffer.pts))
         if sent is None:
-            return  # nobody may steer by a frame of unknown age
+            return  # a frame of unknown age is not to be steered by
         height, width = self._config.height, self._config.width
         pixels = gst.pixels_of(buffer).reshape(height, width, 4)
         image: Image = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2BGR), np.uint8)

@@ -1,4 +1,4 @@
-"""The ladder of frame rates: down soon, up with patience, and never to and fro."""
+"""The ladder of frame rates: down soon, up slowly, and never to and fro."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tams_app.session.rate_ladder import (
     LADDER_FPS,
-    LONGEST_PATIENCE_NS,
-    PATIENCE_NS,
+    LONGEST_WAIT_NS,
+    RAISE_AFTER_NS,
     SETTLING,
     STARTING,
     SUSTAINED,
@@ -99,14 +99,14 @@ def test_one_bad_second_changes_nothing(fps: float, before: list[Observation]) -
 def test_two_steps_up_lie_at_least_five_seconds_apart(seen: list[Observation]) -> None:
     rates = climb(RateLadder(30.0, 5.0), seen)
     ups = [second for second, (a, b) in enumerate(pairwise(rates)) if b > a]
-    assert all(b - a >= PATIENCE_NS / NS_PER_S for a, b in pairwise(ups))
+    assert all(b - a >= RAISE_AFTER_NS / NS_PER_S for a, b in pairwise(ups))
 
 
 @given(st.lists(observations, max_size=200))
 def test_after_any_past_a_calm_machine_is_back_at_the_top(before: list[Observation]) -> None:
     ladder = RateLadder(30.0)
     climb(ladder, before)
-    longest_s = len(LADDER_FPS) * (LONGEST_PATIENCE_NS // NS_PER_S + 2)
+    longest_s = len(LADDER_FPS) * (LONGEST_WAIT_NS // NS_PER_S + 2)
     assert climb(ladder, [CALM] * longest_s, len(before))[-1] == 30.0
 
 
@@ -117,7 +117,7 @@ def test_a_rate_that_does_not_hold_is_tried_ever_less(holds_fps: float, start: f
     most = max(rung for rung in LADDER_FPS if rung <= holds_fps)
     assert last.count(most) > 0.9 * len(last) or min(last) >= most
     failed = sum(b > a and holds_fps < 0.9 * b for a, b in pairwise(last))
-    assert failed <= len(last) * NS_PER_S // LONGEST_PATIENCE_NS + 1
+    assert failed <= len(last) * NS_PER_S // LONGEST_WAIT_NS + 1
 
 
 @pytest.mark.parametrize(("holds_fps", "rung"), [(26.0, 20.0), (16.0, 15.0), (6.5, 5.0)])

@@ -65,7 +65,7 @@ class ControllerPublisher:
         while self._met < self._asked.written():
             head = self._asked.head(self._met)
             self._met += 1
-            if head is not None:  # else overwritten: nobody feels sixty pulses at once
+            if head is not None:  # else overwritten: sixty pulses at once are not felt one by one
                 self._meet(_REQUESTS[_REQUEST.unpack(head)[0]])
         sample = self._controller.sample(now_ns)
         pose = sample.pose
