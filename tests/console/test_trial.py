@@ -40,7 +40,8 @@ class Screen(Console):
 
 def rig(**overrides: Any) -> Config:
     """The simulated rig: its operator arms and moves the arm as a person would."""
-    return load_config(None, {"headless": True, "recording.min_free_mb": 1.0, **overrides})
+    chosen = {"headless": True, "recording.min_free_mb": 1.0, "rig.operator.kind": "scripted"}
+    return load_config(None, {**chosen, **overrides})
 
 
 @pytest.mark.timeout(180)
