@@ -44,6 +44,7 @@ def rig(**overrides: Any) -> Config:
     return load_config(None, {**chosen, **overrides})
 
 
+@pytest.mark.verify
 @pytest.mark.timeout(180)
 def test_a_whole_session_is_left_in_the_given_folder_and_the_screen_gives_nothing_away(
     tmp_path: Path,

@@ -20,6 +20,7 @@ from tests.faults.applications import Observed, only_log, rig_config
 
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.verify,
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(300),
 ]
