@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
+from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
@@ -76,11 +77,12 @@ def table(rows: Sequence[Row]) -> Table:
     """One line for each session, and the medians."""
     shown = Table(box=None)
     columns = (
-        "seed", "operator", "fps given", "p95 interval", "late", "longest gap", "used",
-        "tracking", "latency p95", "placed", "stops",
+        "seed", "operator", "frames/s", "p95 interval", "late", "gap", "used", "error",
+        "latency", "placed", "stops",
     )  # fmt: skip
     for name in columns:
-        shown.add_column(name, justify="left" if name in ("operator", "stops") else "right")
+        justify: Literal["left", "right"] = "left" if name in ("operator", "stops") else "right"
+        shown.add_column(name, justify=justify, no_wrap=True)
     for one in rows:
         shown.add_row(str(one.seed), one.operator, *_cells(one), ", ".join(one.stops) or "none")
     placed = sum(one.completion_s is not None for one in rows)
@@ -98,8 +100,8 @@ def table(rows: Sequence[Row]) -> Table:
 def _cells(one: Row) -> list[str]:
     tracking, latency = one.tracking_percent, one.latency_p95_ms
     return [
-        f"{one.fps_given:.1f} of {one.fps_asked:g}",
-        f"{one.interval_p95_periods:.2f} periods",
+        f"{one.fps_given:.1f}/{one.fps_asked:g}",
+        f"{one.interval_p95_periods:.2f} T",
         f"{one.late_percent:.2f} %",
         f"{one.longest_gap_ms:.0f} ms",
         f"{one.used_percent:.0f} %",
@@ -114,11 +116,11 @@ def main() -> None:
     parser.add_argument("--network", default="s2")
     parser.add_argument("--seeds", type=int, default=10, help="sessions of each rate (default 10)")
     parser.add_argument("--fps", type=int, nargs="*", default=[], help="fixed rates, one by one")
-    parser.add_argument("--operator", choices=("seeing", "scripted"), help="default: auto")
+    parser.add_argument("--operator", choices=("auto", "seeing", "scripted"), default="auto")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    console, rows = Console(), []
-    chosen = ["--operator", options.operator] if options.operator else []
+    console, rows = Console(width=110), []
+    chosen = ["--operator", options.operator]
     with tempfile.TemporaryDirectory(prefix="tams-live-") as folder:
         for fps in options.fps or [None]:
             rate = [] if fps is None else ["--fps", str(fps)]
