@@ -77,6 +77,15 @@ def test_the_primary_views_are_those_of_table_one():
     assert primary == ["gt", "eih", "eih", "gs", "eih", "eih"]
 
 
+@pytest.mark.parametrize("phase", Phase)
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_every_strategy_shares_all_of_the_bits_among_all_views(name, phase):
+    shares = make_strategy(name, POLICY).weights(phase)
+    assert set(shares) == set(POLICY.allocation.static_weights)
+    assert min(shares.values()) >= 0.0
+    assert sum(shares.values()) == pytest.approx(1.0)
+
+
 def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
     with pytest.raises(ConfigError) as refused:
         make_strategy("best", POLICY)
