@@ -25,9 +25,11 @@ COMPRESSING_S = 0.0109
 _ROUNDS = 7
 _DATA = bytes(random.Random(0).choices(range(16), k=300_000))
 
-# What a session takes, in reference cores, from `system.cpu_percent` of `run --headless --fps N`:
-# a part that does not depend on the frames, and one for each frame a second of all three views.
-SESSION_CORES, CORES_PER_FPS = 0.80, 0.055
+# What a session takes, in reference cores: a part that does not depend on the frames, and one for
+# each frame a second of all three views. The line through `python -m benchmarks.threads --fps 5`
+# and `--fps 15` on a quiet machine of speed .97 (.73 and 1.14 cores without the comparison of
+# frames, which takes what is left over).
+SESSION_CORES, CORES_PER_FPS = 0.51, 0.040
 USABLE = 0.85  # of the cores: where nothing is left over, the control loop waits for a core
 
 
