@@ -20,9 +20,10 @@ from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
 from tams_app.errors import ConfigError, UnreadableLogError
 from tams_app.recording import SessionLog, read_log, read_reference, read_video
-from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
+from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.colour import bgr_of
 
 _ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
 _UNDERWAY = 8  # frames inside the pipeline before one is waited for
@@ -72,7 +73,7 @@ def decode(units: Iterator[EncodedFrame], config: VideoConfig, decoder: str) -> 
     pipeline = gst.parse_pipeline(
         "appsrc name=units format=time max-bytes=0 "
         "caps=video/x-h264,stream-format=byte-stream,alignment=au "
-        f"! h264parse ! {decoder}{threads} ! videoconvert n-threads=1 ! video/x-raw,format=BGR "
+        f"! h264parse ! {decoder}{threads} ! videoconvert n-threads=1 ! video/x-raw,format=I420 "
         "! appsink name=frames sync=false max-buffers=0"
     )
     entry, decoded = pipeline.get_by_name("units"), pipeline.get_by_name("frames")
@@ -102,7 +103,7 @@ def decode(units: Iterator[EncodedFrame], config: VideoConfig, decoder: str) -> 
 
 def _frame(view: str, sample: Any, config: VideoConfig) -> Frame:
     buffer = sample.get_buffer()
-    image: Image = gst.pixels_of(buffer).reshape(config.height, config.width, 3)
+    image = bgr_of(gst.pixels_of(buffer), config.height, config.width)
     return Frame(view, 0, buffer.pts, image)  # known by its time alone
 
 

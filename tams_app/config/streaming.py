@@ -120,7 +120,7 @@ class VideoConfig(Section):
 
     views: tuple[str, ...] = ("eih", "gt", "gs")
     """Names of the views, each once."""
-    width: Annotated[int, Field(ge=160, le=1920, multiple_of=4)] = 640
+    width: Annotated[int, Field(ge=160, le=1920, multiple_of=8)] = 640
     """Width of a frame in pixels; rows have no padding."""
     height: Annotated[int, Field(ge=120, le=1080, multiple_of=2)] = 480
     """Height of a frame in pixels."""

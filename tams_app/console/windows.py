@@ -36,7 +36,7 @@ class ViewWindow:
         self._failure = ""
         self._pipeline = gst.parse_pipeline(
             "appsrc name=frames is-live=true format=time block=false max-buffers=1 "
-            f'leaky-type=downstream caps="{pipelines.raw_caps(config)}" '
+            f'leaky-type=downstream caps="{pipelines.raw_caps(config, "BGR")}" '
             "! videoconvert n-threads=1 ! autovideosink sync=false"
         )
         self._frames = self._pipeline.get_by_name("frames")

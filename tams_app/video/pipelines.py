@@ -31,10 +31,14 @@ SHOWN_FRAMES = (
 )
 
 
-def raw_caps(config: VideoConfig) -> str:
-    """Caps of the frames that enter: BGR, at the rate that x264 is to take them for."""
+def raw_caps(config: VideoConfig, pixels: str = "I420,colorimetry=bt601") -> str:
+    """Caps of raw frames, at the rate that x264 is to take them for.
+
+    GStreamer would take 720 rows or more for BT.709; `colour` has one matrix.
+    """
     return (
-        f"video/x-raw,format=BGR,width={config.width},height={config.height},framerate={X264_FPS}/1"
+        f"video/x-raw,format={pixels},width={config.width},height={config.height},"
+        f"framerate={X264_FPS}/1"
     )
 
 
@@ -53,7 +57,7 @@ def rtx_ssrcs(config: VideoConfig, view: str) -> str:
 
 
 def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
-    """BGR frames in, RTP packets out.
+    """I420 frames in, RTP packets out; the converter only hands those to x264 on.
 
     threads=1: anything else is not deterministic. aud=false saves a fifth of the packets.
     """
@@ -70,7 +74,7 @@ def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
 
 
 def decoder_chain(rule: RepairRule, decoder: str) -> str:
-    """RTP packets in, BGRx frames out: those take half the time of BGR, and show the same colours.
+    """RTP packets in, I420 frames out; the converter is for decoders that give something else.
 
     mode=none keeps PTS an exact linear function of the RTP timestamp (see frame_identity); its
     deadlines then count from running time 0 unless `ts-offset` is set to the first arrival.
@@ -83,7 +87,7 @@ def decoder_chain(rule: RepairRule, decoder: str) -> str:
         f"do-retransmission={'true' if rule.rtx else 'false'} rtx-next-seqnum=false rtx-delay=0 "
         f'! rtpptdemux name=ptdemux ignored-payload-types="<{REPAIR_PAYLOAD_TYPE}>" '
         "! rtph264depay name=depayloader request-keyframe=true ! h264parse "
-        f"! {decoder} name=decoder{threads} ! videoconvert n-threads=1 ! video/x-raw,format=BGRx"
+        f"! {decoder} name=decoder{threads} ! videoconvert n-threads=1 ! video/x-raw,format=I420"
     )
 
 

@@ -9,17 +9,15 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-import cv2
-import numpy as np
-
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import Image, ShownFrame
+from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import Mailbox
 from tams_app.units import NS_PER_S
 from tams_app.video import pipelines
+from tams_app.video.colour import bgr_of
 from tams_app.video.frame_identity import RtpTimes, SentFrame
 from tams_app.video.frame_interval import FrameIntervals
 from tams_app.video.repair import KeyframeRequests, RepairRule
@@ -157,9 +155,7 @@ class ViewDecoder:
         sent = self._identify(self._times.timestamp(buffer.pts))
         if sent is None:
             return  # a frame of unknown age is not to be steered by
-        height, width = self._config.height, self._config.width
-        pixels = gst.pixels_of(buffer).reshape(height, width, 4)
-        image: Image = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGRA2BGR), np.uint8)
+        image = bgr_of(gst.pixels_of(buffer), self._config.height, self._config.width)
         now_ns = self._clock.now_ns()
         shown = ShownFrame(self._view, sent.index, now_ns, image, sent.capture_ns)
         self.mailbox.put(shown)

@@ -14,6 +14,7 @@ from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
+from tams_app.video.colour import i420_of
 from tams_app.video.frame_identity import SentFrame, SentFrames, rtp_timestamp
 from tams_app.video.frame_interval import FrameIntervals, FrameTime
 from tams_app.video.rate_control import EncoderServo, SourceDrop
@@ -75,7 +76,7 @@ class ViewEncoder:
         frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
         self._set_encoder_rate(wire_bytes, frame_kbps, time)
         pts_ns = self.sent.add(SentFrame(frame.index, frame.capture_ns, pushed_ns))
-        return gst.raw_buffer(frame.image, pts_ns, time.usual_ns)
+        return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
 
     def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
         encoder_kbps = self._servo.step(wire_bytes, frame_kbps, time)

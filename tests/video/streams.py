@@ -14,13 +14,14 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
+from tams_app.video.colour import bgr_of
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tams_app.video.sender import VideoSender
 from tams_app.video.udp import ViewPorts
 from tams_app.video.view_decoder import ViewDecoder
 from tests.video.lossy_link import LossyLink
-from tests.video.scenes import frame
+from tests.video.scenes import HEIGHT, WIDTH, frame
 
 PATIENT = RepairRule(rtx=True, latency_ms=400, pli_interval_ms=300.0)
 UNREPAIRED = RepairRule(rtx=False, latency_ms=20, pli_interval_ms=300.0)
@@ -121,8 +122,8 @@ def decoded_checksums(encoded: list[EncodedFrame]) -> dict[int, int]:
     pipeline = gst.parse_pipeline(
         "appsrc name=in format=time block=true max-buffers=8 "
         'caps="video/x-h264,stream-format=byte-stream,alignment=au" '
-        "! h264parse ! avdec_h264 max-threads=1 ! videoconvert n-threads=1 "
-        "! video/x-raw,format=BGR ! appsink name=out sync=false"
+        "! h264parse ! avdec_h264 max-threads=1 ! video/x-raw,format=I420 "
+        "! appsink name=out sync=false"
     )
     gst.set_playing(pipeline, "the reference decoder")
     source, sink = pipeline.get_by_name("in"), pipeline.get_by_name("out")
@@ -132,8 +133,8 @@ def decoded_checksums(encoded: list[EncodedFrame]) -> dict[int, int]:
     source.emit("end-of-stream")
     while (sample := sink.emit("try-pull-sample", 20 * Gst.SECOND)) is not None:
         buffer = sample.get_buffer()
-        pixels = buffer.extract_dup(0, buffer.get_size())
-        checksums[encoded[round(buffer.pts / Gst.MSECOND)].index] = crc32(pixels)
+        image = bgr_of(gst.pixels_of(buffer), HEIGHT, WIDTH)
+        checksums[encoded[round(buffer.pts / Gst.MSECOND)].index] = crc32(image.tobytes())
     gst.shut_down(pipeline)
     return checksums
 
