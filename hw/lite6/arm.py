@@ -1,7 +1,7 @@
 """The UFACTORY Lite 6 behind the arm interface, through UFACTORY's SDK.
 
-Threads: `arm-sender` (commands, hw/lite6/sender.py), the SDK's receiver of replies, `arm-report`
-(states, hw/lite6/report.py) and `arm-stop` (hw/lite6/stop_channel.py). Metres and radians in here,
+Threads: `arm-sender` (commands and their replies, hw/lite6/sender.py), `arm-report` (states,
+hw/lite6/report.py) and `arm-stop` (hw/lite6/stop_channel.py). Metres and radians in here,
 millimetres on the wire. The same driver drives the hardware and the simulated controller: whatever
 answers at the configured host and ports.
 """

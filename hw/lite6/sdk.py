@@ -1,8 +1,9 @@
-"""UFACTORY's SDK made fit for an application: quiet, leaving no traces, with chosen ports.
+"""UFACTORY's SDK made fit for an application: quiet, leaving no traces, on a port of our own.
 
 What the SDK does unasked, and is kept from here (FINDINGS 8): on import it prints and makes
-~/.UFACTORY; on every connect it prints and sets the default time-out of all new sockets of the
-process; it prefers a Unix socket in the temporary folder, which anybody on the host could make.
+~/.UFACTORY; on every connect it prints. Its own port (hw/lite6/control_port.py takes its place)
+sets the default time-out of all new sockets of the process and prefers a Unix socket in the
+temporary folder, which anybody on the host could make.
 """
 
 from __future__ import annotations
@@ -21,17 +22,19 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from hw.lite6.codes import Code, Mode, Register
+from hw.lite6.control_port import ControlPort
+from hw.lite6.uxbus import Frame
 from tams_app.errors import DeviceError, SetupError
 
-FACTORY_CONTROL_PORT = 502
 _JOIN_S = 2.0
 _SOCKADDR_BYTES = 16
 _VELOCITY = struct.Struct("<6fBf")  # x y z [mm/s], about x y z [rad/s], frame, duration [s]
 _BASE_FRAME = 0
+_LAST_TRANSACTION = 0xFFFF  # then 1 again
 
 _log = logging.getLogger(__name__)
 
-# The SDK keeps its ports and the sockets' default time-out in globals: one connect at a time.
+# The SDK finds the class of its port in a global: one connect at a time.
 _lock = threading.Lock()
 
 
@@ -50,20 +53,18 @@ def connect_sdk(host: str, control_port: int) -> Any:
     ask a silent one for its version for minutes.
     """
     with _lock:
-        arm_api, socket_conf = _load()
-        default_timeout = socket.getdefaulttimeout()
+        arm_api, base = _load()
         api = arm_api(
             _address(host),
             is_radian=True,
             do_not_open=True,
-            forbid_uds=True,
             enable_report=False,
             timed_comm=False,  # hw/lite6/sender.py has its own keep-alive
             check_is_pause=False,  # would block for ever in state 3
             check_cmdnum_limit=False,  # would ask for the queue length before each call
         )
         try:
-            with _control_port(socket_conf, control_port):
+            with _own_port(base, control_port):
                 api.connect()
         except Exception as error:  # the SDK raises nothing more precise
             disconnect_sdk(api)
@@ -71,9 +72,6 @@ def connect_sdk(host: str, control_port: int) -> Any:
                 f"The arm at {host}:{control_port} broke off the connection ({error}); "
                 "restart its control box."
             ) from error
-        finally:
-            socket.setdefaulttimeout(default_timeout)
-    api._arm._stream.name = "arm-replies"  # the thread that reads them has none of its own
     api._arm._is_sync = True  # without its report thread `set_servo_angle` would wait for this
     return api
 
@@ -93,7 +91,7 @@ def break_off(api: Any) -> None:
     """Take back what was sent and not acknowledged, and reset the connection; does not block.
 
     Connecting a TCP socket to no address (AF_UNSPEC, connect(2)) empties its send queue and sends a
-    reset. Closing it, even with SO_LINGER 0, does that only once the SDK's receiver lets go of it.
+    reset. Closing it, even with SO_LINGER 0, does that only once nothing waits on it any more.
     """
     connection = api._arm._stream.com
     number = connection.fileno()
@@ -117,23 +115,19 @@ def set_collision_sensitivity(api: Any, value: int) -> int:
 def set_cartesian_velocity(api: Any, speeds: Sequence[float], duration_s: float) -> int:
     """The return code of `vc_set_cartesian_velocity`, in the base frame and with a duration.
 
-    The same frame over the same connection. The SDK's own packs its numbers one by one and words a
-    line for a log that is not read: a quarter of what a command costs, 120 times a second.
+    The same frame over the same connection. The SDK's own packs its numbers and bytes one by one:
+    half of what a command costs, 120 times a second.
     """
     commands, register = api._arm.arm_cmd, Register.SET_CARTESIAN_VELOCITY
     payload = _VELOCITY.pack(*speeds, _BASE_FRAME, duration_s)
     with commands.lock:
-        sent = commands.send_modbus_request(register, payload, len(payload))
-        if sent == -1:
+        number = commands._transaction_id
+        request = Frame(number, commands._protocol_identifier, register, payload)
+        if commands.arm_port.write(request.encode()) != 0:
             return Code.NOT_SENT
-        code, *_ = commands.recv_modbus_response(register, sent, 0, commands._S_TOUT)
+        commands._transaction_id = number % _LAST_TRANSACTION + 1
+        code, *_ = commands.recv_modbus_response(register, number, 0, commands._S_TOUT)
     return int(api._arm._check_code(code, is_move_cmd=True, mode=Mode.CARTESIAN_VELOCITY))
-
-
-def reply_thread_id(api: Any) -> int | None:
-    """Kernel id of the SDK's receiving thread, through which every reply comes."""
-    native_id: int | None = api._arm._stream.native_id
-    return native_id
 
 
 def _address(host: str) -> str:
@@ -145,31 +139,24 @@ def _address(host: str) -> str:
 
 
 @contextlib.contextmanager
-def _control_port(socket_conf: Any, port: int) -> Iterator[None]:
-    """Let the SDK connect to `port`, for which it has no option.
+def _own_port(base: Any, control_port: int) -> Iterator[None]:
+    """Let the SDK connect by a `ControlPort` to `control_port`, for which it has no option.
 
-    Off with the factory's port, hence on hardware. The constant also tells the SDK which socket
-    is the control connection, but only while that is made: so it is put back at once, and other
-    connections of this process keep theirs. `ReportDataStructure.create` knows the report ports
-    in the same way and needs nothing here because the SDK's reports are off.
+    Put back at once: other connections of this process keep the SDK's own.
     """
-    if port == FACTORY_CONTROL_PORT:
-        yield
-        return
-    factory = socket_conf.TCP_CONTROL_PORT
-    socket_conf.TCP_CONTROL_PORT = port
+    theirs = base.SocketPort
+    base.SocketPort = lambda host, *_, fb_que, **__: ControlPort(host, control_port, fb_que)
     try:
         yield
     finally:
-        socket_conf.TCP_CONTROL_PORT = factory
+        base.SocketPort = theirs
 
 
 @functools.cache
 def _load() -> tuple[Any, Any]:
-    """`XArmAPI` and the SDK's port constants, imported once without traces; or SetupError."""
+    """`XArmAPI` and the module that connects it, imported once without traces; or SetupError."""
     try:
         with _elsewhere_at_home(), contextlib.redirect_stdout(io.StringIO()):
-            from xarm.core.config.x_config import XCONF
             from xarm.core.utils import log
             from xarm.wrapper import XArmAPI
             from xarm.x3 import base
@@ -181,7 +168,7 @@ def _load() -> tuple[Any, Any]:
     log.logger.handlers[:] = [_ForwardToLog()]
     log.origin_logger.handlers[:] = [_ForwardToLog()]
     log.origin_logger.propagate = False
-    return XArmAPI, XCONF.SocketConf
+    return XArmAPI, base
 
 
 @contextlib.contextmanager

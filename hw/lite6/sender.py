@@ -15,7 +15,7 @@ from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
 from hw.lite6.commands import pose_refusal, twist_refusal
 from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
-from hw.lite6.sdk import break_off, reply_thread_id, set_cartesian_velocity
+from hw.lite6.sdk import break_off, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Pose, ServoMode, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
@@ -110,11 +110,6 @@ class CommandSender:
         self._worker.request_stop()
         self._outbox.shut()
         self._worker.stop()
-
-    @property
-    def thread_ids(self) -> dict[str, int | None]:
-        """Kernel ids of the threads between the control loop and the arm, by name."""
-        return {"arm-sender": self.native_id, "arm-replies": reply_thread_id(self._api)}
 
     def _run(self, stop: threading.Event) -> None:
         self.native_id = threading.get_native_id()

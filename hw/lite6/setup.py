@@ -108,12 +108,9 @@ class Lite6Connection:
 
     @property
     def thread_ids(self) -> dict[str, int]:
-        """Kernel ids of the threads between the control loop and the arm, by name.
-
-        Without the SDK's receiver (`arm-replies`) replies are as slow as without any.
-        """
+        """Kernel ids of the threads between the control loop and the arm, by name."""
         ids = {
-            **self.sender.thread_ids,
+            "arm-sender": self.sender.native_id,
             "arm-report": self.reports.native_id,
             "arm-stop": self.stop.native_id,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from fractions import Fraction
+from functools import lru_cache
 from typing import Protocol
 
 from tams_app.capacity import Capacity
@@ -31,12 +32,19 @@ def allocate(weights: Mapping[str, float], budget_kbps: float, floor_kbps: float
     Raises:
         OverflowError: the budget is infinite.
     """
+    return dict(_allocated(tuple(weights.items()), budget_kbps, floor_kbps))
+
+
+@lru_cache(maxsize=8)  # asked 20 times a second, and most often the same
+def _allocated(
+    weights: tuple[tuple[str, float], ...], budget_kbps: float, floor_kbps: float
+) -> dict[str, int]:
     budget = Fraction(max(0.0, budget_kbps))
     floor = Fraction(floor_kbps)
     views = len(weights)
     if budget < views * floor:
-        return {view: int(budget / views) for view in weights}
-    shares = {view: Fraction(str(weight)) for view, weight in weights.items()}
+        return {view: int(budget / views) for view, _ in weights}
+    shares = {view: Fraction(str(weight)) for view, weight in weights}
     total = sum(shares.values())
     spare = budget - views * floor
     return {view: int(floor + share / total * spare) for view, share in shares.items()}

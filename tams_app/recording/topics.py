@@ -133,10 +133,7 @@ class PacketBatch:
     @staticmethod
     def of(packets: Sequence[PacketRecord]) -> PacketBatch:
         """The columns of at least one packet."""
-        columns: list[Any] = list(zip(*map(_COLUMNS, packets), strict=True))
-        columns[1] = tuple(kind.value for kind in columns[1])
-        columns[7] = tuple(fate.value for fate in columns[7])
-        return PacketBatch(*columns)
+        return PacketBatch(*zip(*map(_COLUMNS, packets), strict=True))
 
     def packets(self) -> list[PacketRecord]:
         """The packets one by one."""
@@ -146,7 +143,8 @@ class PacketBatch:
         return list(map(PacketRecord, *columns))
 
 
-_COLUMNS = attrgetter(*(field.name for field in fields(PacketBatch)))
+_OF_AN_ENUM = {"kind": "kind._value_", "fate": "fate._value_"}  # `value` is a call each
+_COLUMNS = attrgetter(*(_OF_AN_ENUM.get(one.name, one.name) for one in fields(PacketBatch)))
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 

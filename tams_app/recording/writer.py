@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -106,6 +106,11 @@ class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
         else:
             self._queue.put(item)
 
+    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
+        """Queue the fates of a batch of datagrams."""
+        if self.failure is None:
+            self._queue.put_all(packets)
+
     def _run(self, stop: threading.Event) -> None:
         try:
             next_flush_ns = next_check_ns = self._clock.now_ns()
@@ -184,6 +189,10 @@ class DirectRecorder:
             require_reserve(self._directory, self._reserve_mb)
         kept = without_pixels(item) if isinstance(item, Frame | ShownFrame) else item
         self._log.write(kept, now_ns)
+
+    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
+        """Write the fates of a batch of datagrams, together with others of the same time."""
+        self._packets.extend(packets)
 
     def close(self) -> None:
         """Write what is left and finish the file; may be called twice."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -41,6 +42,14 @@ class BoundedQueue(Generic[T]):
             self._items.append(item)
             self._condition.notify()
             return True
+
+    def put_all(self, items: Sequence[T]) -> None:
+        """Queue `items` in order, as `put` each."""
+        with self._condition:
+            room = self._capacity - len(self._items)
+            self._items.extend(items[:room])
+            self.dropped += max(0, len(items) - room)
+            self._condition.notify()
 
     def take_all(self, timeout_s: float = 0.0) -> list[T]:
         """All queued items in order, waiting up to `timeout_s` for the first."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
@@ -40,6 +40,9 @@ class Log(Protocol):
     def record(self, item: Recordable) -> None:
         """Keep one record."""
 
+    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
+        """Keep the fates of a batch of datagrams."""
+
 
 class SessionRecords(Listener):
     """What a session tells its log: live (`Recorders`) and in virtual time."""
@@ -65,8 +68,7 @@ class SessionRecords(Listener):
 
     def packets(self, packets: list[PacketRecord]) -> None:
         """Keep the fates of a batch of datagrams."""
-        for packet in packets:
-            self._log.record(packet)
+        self._log.record_packets(packets)
 
     def capture(self, frame: Frame) -> None:
         """Keep a captured frame's time, and its pixels if that was asked for."""

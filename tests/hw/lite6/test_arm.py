@@ -232,10 +232,10 @@ def test_closing_ends_every_thread(rig: ControllerRig) -> None:
 
 def test_the_threads_on_a_commands_way_can_be_given_real_time(arm: Lite6) -> None:
     ids = arm.realtime_thread_ids
-    assert set(ids) == {"arm-sender", "arm-replies", "arm-report", "arm-stop"}
+    assert set(ids) == {"arm-sender", "arm-report", "arm-stop"}
     tasks = {int(task.name) for task in Path("/proc/self/task").iterdir()}
     assert set(ids.values()) <= tasks
-    assert len(set(ids.values())) == 4
+    assert len(set(ids.values())) == 3
 
 
 # --- the command link ---------------------------------------------------------------------------

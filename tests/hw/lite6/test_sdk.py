@@ -11,7 +11,6 @@ import pytest
 
 from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, Mode
 from hw.lite6.sdk import (
-    FACTORY_CONTROL_PORT,
     connect_sdk,
     disconnect_sdk,
     note_mode,
@@ -59,13 +58,14 @@ def test_it_loads_where_the_home_cannot_be_written_or_is_empty(tmp_path: Path) -
         assert load_with_home(home, tmp_path) == "loaded True\n"
 
 
-def test_a_port_other_than_the_factorys_is_put_back_at_once() -> None:
+def test_the_sdks_own_port_is_put_back_at_once() -> None:
     with controller() as rig:
         api = connect_sdk("localhost", rig.config().control_port)
-        from xarm.core.config.x_config import XCONF
+        from xarm.core.comm import SocketPort
+        from xarm.x3 import base
 
         assert api.connected
-        assert XCONF.SocketConf.TCP_CONTROL_PORT == FACTORY_CONTROL_PORT
+        assert base.SocketPort is SocketPort
         disconnect_sdk(api)
         assert not api.connected
 
@@ -95,6 +95,5 @@ def test_a_velocity_is_sent_and_answered_as_by_the_sdks_own_call() -> None:
         assert ours[2:] == theirs[2:]  # all but the number of the transaction
         assert int.from_bytes(ours[:2]) == int.from_bytes(theirs[:2]) + 1
         port.close()
-        port.join(5.0)
         assert set(both()) <= NOTHING_GETS_THROUGH
         disconnect_sdk(api)
