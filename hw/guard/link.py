@@ -1,28 +1,31 @@
-"""The heartbeat between the control loop and the guard: datagrams on loopback, both ways.
+"""The heartbeat between the control loop and the guard: records in memory that both share.
 
 A beat keeps the guard from stopping the arm; every beat is answered, so that a guard that is gone
 or cannot reach the arm is seen as well. While the arm is not armed the beats are queries, which are
-answered and watch over nothing. When the guard stops the arm it says so unasked.
+answered and watch over nothing. When the guard stops the arm it says so unasked. Nobody is woken by
+either: the guard looks at a rate of its own, the control loop in each tick.
 """
 
 from __future__ import annotations
 
-import socket
 import struct
+from collections.abc import Callable
+from contextlib import ExitStack
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hw.arms import arm_kind
+from tams_app.runtime.shared_ring import RingShape, SharedRing, create_block, remove_block
 
 if TYPE_CHECKING:  # the guard itself starts without the configuration's libraries
     from tams_app.config import ArmConfig
 
-LOOPBACK = "127.0.0.1"
-_DATAGRAM = struct.Struct("!4sBBIQ")  # magic, kind, status bits, arming, sequence
+_RECORD = struct.Struct("!4sBBIQ")  # magic, kind, status bits, arming, sequence
 _MAGIC = b"TAMG"
 _STATUS_LATCHED = 1
 _STATUS_ARM_LOST = 2
-_MAX_ANSWERS_PER_BEAT = 8  # one is usual; a guard that was held up sends many at once
+BEATS = RingShape(_RECORD.size, 256)  # two seconds: a guard that was held up hears all of them
+ANSWERS = RingShape(_RECORD.size, 8)  # two are usual; what the guard says last counts
 
 
 def guard_specification(config: ArmConfig) -> dict[str, Any]:
@@ -37,7 +40,7 @@ def guard_specification(config: ArmConfig) -> dict[str, Any]:
 
 
 class GuardMessage(IntEnum):
-    """What a datagram says."""
+    """What a record says."""
 
     BEAT = 1
     DISARM = 2
@@ -49,7 +52,7 @@ _MESSAGES = {message.value: message for message in GuardMessage}
 
 
 class Heartbeat(NamedTuple):
-    """One datagram; `latched` and `arm_lost` are the guard's and only in acknowledgements.
+    """One record; `latched` and `arm_lost` are the guard's and only in acknowledgements.
 
     `arming` counts the times the arm was armed, `sequence` the beats since the link was made.
     """
@@ -62,14 +65,14 @@ class Heartbeat(NamedTuple):
 
     def encode(self) -> bytes:
         status = _STATUS_LATCHED * self.latched | _STATUS_ARM_LOST * self.arm_lost
-        return _DATAGRAM.pack(_MAGIC, self.message, status, self.arming, self.sequence)
+        return _RECORD.pack(_MAGIC, self.message, status, self.arming, self.sequence)
 
 
 def decode_heartbeat(data: bytes) -> Heartbeat | None:
-    """The heartbeat in a datagram, None if it is something else."""
-    if len(data) != _DATAGRAM.size:
+    """The heartbeat in a record, None if it is something else."""
+    if len(data) != _RECORD.size:
         return None
-    magic, kind, status, arming, sequence = _DATAGRAM.unpack(data)
+    magic, kind, status, arming, sequence = _RECORD.unpack(data)
     message = _MESSAGES.get(kind)
     if magic != _MAGIC or message is None:
         return None
@@ -82,23 +85,51 @@ def decode_heartbeat(data: bytes) -> Heartbeat | None:
     )
 
 
+class GuardMemory:
+    """The beats and the answers to them, in shared memory of the name that the guard tells."""
+
+    def __init__(self, name: str) -> None:
+        """Open it, or make it if it is not there."""
+        with ExitStack() as opened:
+            beats = opened.enter_context(create_block(f"{name}-beats", BEATS.size))
+            answers = opened.enter_context(create_block(f"{name}-answers", ANSWERS.size))
+            self._opened = opened.pop_all()
+        self._name = name
+        self.beats = SharedRing(beats, BEATS)
+        self.answers = SharedRing(answers, ANSWERS)
+
+    def hide(self) -> None:
+        """Take the name away, once both have it open; may be called twice."""
+        remove_block(f"{self._name}-beats")
+        remove_block(f"{self._name}-answers")
+
+    def close(self) -> None:
+        """Give it back; may be called twice."""
+        self._opened.close()
+
+
 class GuardLink:
     """The control loop's side: `beat` every tick, between `arm` and `disarm` it is watched.
 
-    For one thread. Nothing here blocks; a beat costs some 10 µs once the caches are warm.
+    For one thread. Nothing here blocks or calls the system while the guard answers.
     """
 
-    def __init__(self, port: int, silence_ns: int) -> None:
-        """`port` is in the guard's ready line; no answer for `silence_ns` means it is gone."""
+    def __init__(self, memory: GuardMemory, silence_ns: int, runs: Callable[[], bool]) -> None:
+        """No answer for `silence_ns` means that the guard is gone.
+
+        `runs`: whether its process does; asked only when a beat finds no new answer.
+        """
         self._silence_ns = silence_ns
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.connect((LOOPBACK, port))
+        self._runs = runs
+        self._memory = memory
+        memory.hide()
+        self._closed = False
         self._arming = 0
         self._sequence = 0
         self.armed = False
+        self._answers = 0  # heard so far
         self._heard_ns: int | None = None
-        self._refused = False  # the guard's port is closed: its process has ended
+        self._ended = False  # the guard's process
         self._acknowledged = False
         self.latched = False
         self.arm_lost = False
@@ -120,22 +151,22 @@ class GuardLink:
         """Take in what the guard said, and say that the control loop runs; not armed, ask only."""
         if self._heard_ns is None:
             self._heard_ns = now_ns
-        self._receive(now_ns)
+        self._hear(now_ns)
         self._sequence += 1
-        self._send(GuardMessage.BEAT if self.armed else GuardMessage.QUERY)
+        self._say(GuardMessage.BEAT if self.armed else GuardMessage.QUERY)
 
     def disarm(self) -> None:
         """End the watch without a stop; the caller sees to it that the arm stands."""
         if self.armed:
             self.armed = False
             self._sequence += 1
-            self._send(GuardMessage.DISARM)
+            self._say(GuardMessage.DISARM)
 
     def answers(self, now_ns: int) -> bool:
         """While armed: the guard is there and its last answer is fresh. True if not armed."""
         if not self.armed or self._heard_ns is None:
             return True
-        return not self._refused and now_ns - self._heard_ns <= self._silence_ns
+        return not self._ended and now_ns - self._heard_ns <= self._silence_ns
 
     def alive(self, now_ns: int) -> bool:
         """While armed: the guard answers and could stop the arm. True if not armed."""
@@ -143,31 +174,32 @@ class GuardLink:
 
     def close(self) -> None:
         """Disarm and let go; may be called twice."""
-        if self._socket.fileno() >= 0:
+        if not self._closed:
+            self._closed = True
             self.disarm()
-            self._socket.close()
+            self._memory.close()
 
-    def _send(self, message: GuardMessage) -> None:
-        try:
-            self._socket.send(Heartbeat(message, self._arming, self._sequence).encode())
-        except ConnectionRefusedError:
-            self._refused = True
-        except OSError:  # no room at the moment: the guard hears of the next beat
+    def _say(self, message: GuardMessage) -> None:
+        self._memory.beats.put(Heartbeat(message, self._arming, self._sequence).encode())
+
+    def _hear(self, now_ns: int) -> None:
+        answers = self._memory.answers
+        written = answers.written()
+        if written == self._answers:
+            self._ended = self._ended or not self._runs()
             return
+        for number in range(max(self._answers, written - ANSWERS.heads), written):
+            record = answers.head(number)
+            if record is not None:  # else it is older than those that are kept
+                self._take(record, now_ns)
+        self._answers = written
 
-    def _receive(self, now_ns: int) -> None:
-        for _ in range(_MAX_ANSWERS_PER_BEAT):
-            try:
-                answer = decode_heartbeat(self._socket.recv(64))
-            except ConnectionRefusedError:
-                self._refused = True
-                return
-            except OSError:  # nothing more there
-                return
-            if answer is None or answer.arming != self._arming:
-                continue
-            self._heard_ns = now_ns
-            if self.armed:
-                self._acknowledged = True
-                self.latched = self.latched or answer.latched  # until the next arming
-            self.arm_lost = answer.arm_lost
+    def _take(self, record: bytes, now_ns: int) -> None:
+        answer = decode_heartbeat(record)
+        if answer is None or answer.arming != self._arming:
+            return
+        self._heard_ns = now_ns
+        if self.armed:
+            self._acknowledged = True
+            self.latched = self.latched or answer.latched  # until the next arming
+        self.arm_lost = answer.arm_lost

@@ -1,29 +1,31 @@
 """The guard: a helper process that stops the arm when the control loop's heartbeat ends.
 
 `python -m hw.guard.process SPECIFICATION`, which is `guard_specification` as JSON; the ready line
-holds the UDP `port` for the heartbeats and the `scheduler` that was granted.
-It has its own connection to the arm and shares nothing with the application: one that was killed,
-stopped or stalled still stops the arm.
+holds the name of the `memory` for the heartbeats and the `scheduler` that was granted.
+It has its own connection to the arm and shares nothing else with the application: one that was
+killed, stopped or stalled still stops the arm.
 """
 
 from __future__ import annotations
 
 import pkgutil
-import socket
+import time
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from hw.guard.link import LOOPBACK, GuardMessage, Heartbeat, decode_heartbeat
+from hw.guard.link import BEATS, GuardMemory, GuardMessage, Heartbeat, decode_heartbeat
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import GUARD_PRIORITY, use_fifo
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_MS
 
 if TYPE_CHECKING:  # the guard starts in milliseconds
     from hw.arm import StopChannel
 
-POLL_S = 0.01
+POLL_S = 0.005  # a beat is heard this much later at most, and a silence seen
+_KEPT_BEATS = BEATS.heads - 8  # the oldest may be overwritten while they are read
 FAREWELL_STOP_TIMEOUT_S = 2.0
 
 
@@ -85,50 +87,51 @@ class Guard:
     """Joins heartbeat, watch and stop; `step` is its loop's body."""
 
     def __init__(
-        self, heartbeats: socket.socket, watch: HeartbeatWatch, arm: StopChannel, clock: Clock
+        self, memory: GuardMemory, watch: HeartbeatWatch, arm: StopChannel, clock: Clock
     ) -> None:
-        self._heartbeats = heartbeats
+        self._memory = memory
         self._watch = watch
         self._arm = arm
         self._clock = clock
-        self._peer: tuple[str, int] | None = None  # who sent the last heartbeat
+        self._heard = 0  # beats
 
     def step(self) -> None:
-        """Wait up to POLL_S for heartbeats, answer them, and stop the arm if they ended.
+        """Hear and answer the heartbeats, and stop the arm if they ended.
 
         The stop is told to the application unasked: its next tick knows why the arm stands.
-        Everything queued is heard before silence is judged: a guard that was itself stalled must
-        not take its own absence for the application's.
         """
-        self._heartbeats.settimeout(POLL_S)
-        while True:
-            try:
-                data, sender = self._heartbeats.recvfrom(64)
-            except (TimeoutError, BlockingIOError):
-                break
-            self._answer(data, sender)
-            self._heartbeats.setblocking(False)
+        self._hear()
         if self._watch.lost(self._clock.now_ns()):
             self._arm.request_stop()
-            if self._peer is not None:
-                self._acknowledge(*self._watch.last_heard, self._peer)
+            self._answer(*self._watch.last_heard)
 
     def farewell(self) -> None:
         """The parent is gone or ends the guard: stop the arm if it was still armed."""
+        self._hear()  # that it was disarmed just before
         if self._watch.watch is Watch.ARMED:
             self._arm.request_stop()
         if self._arm.pending:
             self._arm.wait_acknowledged(FAREWELL_STOP_TIMEOUT_S)
 
-    def _answer(self, data: bytes, sender: tuple[str, int]) -> None:
-        heartbeat = decode_heartbeat(data)
-        if heartbeat is None:
-            return
-        self._watch.hear(self._clock.now_ns(), heartbeat)
-        self._peer = sender
-        self._acknowledge(heartbeat.arming, heartbeat.sequence, sender)
+    def _hear(self) -> None:
+        """Everything new, before silence is judged.
 
-    def _acknowledge(self, arming: int, sequence: int, peer: tuple[str, int]) -> None:
+        A guard that was itself stalled must not take its own absence for the application's.
+        """
+        beats = self._memory.beats
+        written = beats.written()
+        self._heard = max(self._heard, written - _KEPT_BEATS)
+        while self._heard < written:
+            record = beats.head(self._heard)
+            if record is None:  # not to be seen whole yet
+                return
+            self._heard += 1
+            heartbeat = decode_heartbeat(record)
+            if heartbeat is not None:
+                self._watch.hear(self._clock.now_ns(), heartbeat)
+                self._answer(heartbeat.arming, heartbeat.sequence)
+
+    def _answer(self, arming: int, sequence: int) -> None:
         answer = Heartbeat(
             GuardMessage.ACKNOWLEDGEMENT,
             arming,
@@ -136,10 +139,7 @@ class Guard:
             latched=self._watch.watch is Watch.LATCHED,
             arm_lost=bool(self._arm.failure),
         )
-        try:
-            self._heartbeats.sendto(answer.encode(), peer)
-        except OSError:  # the application's socket is gone: the heartbeat ends, which is watched
-            return
+        self._memory.answers.put(answer.encode())
 
 
 def main() -> None:
@@ -149,21 +149,24 @@ def main() -> None:
     specification = side.specification
     arm = _stop_channel(specification)
     watch = HeartbeatWatch(round(specification["heartbeat_timeout_ms"] * NS_PER_MS))
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heartbeats:
-        heartbeats.bind((LOOPBACK, 0))
-        try:
-            arm.start()
-        except TamsError as error:
-            side.fail(str(error))
-            return
-        try:
-            guard = Guard(heartbeats, watch, arm, MonotonicClock())
-            side.ready(port=heartbeats.getsockname()[1], scheduler=scheduler)
-            while not side.stop_requested.is_set():
-                guard.step()
-            guard.farewell()
-        finally:
-            arm.close()
+    try:
+        arm.start()
+    except TamsError as error:
+        side.fail(str(error))
+        return
+    name = new_block_name()
+    memory = GuardMemory(name)
+    try:
+        guard = Guard(memory, watch, arm, MonotonicClock())
+        side.ready(memory=name, scheduler=scheduler)
+        while not side.stop_requested.is_set():
+            guard.step()
+            time.sleep(POLL_S)
+        guard.farewell()
+    finally:
+        arm.close()
+        memory.hide()
+        memory.close()
 
 
 def _stop_channel(specification: dict[str, Any]) -> StopChannel:

@@ -11,7 +11,7 @@ from rich.console import Console
 from hw.arm import Arm
 from hw.arms import arm_kind
 from hw.boundary import reach_boundary
-from hw.guard.link import GuardLink, guard_specification
+from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from tams_app.config import Config
 from tams_app.console.terminal import TerminalKeys, handled_signals
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
@@ -77,7 +77,8 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         connect_with_consent(arm, dialogue.confirms)
         request.check()
         process.start()
-        guard = GuardLink(int(process.wait_ready()["port"]), SILENCE_NS)
+        memory = GuardMemory(str(process.wait_ready()["memory"]))
+        guard = GuardLink(memory, SILENCE_NS, lambda: process.exit_code is None)
         stack.callback(guard.close)
         # what was pushed last is undone first: the arm must stand before the guard lets go
         stack.push(_closing(arm))

@@ -18,17 +18,19 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:  # numpy is loaded where it is used: the guard starts without it
+    import numpy as np
+    from numpy.typing import NDArray
 
-from tams_app.runtime import futex
+    from tams_app.runtime import futex
 
 _NUMBER = struct.Struct("<Q")  # of records put; of a bulk: 2n + 1 while n is written, then 2n + 2
 _CHECKSUM = struct.Struct("<I4x")
 _ALIGNED_BYTES = 64
 
-Bulk = NDArray[np.uint8]
+Bulk: TypeAlias = "NDArray[np.uint8]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +89,14 @@ class SharedRing:
 
     def wake_readers(self) -> None:
         """Let those go on that wait for a record: after a `put`, if the ring has such readers."""
+        from tams_app.runtime import futex
+
         futex.wake(self._count())
 
     def await_more(self, written: int, timeout_ns: int) -> None:
         """Sleep while no more than `written` records were put; it may return early, look again."""
+        from tams_app.runtime import futex
+
         futex.wait(self._count(), written & 0xFFFFFFFF, timeout_ns)
 
     def head(self, number: int) -> bytes | None:
@@ -100,7 +106,7 @@ class SharedRing:
         (checksum,), head = _CHECKSUM.unpack_from(copy), copy[_CHECKSUM.size :]
         return head if checksum == _checksum(number, head) else None
 
-    def bulk(self, number: int, read: Callable[[Bulk], Bulk] = np.copy) -> Bulk | None:
+    def bulk(self, number: int, read: Callable[[Bulk], Bulk] | None = None) -> Bulk | None:
         """What `read` makes of the bulk of record `number`; None if it is not there (any more).
 
         `read` keeps no reference to what it is given; by default it copies it.
@@ -108,7 +114,8 @@ class SharedRing:
         at, serial = self._bulk_at(number), 2 * number + 2
         if _NUMBER.unpack_from(self._memory, at)[0] != serial:
             return None
-        made = read(self._bulk_place(at))
+        place = self._bulk_place(at)
+        made = place.copy() if read is None else read(place)
         return made if _NUMBER.unpack_from(self._memory, at)[0] == serial else None
 
     def newest(self) -> tuple[int, bytes] | None:
@@ -122,6 +129,8 @@ class SharedRing:
 
     def _count(self) -> futex.Word:
         """The lower half of the number of records; the machines that have a futex put it first."""
+        import numpy as np
+
         return np.frombuffer(self._memory, np.uint32, 1, self._start)
 
     def _head_at(self, number: int) -> int:
@@ -134,6 +143,8 @@ class SharedRing:
         return self._start + shape.bulks_start + slot * slot_bytes
 
     def _bulk_place(self, at: int) -> Bulk:
+        import numpy as np
+
         return np.frombuffer(self._memory, np.uint8, self._shape.bulk_bytes, at + _ALIGNED_BYTES)
 
 

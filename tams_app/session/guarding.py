@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hw.guard.link import GuardLink, guard_specification
+from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from tams_app.config import ArmConfig
 from tams_app.records import ArmState
 from tams_app.runtime.process import HelperProcess
@@ -36,7 +36,8 @@ class Guarding(Listener):
     def wait_ready(self) -> None:
         """Connect to the guard; HelperError if it could not start."""
         ready = self.process.wait_ready()
-        self._link = GuardLink(int(ready["port"]), SILENCE_NS)
+        memory = GuardMemory(str(ready["memory"]))
+        self._link = GuardLink(memory, SILENCE_NS, lambda: self.process.exit_code is None)
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         """Arm and disarm the guard with the arm; it stays armed while the arm is being stopped."""

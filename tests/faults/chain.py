@@ -67,6 +67,9 @@ class NoLog:
     def record(self, item: object) -> None:
         """Forgotten."""
 
+    def record_packets(self, packets: object) -> None:
+        """Forgotten."""
+
 
 class NoQuality:
     """Compares nothing; `on_shown` sees what is shown."""

@@ -19,7 +19,7 @@ from tests.faults.virtual_bench import VirtualBench
 
 pytestmark = pytest.mark.untimed
 
-GUARD_POLL_NS = 10 * NS_PER_MS  # hw.guard.process.POLL_S
+GUARD_POLL_NS = 10 * NS_PER_MS  # twice hw.guard.process.POLL_S: to hear, and to see
 
 
 @pytest.fixture

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from hw.guard.link import GuardLink
+from hw.guard.link import GuardLink, GuardMemory
 from tams_app.config import load_config
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.control import Signals
 from tams_app.session.guarding import Guarding
 from tams_app.teleop.safety import ArmingState, Reason
@@ -31,7 +32,7 @@ class ScriptedLink:
 
 def guarding(tmp_path, signals):
     made = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
-    made._link = GuardLink(9, SILENCE_NS)  # the discard port, which does not answer
+    made._link = GuardLink(GuardMemory(new_block_name()), SILENCE_NS, lambda: True)  # it is silent
     return made
 
 

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import psutil
 import pytest
@@ -19,18 +20,20 @@ from hypothesis import strategies as st
 from hw.arms import ARM_KINDS
 from hw.guard.link import (
     GuardLink,
+    GuardMemory,
     GuardMessage,
     Heartbeat,
     decode_heartbeat,
     guard_specification,
 )
-from hw.guard.process import HeartbeatWatch, Watch
+from hw.guard.process import Guard, HeartbeatWatch, Watch
 from hw.lite6.codes import Mode, State
 from tams_app.config import ArmConfig
 from tams_app.errors import HelperError
-from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import NOT_PERMITTED
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 
@@ -112,7 +115,7 @@ def test_a_repeated_or_reordered_beat_does_not_count_as_life() -> None:
 
 
 @given(st.binary(max_size=40))
-def test_foreign_datagrams_are_no_heartbeats(data: bytes) -> None:
+def test_foreign_records_are_no_heartbeats(data: bytes) -> None:
     assert decode_heartbeat(data) is None
 
 
@@ -123,7 +126,7 @@ def test_foreign_datagrams_are_no_heartbeats(data: bytes) -> None:
     st.booleans(),
     st.booleans(),
 )
-def test_heartbeats_survive_the_wire(
+def test_heartbeats_survive_the_memory(
     message: GuardMessage, arming: int, sequence: int, latched: bool, arm_lost: bool
 ) -> None:
     heartbeat = Heartbeat(message, arming, sequence, latched, arm_lost)
@@ -133,27 +136,65 @@ def test_heartbeats_survive_the_wire(
 # --- the link -----------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def silent_guard() -> Iterator[socket.socket]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
-        peer.bind(("127.0.0.1", 0))
-        peer.settimeout(5.0)
-        yield peer
+class SilentGuard:
+    """The guard's side of the memory; it hears and says what a test wants."""
+
+    def __init__(self) -> None:
+        self.name = new_block_name()
+        self.memory = GuardMemory(self.name)
+        self.runs = True
+        self._heard = 0
+
+    def hear(self) -> Heartbeat | None:
+        record = self.memory.beats.head(self._heard)
+        assert record is not None, "nothing was said"
+        self._heard += 1
+        return decode_heartbeat(record)
+
+    def answer(self, answer: Heartbeat) -> None:
+        self.memory.answers.put(answer.encode())
+
+
+class UnusedStop:
+    """The channel of a guard that is not to stop anything."""
+
+    failure = ""
+    pending = False
+
+    def start(self) -> None:
+        """Nothing to connect."""
+
+    def request_stop(self) -> None:
+        raise AssertionError("the guard stopped the arm")
+
+    def wait_acknowledged(self, timeout_s: float) -> bool:
+        return True
+
+    def close(self) -> None:
+        """Nothing to close."""
 
 
 @pytest.fixture
-def link(silent_guard: socket.socket) -> Iterator[GuardLink]:
-    made = GuardLink(silent_guard.getsockname()[1], silence_ns=TIMEOUT_NS)
+def silent_guard() -> Iterator[SilentGuard]:
+    made = SilentGuard()
+    yield made
+    made.memory.hide()
+    made.memory.close()
+
+
+@pytest.fixture
+def link(silent_guard: SilentGuard) -> Iterator[GuardLink]:
+    made = GuardLink(GuardMemory(silent_guard.name), TIMEOUT_NS, lambda: silent_guard.runs)
     yield made
     made.close()
 
 
 def test_a_link_that_is_not_armed_only_asks_and_is_well_without_an_answer(
-    silent_guard: socket.socket, link: GuardLink
+    silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.beat(0)
     assert link.alive(NS_PER_S)
-    assert decode_heartbeat(silent_guard.recv(64)) == Heartbeat(GuardMessage.QUERY, 0, 1)
+    assert silent_guard.hear() == Heartbeat(GuardMessage.QUERY, 0, 1)
 
 
 @pytest.mark.parametrize("armings", [0, 1])
@@ -169,12 +210,11 @@ def test_what_is_asked_arms_nothing(armings: int) -> None:
 
 
 def test_a_link_that_is_not_armed_hears_whether_the_guard_has_the_arm_but_of_no_stop(
-    silent_guard: socket.socket, link: GuardLink
+    silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.beat(0)
-    _, sender = silent_guard.recvfrom(64)
     answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1, latched=True, arm_lost=True)
-    silent_guard.sendto(answer.encode(), sender)
+    silent_guard.answer(answer)
     assert until(lambda: link.beat(1) or link.arm_lost)
     assert not link.latched
 
@@ -188,63 +228,58 @@ def test_a_guard_that_does_not_answer_is_not_alive(link: GuardLink) -> None:
 
 
 def test_answers_keep_the_guard_alive_and_tell_of_its_stop(
-    silent_guard: socket.socket, link: GuardLink
+    silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.arm()
     link.beat(0)
-    data, sender = silent_guard.recvfrom(64)
-    heartbeat = decode_heartbeat(data)
+    heartbeat = silent_guard.hear()
     assert heartbeat is not None
     answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, heartbeat.arming, heartbeat.sequence, True)
-    silent_guard.sendto(answer.encode(), sender)
+    silent_guard.answer(answer)
     assert until(lambda: link.beat(TIMEOUT_NS) or link.latched)
     assert link.alive(2 * TIMEOUT_NS)
 
 
-def test_a_guard_that_lost_the_arm_is_not_alive(
-    silent_guard: socket.socket, link: GuardLink
-) -> None:
+def test_a_guard_that_lost_the_arm_is_not_alive(silent_guard: SilentGuard, link: GuardLink) -> None:
     link.arm()
     link.beat(0)
-    _, sender = silent_guard.recvfrom(64)
     answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, arm_lost=True)
-    silent_guard.sendto(answer.encode(), sender)
+    silent_guard.answer(answer)
     assert until(lambda: link.beat(1) or link.arm_lost)
     assert not link.alive(1)
     assert link.answers(1)
 
 
 def test_an_arming_is_acknowledged_by_an_answer_to_one_of_its_own_beats(
-    silent_guard: socket.socket, link: GuardLink
+    silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.arm()
     link.beat(0)
-    _, sender = silent_guard.recvfrom(64)
     assert not link.acknowledged
     first, second = (Heartbeat(GuardMessage.ACKNOWLEDGEMENT, arming, 1) for arming in (1, 2))
-    silent_guard.sendto(first.encode(), sender)
+    silent_guard.answer(first)
     assert until(lambda: link.beat(1) or link.acknowledged)
     link.disarm()
     assert not link.acknowledged
     link.arm()
-    silent_guard.sendto(first.encode(), sender)  # late
+    silent_guard.answer(first)  # late
     for _ in range(10):
         link.beat(2)
     assert not link.acknowledged
-    silent_guard.sendto(second.encode(), sender)
+    silent_guard.answer(second)
     assert until(lambda: link.beat(3) or link.acknowledged)
 
 
-def test_each_arming_has_a_number_of_its_own(silent_guard: socket.socket, link: GuardLink) -> None:
+def test_each_arming_has_a_number_of_its_own(silent_guard: SilentGuard, link: GuardLink) -> None:
     armings = []
     for _ in range(3):
         link.arm()
         link.beat(0)
-        heartbeat = decode_heartbeat(silent_guard.recv(64))
+        heartbeat = silent_guard.hear()
         assert heartbeat is not None
         armings.append(heartbeat.arming)
         link.disarm()
-        silent_guard.recv(64)
+        silent_guard.hear()
     assert armings == [1, 2, 3]
 
 
@@ -265,9 +300,12 @@ class GuardedArm:
         )
         self.process.start()
         self.ready = self.process.wait_ready()
-        self.link = GuardLink(self.ready["port"], silence_ns=NS_PER_S)
+        self.link = GuardLink(GuardMemory(self.ready["memory"]), NS_PER_S, self._runs)
         self._clock = MonotonicClock()
         self._beating = threading.Event()
+
+    def _runs(self) -> bool:
+        return self.process.exit_code is None
 
     def make_ready(self) -> None:
         """The arm is ready to move, as in a session."""
@@ -397,7 +435,8 @@ def test_the_guard_stops_an_arm_of_another_kind_by_that_kinds_own_channel(
         process = HelperProcess("guard", "hw.guard.process", guard_specification(config), None)
         process.start()
         try:
-            link = GuardLink(int(process.wait_ready()["port"]), silence_ns=NS_PER_S)
+            memory = GuardMemory(process.wait_ready()["memory"])
+            link = GuardLink(memory, NS_PER_S, lambda: process.exit_code is None)
             link.arm()
             link.beat(time.monotonic_ns())  # and never again
             assert toy.recv(64) == b"off"
@@ -428,38 +467,73 @@ def test_the_guard_tells_of_its_stop_without_being_asked(guarded: GuardedArm) ->
 
 
 def test_the_link_takes_in_everything_that_waits_before_it_beats(
-    silent_guard: socket.socket, link: GuardLink
+    silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.arm()
     link.beat(0)
-    _, sender = silent_guard.recvfrom(64)
     for latched in (False, False, True):
         answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
-        silent_guard.sendto(answer.encode(), sender)
+        silent_guard.answer(answer)
     link.beat(1)
     assert link.latched
 
 
-def test_a_latch_lasts_until_the_next_arming(silent_guard: socket.socket, link: GuardLink) -> None:
+def test_a_latch_lasts_until_the_next_arming(silent_guard: SilentGuard, link: GuardLink) -> None:
     link.arm()
     link.beat(0)
-    _, sender = silent_guard.recvfrom(64)
     for latched in (True, False):  # the second may have been under way when it latched
         answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
-        silent_guard.sendto(answer.encode(), sender)
+        silent_guard.answer(answer)
     link.beat(1)
     assert link.latched
     link.arm()
     assert not link.latched
 
 
-def test_a_guard_whose_port_is_closed_is_gone_at_the_second_beat() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as unused:
-        unused.bind(("127.0.0.1", 0))
-        port = unused.getsockname()[1]
-    link = GuardLink(port, silence_ns=NS_PER_S)
+def test_a_guard_whose_process_has_ended_is_gone_at_the_next_beat(
+    silent_guard: SilentGuard, link: GuardLink
+) -> None:
     link.arm()
     link.beat(0)
+    silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1))
     link.beat(1)
-    assert not link.alive(1)
+    assert link.alive(1)
+    silent_guard.runs = False
+    link.beat(2)
+    assert not link.alive(2)
+
+
+@pytest.mark.parametrize("beats", [3, 1000])
+def test_a_guard_that_was_held_up_hears_that_it_was_disarmed(
+    silent_guard: SilentGuard, link: GuardLink, beats: int
+) -> None:
+    """It must not stop the arm for beats that it did not look at."""
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    guard = Guard(silent_guard.memory, watch, UnusedStop(), VirtualClock())
+    link.arm()
+    for now_ns in range(beats):
+        link.beat(now_ns)
+    guard.step()
+    assert watch.watch is Watch.ARMED
+    link.disarm()
+    for now_ns in range(beats, beats + 200):
+        link.beat(now_ns)
+    guard.step()
+    assert watch.watch is Watch.IDLE
+
+
+def test_what_was_said_last_is_heard_at_the_end(silent_guard: SilentGuard, link: GuardLink) -> None:
+    watch = HeartbeatWatch(TIMEOUT_NS)
+    guard = Guard(silent_guard.memory, watch, UnusedStop(), VirtualClock())
+    link.arm()
+    link.beat(0)
+    guard.step()
     link.close()
+    guard.farewell()
+    assert watch.watch is Watch.IDLE
+
+
+def test_the_memorys_name_is_gone_once_both_have_it(
+    silent_guard: SilentGuard, link: GuardLink
+) -> None:
+    assert not list(Path("/dev/shm").glob(f"{silent_guard.name}*"))
