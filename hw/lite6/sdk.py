@@ -18,6 +18,7 @@ import socket
 import struct
 import tempfile
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -30,6 +31,8 @@ _JOIN_S = 2.0
 _SOCKADDR_BYTES = 16
 _VELOCITY = struct.Struct("<6fBf")  # x y z [mm/s], about x y z [rad/s], frame, duration [s]
 _BASE_FRAME = 0
+_HEADER_BYTES, _REGISTER_AT = 4, 6  # transaction and protocol; then the length
+_ANOTHER_TRANSACTION = 5  # `XCONF.UxbusState.ERR_NUM`
 _LAST_TRANSACTION = 0xFFFF  # then 1 again
 
 _log = logging.getLogger(__name__)
@@ -115,19 +118,35 @@ def set_collision_sensitivity(api: Any, value: int) -> int:
 def set_cartesian_velocity(api: Any, speeds: Sequence[float], duration_s: float) -> int:
     """The return code of `vc_set_cartesian_velocity`, in the base frame and with a duration.
 
-    The same frame over the same connection. The SDK's own packs its numbers and bytes one by one:
-    half of what a command costs, 120 times a second.
+    The same frame over the same connection. The SDK's own packs and unpacks byte by byte: half of
+    what a command costs, 120 times a second.
     """
     commands, register = api._arm.arm_cmd, Register.SET_CARTESIAN_VELOCITY
     payload = _VELOCITY.pack(*speeds, _BASE_FRAME, duration_s)
     with commands.lock:
         number = commands._transaction_id
-        request = Frame(number, commands._protocol_identifier, register, payload)
-        if commands.arm_port.write(request.encode()) != 0:
+        request = Frame(number, commands._protocol_identifier, register, payload).encode()
+        if commands.arm_port.write(request) != 0:
             return Code.NOT_SENT
         commands._transaction_id = number % _LAST_TRANSACTION + 1
-        code, *_ = commands.recv_modbus_response(register, number, 0, commands._S_TOUT)
+        code = _code_of_reply(commands, request, number)
     return int(api._arm._check_code(code, is_move_cmd=True, mode=Mode.CARTESIAN_VELOCITY))
+
+
+def _code_of_reply(commands: Any, request: bytes, number: int) -> int:
+    """What the reply to `request` says; replies to earlier ones are passed over."""
+    header, register = request[:_HEADER_BYTES], request[_REGISTER_AT]
+    deadline = time.monotonic() + commands._S_TOUT
+    while True:
+        reply = commands.arm_port.read(deadline - time.monotonic())
+        if reply == -1:
+            return Code.TIMEOUT
+        if reply[:_HEADER_BYTES] == header and reply[_REGISTER_AT] == register:
+            return int(commands.check_private_protocol(reply))
+        protocol = commands._protocol_identifier
+        code = int(commands.check_protocol_header(reply, number, protocol, register))
+        if code != _ANOTHER_TRANSACTION:
+            return code
 
 
 def _address(host: str) -> str:

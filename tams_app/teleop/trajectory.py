@@ -221,22 +221,27 @@ def _split(
     """
     least = _LEAST_SHARE * profile.acceleration
     bound = max(_MOST_SHARE * profile.acceleration, math.hypot(a_along, a_across))
-    gentlest = math.asin(min(1.0, a_across / bound))
     steepest = math.acos(min(1.0, abs(a_along) / bound))
+    gentlest = min(math.asin(min(1.0, a_across / bound)), steepest)
+    jerk, across = profile.jerk, _THERE_AND_BACK * a_across
     low, high = _LEAST_SPLIT, math.pi / 2 - _LEAST_SPLIT
     for _ in range(_SPLIT_STEPS):
         split = (low + high) / 2.0
-        most_along = bound * math.cos(min(max(split, gentlest), steepest)) * _SLACK
-        j_along, j_across = profile.jerk * math.cos(split), profile.jerk * math.sin(split)
+        along = cosine = math.cos(split)
+        if not gentlest <= split <= steepest:
+            along = math.cos(gentlest if split < gentlest else steepest)
+        most_along = bound * along * _SLACK
         # across, nothing is to be changed: the limit of the acceleration is never met
-        along_s = one_axis_s(change, a_along, max(most_along, least), j_along)
-        if along_s < _THERE_AND_BACK * a_across / j_across:
+        along_s = one_axis_s(
+            change, a_along, most_along if most_along > least else least, jerk * cosine
+        )
+        if along_s < across / (jerk * math.sin(split)):
             low = split
         else:
             high = split
     a_split = min(max(high, gentlest), steepest)
     accelerations = bound * math.cos(a_split) * _SLACK, bound * math.sin(a_split) * _SLACK
-    jerks = [profile.jerk * math.cos(high), profile.jerk * math.sin(high)]
+    jerks = [jerk * math.cos(high), jerk * math.sin(high)]
     return [max(one, least) for one in accelerations], jerks
 
 
