@@ -90,3 +90,10 @@ def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
     with pytest.raises(ConfigError) as refused:
         make_strategy("best", POLICY)
     assert str(refused.value).endswith(f"'best' is none of {', '.join(STRATEGIES)}")
+
+
+def test_what_a_caller_does_to_the_targets_changes_no_later_ones():
+    first = allocate({"EIH": 0.6, "GT": 0.4}, 5000.0, 400.0)
+    expected = dict(first)
+    first["EIH"] = 0
+    assert allocate({"EIH": 0.6, "GT": 0.4}, 5000.0, 400.0) == expected

@@ -91,7 +91,14 @@ def test_a_velocity_is_sent_and_answered_as_by_the_sdks_own_call() -> None:
         assert both() == [Code.NOT_READY] * 2
         api.set_state(0)
         assert both() == [Code.OK] * 2
-        theirs, ours = frames
+        read, late = port.read, [b"\0\0\0\2\0\2\x52\0"]  # the reply to an earlier command
+        port.read = lambda timeout: late.pop() if late else read(timeout)
+        assert set_cartesian_velocity(api, speeds, duration_s) == Code.OK
+        assert not late
+        port.read = lambda timeout: -1
+        assert set_cartesian_velocity(api, speeds, duration_s) == Code.TIMEOUT
+        port.read = read
+        theirs, ours = frames[:2]
         assert ours[2:] == theirs[2:]  # all but the number of the transaction
         assert int.from_bytes(ours[:2]) == int.from_bytes(theirs[:2]) + 1
         port.close()

@@ -1,0 +1,93 @@
+"""The port that the SDK is given: replies are read by the thread that waits for them."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from queue import Queue
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.lite6.control_port import ControlPort
+from hw.lite6.uxbus import Frame
+
+pytestmark = pytest.mark.waiting
+
+SOON_S = 5.0
+FAILED = -1
+
+
+class Controller:
+    """The other end of a port."""
+
+    def __init__(self) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            self.feedback: Queue[bytes] = Queue()
+            self.port = ControlPort("127.0.0.1", server.getsockname()[1], self.feedback)
+            self.connection, _ = server.accept()
+
+    def close(self) -> None:
+        self.port.close()
+        self.connection.close()
+
+
+@pytest.fixture
+def controller() -> Iterator[Controller]:
+    made = Controller()
+    yield made
+    made.close()
+
+
+def reply(transaction: int, register: int = 13) -> bytes:
+    return Frame(transaction, 2, register, b"\x00\x02").encode()
+
+
+def test_a_request_arrives_as_it_is(controller: Controller) -> None:
+    assert controller.port.write(b"request") == 0
+    assert controller.connection.recv(64) == b"request"
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=8))
+def test_replies_in_any_pieces_are_read_whole_and_in_order(sizes: list[int]) -> None:
+    controller = Controller()
+    stream = b"".join(reply(number) for number in range(4))
+    while stream:
+        for size in sizes:
+            controller.connection.sendall(stream[:size])
+            stream = stream[size:]
+    assert [controller.port.read(SOON_S) for _ in range(4)] == [reply(n) for n in range(4)]
+    controller.close()
+
+
+def test_without_a_reply_it_gives_up_and_the_connection_stays(controller: Controller) -> None:
+    assert controller.port.read(0.01) == FAILED
+    assert controller.port.connected
+    controller.connection.sendall(reply(1))
+    assert controller.port.read(SOON_S) == reply(1)
+
+
+def test_what_is_said_unasked_goes_to_who_waits_for_it(controller: Controller) -> None:
+    controller.connection.sendall(reply(1, 0xFF) + reply(2))
+    assert controller.port.read(SOON_S) == reply(2)
+    assert controller.feedback.get_nowait() == reply(1, 0xFF)
+
+
+@pytest.mark.parametrize("said", [b"", b"\x00\x01\x00\x02\x00\x01\x0d"])
+def test_a_connection_that_ends_or_makes_no_sense_is_lost(
+    controller: Controller, said: bytes
+) -> None:
+    controller.connection.sendall(said)
+    controller.connection.shutdown(socket.SHUT_WR)
+    assert controller.port.read(SOON_S) == FAILED
+    assert not controller.port.connected
+    assert controller.port.write(b"request") == FAILED
+    assert controller.port.flush() == FAILED
+
+
+def test_a_closed_port_says_so_and_may_be_closed_again(controller: Controller) -> None:
+    controller.port.close()
+    controller.port.close()
+    assert controller.port.read(SOON_S) == FAILED
+    assert controller.port.write(b"request") == FAILED
