@@ -23,7 +23,7 @@ RADIUS = 5  # of the window [pixels]: 3.5 σ
 _SIGMA = 1.5
 _C1 = (0.01 * 255) ** 2
 _C2 = (0.03 * 255) ** 2
-_CENTRE = 128  # moments about mid-grey: squares stay small, float32 is exact enough
+_INSIDE = (slice(RADIUS, -RADIUS), slice(RADIUS, -RADIUS))
 _WEIGHTS = cv2.getGaussianKernel(2 * RADIUS + 1, _SIGMA, cv2.CV_32F)
 _ACROSS, _DOWN = _WEIGHTS.reshape(1, -1), _WEIGHTS.reshape(-1, 1)
 
@@ -35,15 +35,13 @@ def luma_of(image: Image) -> Luma:
 
 @dataclass(frozen=True, slots=True)
 class FrameMoments:
-    """What every comparison with one image needs of it, float32, shape (height, width).
+    """What every comparison with one image needs of it, shape (height, width).
 
-    `luma` and `mean` count from mid-grey. Weighted by the window are `mean` (μ), `brightness`
-    (μ² from black, + C₁/2) and `contrast` (σ² + C₂/2).
+    Weighted by the window are `mean` (μ) and `contrast` (σ² + C₂/2).
     """
 
-    luma: Field
+    luma: Luma
     mean: Field
-    brightness: Field
     contrast: Field
 
     @staticmethod
@@ -51,37 +49,36 @@ class FrameMoments:
         """Moments of an 8-bit luma, shape (height, width), both at least 11."""
         if min(luma.shape) <= 2 * RADIUS:
             raise ValueError(f"SSIM needs images of 11x11 pixels or more, got {luma.shape}")
-        centred = np.subtract(luma, np.float32(_CENTRE), dtype=np.float32)
-        mean = np.asarray(
-            cv2.sepFilter2D(luma, cv2.CV_32F, _WEIGHTS, _WEIGHTS, delta=-_CENTRE), np.float32
-        )
-        square = centred * centred
-        contrast = _windowed(square, _C2 / 2)
-        contrast -= np.multiply(mean, mean, out=square)
-        brightness = np.add(mean, np.float32(_CENTRE), out=square)
-        brightness *= brightness
-        brightness += np.float32(_C1 / 2)
-        return FrameMoments(centred, mean, brightness, contrast)
+        mean = np.asarray(cv2.sepFilter2D(luma, cv2.CV_32F, _WEIGHTS, _WEIGHTS), np.float32)
+        contrast = _windowed_product(luma, luma, _C2 / 2)
+        contrast -= mean * mean
+        return FrameMoments(luma, mean, contrast)
 
 
 def ssim(one: FrameMoments, other: FrameMoments) -> float:
-    """Mean structural similarity of two images of one size, within 1e-4; 1 if they are equal."""
+    """Mean structural similarity of two images of one size, within 1e-4; 1 if they are equal.
+
+    (2μμ' + C₁) / (μ² + μ'² + C₁), times (2cov + C₂) / (σ² + σ'² + C₂), each computed as halves.
+    """
     if one.luma.shape != other.luma.shape:
         raise ValueError(f"cannot compare {one.luma.shape} with {other.luma.shape} pixels")
-    part = one.luma * other.luma
-    covariance = _windowed(part, _C2 / 2)  # σμμ' + C₂/2
-    covariance -= np.multiply(one.mean, other.mean, out=part)
-    np.subtract(one.mean, other.mean, out=part)
-    part *= part
-    brightness = one.brightness + other.brightness  # μ² + μ'² + C₁
-    covariance *= np.subtract(brightness, part, out=part)  # 2μμ' + C₁, by way of (μ − μ')²
-    brightness *= np.add(one.contrast, other.contrast, out=part)
-    covariance /= brightness
-    inside = covariance[RADIUS:-RADIUS, RADIUS:-RADIUS]
-    return 2 * float(cv2.mean(inside)[0])
+    means = one.mean * other.mean
+    contrast = _windowed_product(one.luma, other.luma, _C2 / 2)
+    contrast -= means  # cov + C₂/2
+    contrast /= one.contrast + other.contrast
+    means += np.float32(_C1 / 2)  # μμ' + C₁/2
+    brightness = one.mean * one.mean
+    cv2.accumulateSquare(other.mean, brightness)
+    brightness += np.float32(_C1)
+    means /= brightness
+    inside = means[_INSIDE]
+    rows = np.einsum("ij,ij->i", inside, contrast[_INSIDE])
+    return 4 * float(rows.sum(dtype=float)) / inside.size
 
 
-def _windowed(field: Field, added: float) -> Field:
-    """The Gaussian-weighted mean around each pixel, and `added`; 15 % sooner than sepFilter2D."""
-    across = cv2.filter2D(field, cv2.CV_32F, _ACROSS)
+def _windowed_product(one: Luma, other: Luma, added: float) -> Field:
+    """The Gaussian-weighted mean of a product around each pixel, and `added`."""
+    product = np.zeros(one.shape, np.float32)
+    cv2.accumulateProduct(one, other, product)  # sooner than to convert, then to multiply
+    across = cv2.filter2D(product, cv2.CV_32F, _ACROSS)  # two passes: sooner than sepFilter2D
     return np.asarray(cv2.filter2D(across, cv2.CV_32F, _DOWN, delta=added), np.float32)
