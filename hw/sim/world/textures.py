@@ -40,14 +40,17 @@ def fractal_noise(random: np.random.Generator, height: int, width: int, octaves:
 
 def _tinted(shade: Field, dark: Colour, bright: Colour) -> Field:
     """Shade 0..1 becomes a colour between `dark` and `bright`."""
-    low, high = np.array(dark, np.float32), np.array(bright, np.float32)
-    return low + shade[..., None] * (high - low)
+    spans = [
+        (np.float32(low), np.float32(high - low)) for low, high in zip(dark, bright, strict=True)
+    ]
+    return np.asarray(cv2.merge([low + shade * span for low, span in spans]), np.float32)
 
 
 def _grained(random: np.random.Generator, image: Field | Image, sigma: float) -> Image:
     """The image with fine grain of `sigma` grey levels, clipped to 0..255."""
     grain = random.standard_normal(image.shape[:2], np.float32) * sigma
-    return np.clip(image + grain[..., None], 0, 255).astype(np.uint8)
+    grained = np.add(image, cv2.merge([grain] * 3))
+    return np.clip(grained, 0, 255, out=grained).astype(np.uint8)
 
 
 def wood(random: np.random.Generator, height: int, width: int) -> Image:
