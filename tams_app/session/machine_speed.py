@@ -23,7 +23,7 @@ from tams_app.session.rate_ladder import rungs
 INTERPRETED_S = 0.0080
 COMPRESSING_S = 0.0109
 _ROUNDS = 7
-_DATA = bytes(random.Random(0).choices(range(16), k=300_000))
+_DATA_BYTES = 300_000
 
 # What a session takes, in reference cores: a part that does not depend on the frames, and one for
 # each frame a second of all three views. The line through `python -m benchmarks.threads --fps 5`
@@ -57,7 +57,8 @@ class MachineSpeed:
 def this_machine() -> MachineSpeed:
     """Measured once in a process, in about .2 s."""
     interpreted = INTERPRETED_S / _best_s(_interpret)
-    compressing = COMPRESSING_S / _best_s(_compress)
+    data = bytes(random.Random(0).choices(range(16), k=_DATA_BYTES))
+    compressing = COMPRESSING_S / _best_s(lambda: zlib.compress(data, 6))
     return MachineSpeed(_cores(), (interpreted * compressing) ** 0.5)
 
 
@@ -84,7 +85,3 @@ def _interpret() -> float:
         state["v"] += force * 0.01
         state["x"] += state["v"] * 0.01
     return state["x"]
-
-
-def _compress() -> bytes:
-    return zlib.compress(_DATA, 6)

@@ -88,7 +88,7 @@ class Blob:
 
 def strength(patch: Image, colour: int) -> Image:
     """How much of `colour` each pixel of a BGR patch has, in grey levels, uint8."""
-    blue, green, red = cv2.split(patch)
+    blue, green, red = cv2.split(np.ascontiguousarray(patch))  # a seventh of split's time alone
     if colour == ORANGE:
         return np.asarray(cv2.subtract(red, cv2.max(green, blue)), np.uint8)
     if colour == GREEN:
@@ -110,7 +110,10 @@ def find_blobs(window: Window, colour: int, expected_area: float) -> list[Blob]:
         return []
     inside = np.asarray(cv2.threshold(strong, _FROM * top, 255, cv2.THRESH_BINARY)[1], np.uint8)
     noise = _noise(strong, inside) / top
-    count, *parts = cv2.connectedComponentsWithStats(inside, connectivity=8)
+    # The same labels as by default, in less than half the time.
+    count, *parts = cv2.connectedComponentsWithStatsWithAlgorithm(
+        inside, 8, cv2.CV_32S, cv2.CCL_GRANA
+    )
     labels, statistics = np.asarray(parts[0], np.int32), np.asarray(parts[1], np.int32)
     areas = statistics[1:count, cv2.CC_STAT_AREA]
     if not areas.size or 3.0 * noise > 1.0 - _FROM:
@@ -156,10 +159,13 @@ def _noise(strong: Image, inside: Image) -> float:
     return float(math.hypot(mean[0, 0], deviation[0, 0]))
 
 
-def _slopes(strong: Image) -> NDArray[np.int32]:
-    """Steepness squared, in (grey levels per 8 pixels)²: whole numbers, the same every time."""
-    across = cv2.Sobel(strong, cv2.CV_16S, 1, 0).astype(np.int32)
-    down = cv2.Sobel(strong, cv2.CV_16S, 0, 1).astype(np.int32)
+def _slopes(strong: Image, edge: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Steepness squared at an edge, in (grey levels per 8 pixels)²: whole numbers, always the same.
+
+    In the order of its pixels.
+    """
+    across = cv2.Sobel(strong, cv2.CV_16S, 1, 0)[edge].astype(np.int32)
+    down = cv2.Sobel(strong, cv2.CV_16S, 0, 1)[edge].astype(np.int32)
     return np.asarray(across * across + down * down, np.int32)
 
 
@@ -171,7 +177,7 @@ def _measure(corner: Vector, strong: Image, core: Image, top: float, noise: floa
     moments = cv2.moments(weight)
     middle = corner + np.array((moments["m10"], moments["m01"])) / moments["m00"]
     edge = cv2.bitwise_xor(soft, cv2.erode(core, _disc(1)))
-    steep = _slopes(strong)[edge > 0]
+    steep = _slopes(strong, edge > 0)
     # One of them, not their mean: partition leaves an order that is not the same every time.
     count = max(1, steep.size // 14)
     steepest = math.sqrt(float(np.partition(steep, -count)[-count])) / 8 if steep.size else 0.0
@@ -183,7 +189,7 @@ def _measure(corner: Vector, strong: Image, core: Image, top: float, noise: floa
 
 
 def _mask(chosen: NDArray[np.bool_]) -> Image:
-    return np.where(chosen, np.uint8(255), np.uint8(0))
+    return chosen.view(np.uint8) * np.uint8(255)
 
 
 def _disc(radius: int) -> Image:

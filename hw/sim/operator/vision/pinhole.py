@@ -14,6 +14,7 @@ from tams_app.records import Vector
 
 Matrix = NDArray[np.float64]
 _NEAREST_M = 0.01
+_CENTRE: Vector = np.array(((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2))  # [px]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +39,7 @@ class Pinhole:
         """Pixels, shape (n, 2), of `points` [m], shape (n, 3); pixel centres are whole numbers."""
         seen = (points - self.place) @ self.axes
         depth = np.maximum(seen[:, 2:], _NEAREST_M)
-        centre = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
-        return np.asarray(self.focal_px * seen[:, :2] / depth + centre)
+        return np.asarray(self.focal_px * seen[:, :2] / depth + _CENTRE)
 
     def jacobian(self, point: Vector) -> Matrix:
         """How the pixel moves with the point [px/m], shape (2, 3)."""
@@ -50,8 +50,7 @@ class Pinhole:
 
     def ray_at_height(self, pixel: Vector, height_m: float) -> Vector:
         """The point at `height_m` over the table that `pixel` shows [m], shape (3,)."""
-        centre = ((WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2)
-        ray = self.axes @ np.array([*((pixel - centre) / self.focal_px), 1.0])
+        ray = self.axes @ np.array([*((pixel - _CENTRE) / self.focal_px), 1.0])
         return np.asarray(self.place + ray * ((height_m - self.place[2]) / ray[2]))
 
 

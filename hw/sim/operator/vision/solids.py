@@ -138,16 +138,16 @@ def sketch(
     edge = max(8, int(2 * radius_px * scale))
     drawing: Image = np.zeros((edge, edge), np.uint8)
     alone: Image = np.zeros((edge, edge), np.uint8)
-    pixels = (camera.project(np.concatenate([box.corners for box in boxes])) - corner) * scale
-    hulls = [
-        cv2.convexHull(corners) for corners in np.round(pixels).astype(np.int32).reshape(-1, 8, 2)
-    ]
-    depths = camera.depths(np.stack([box.corners.sum(axis=0) / 8 for box in boxes]))
+    corners = np.concatenate([box.corners for box in boxes])
+    pixels = (camera.project(corners) - corner) * scale
+    outlines = np.round(pixels).astype(np.int32).reshape(-1, 8, 2)
+    hulls = [cv2.convexHull(outline) for outline in outlines]
+    depths = camera.depths(corners.reshape(-1, 8, 3).sum(axis=1) / 8)
     for place in np.argsort(-depths, kind="stable"):
         cv2.fillConvexPoly(drawing, hulls[place], boxes[place].colour)
         if boxes[place].colour == colour:
             cv2.fillConvexPoly(alone, hulls[place], 1)
-    moments = cv2.moments((drawing == colour).astype(np.uint8), binaryImage=True)
+    moments = cv2.moments((drawing == colour).view(np.uint8))  # of ones and zeros
     area = moments["m00"]
     found = middle
     if area > 0.0:
