@@ -35,12 +35,12 @@ _OFF = (
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_HAZE,
 )
-_GL_RGBA, _GL_UNSIGNED_BYTE = 0x1908, 0x1401
+_PACK_INVERT = 0x8758  # GL_MESA_pack_invert: read back the top row first
 
 
 @dataclass(frozen=True, slots=True)
 class _Background:
-    """What a fixed camera sees of what never moves: BGR, and depth with the bottom row first."""
+    """What a fixed camera sees of what never moves: BGR, and how near it is."""
 
     colour: Image
     depth: NDArray[np.float32]
@@ -62,6 +62,9 @@ class SceneRenderer:
         self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
         self._drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        _store_depth_alone(self._drawing.offFBO)
+        pack_invert = import_module("OpenGL.raw.GL.MESA.pack_invert").GL_PACK_INVERT_MESA
+        self._gl.glPixelStorei(pack_invert, True)  # what is read has the top row first
         self._whole = mujoco.MjrRect(0, 0, WIDTH_PX, HEIGHT_PX)
         for flag in _OFF:
             self._scene.flags[flag] = 0
@@ -88,12 +91,10 @@ class SceneRenderer:
         rectangle = mujoco.MjrRect(*self._visibility.rectangle(camera.fixedcamid, seen))
         if rectangle.width and rectangle.height:
             self._draw(camera, seen)
-            left, bottom = rectangle.left, rectangle.bottom
-            right, top = left + rectangle.width, bottom + rectangle.height
-            behind = background.depth[bottom:top, left:right]
-            nearer = cv2.compare(self._read_depth(rectangle), behind, cv2.CMP_GT)
-            place = image[HEIGHT_PX - top : HEIGHT_PX - bottom, left:right]
-            cv2.copyTo(self._read_colour(rectangle), cv2.flip(nearer, 0), place)
+            left, top = rectangle.left, HEIGHT_PX - rectangle.bottom - rectangle.height
+            place = np.s_[top : top + rectangle.height, left : left + rectangle.width]
+            nearer = cv2.compare(self._read_depth(rectangle), background.depth[place], cv2.CMP_GT)
+            cv2.copyTo(self._read_colour(rectangle), nearer, image[place])
         return image
 
     def close(self) -> None:
@@ -122,18 +123,19 @@ class SceneRenderer:
         mujoco.mjr_render(self._whole, self._scene, self._drawing)
 
     def _read_colour(self, rectangle: mujoco.MjrRect) -> Image:
-        """What was drawn there: BGR, the top row first, a new array."""
+        """What was drawn there: BGR, a new array."""
         height, width = rectangle.height, rectangle.width
         # not by mjr_readPixels, whose RGB Mesa converts pixel by pixel; RGBA it copies
         self._gl.glReadPixels(
-            rectangle.left, rectangle.bottom, width, height, _GL_RGBA, _GL_UNSIGNED_BYTE,
+            rectangle.left, rectangle.bottom, width, height,
+            self._gl.GL_RGBA, self._gl.GL_UNSIGNED_BYTE,
             self._colour.ctypes.data_as(ctypes.c_void_p),
         )  # fmt: skip
         colour = self._colour[: height * width * 4].reshape(height, width, 4)
-        return np.asarray(cv2.flip(cv2.cvtColor(colour, cv2.COLOR_RGBA2BGR), 0), np.uint8)
+        return np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGBA2BGR), np.uint8)
 
     def _read_depth(self, rectangle: mujoco.MjrRect) -> NDArray[np.float32]:
-        """How near it is, larger is nearer; the bottom row first, until the next reading."""
+        """How near it is, larger is nearer; valid until the next reading."""
         height, width = rectangle.height, rectangle.width
         depth = self._depth[: height * width].reshape(height, width)
         mujoco.mjr_readPixels(None, depth, rectangle, self._drawing)
@@ -160,3 +162,18 @@ def _open_context() -> Any:
         "the simulated cameras need off-screen OpenGL; install libegl1 and libgl1-mesa-dri "
         f"({'; '.join(reasons)})"
     )
+
+
+def _store_depth_alone(framebuffer: int) -> None:
+    """Give `framebuffer` a buffer of depth without stencil, which nothing here draws with.
+
+    Half the memory to clear and to test, and read back as it is.
+    """
+    gl = import_module("OpenGL.raw.GL.VERSION.GL_3_0")
+    depth = np.zeros(1, np.uint32)
+    gl.glGenRenderbuffers(1, depth)
+    gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, framebuffer)
+    gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, depth[0])
+    gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, gl.GL_DEPTH_COMPONENT32F, WIDTH_PX, HEIGHT_PX)
+    for attachment, buffer in ((gl.GL_STENCIL_ATTACHMENT, 0), (gl.GL_DEPTH_ATTACHMENT, depth[0])):
+        gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, attachment, gl.GL_RENDERBUFFER, buffer)

@@ -68,7 +68,7 @@ def drawn_whole(renderer: SceneRenderer, view: str, qpos: Vector) -> Image:
     renderer._draw(renderer._cameras[view], np.ones(renderer._model.ngeom, bool))
     colour = np.empty((HEIGHT_PX, WIDTH_PX, 3), np.uint8)
     mujoco.mjr_readPixels(colour, None, renderer._whole, renderer._drawing)
-    return cv2.cvtColor(cv2.flip(colour, 0), cv2.COLOR_RGB2BGR)
+    return cv2.cvtColor(colour, cv2.COLOR_RGB2BGR)
 
 
 def orange_pixels(image: Image) -> int:
