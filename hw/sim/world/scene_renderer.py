@@ -62,9 +62,7 @@ class SceneRenderer:
         self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
         self._drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
-        _store_depth_alone(self._drawing.offFBO)
-        pack_invert = import_module("OpenGL.raw.GL.MESA.pack_invert").GL_PACK_INVERT_MESA
-        self._gl.glPixelStorei(pack_invert, True)  # what is read has the top row first
+        _lighten(self._drawing, self._model.tex_type)
         self._whole = mujoco.MjrRect(0, 0, WIDTH_PX, HEIGHT_PX)
         for flag in _OFF:
             self._scene.flags[flag] = 0
@@ -164,16 +162,24 @@ def _open_context() -> Any:
     )
 
 
-def _store_depth_alone(framebuffer: int) -> None:
-    """Give `framebuffer` a buffer of depth without stencil, which nothing here draws with.
-
-    Half the memory to clear and to test, and read back as it is.
-    """
-    gl = import_module("OpenGL.raw.GL.VERSION.GL_3_0")
-    depth = np.zeros(1, np.uint32)
-    gl.glGenRenderbuffers(1, depth)
-    gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, framebuffer)
-    gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, depth[0])
+def _lighten(drawing: mujoco.MjrContext, texture_kinds: NDArray[np.int32]) -> None:
+    """Set what MuJoCo leaves dearer than these images need; the OpenGL context is current."""
+    gl = import_module("OpenGL.GL")
+    # What is read has the top row first.
+    gl.glPixelStorei(import_module("OpenGL.GL.MESA.pack_invert").GL_PACK_INVERT_MESA, True)
+    # Depth without the stencil, which nothing here draws with: half the memory to clear and to test.
+    depth = gl.glGenRenderbuffers(1)
+    gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, drawing.offFBO)
+    gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, depth)
     gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, gl.GL_DEPTH_COMPONENT32F, WIDTH_PX, HEIGHT_PX)
-    for attachment, buffer in ((gl.GL_STENCIL_ATTACHMENT, 0), (gl.GL_DEPTH_ATTACHMENT, depth[0])):
+    for attachment, buffer in ((gl.GL_STENCIL_ATTACHMENT, 0), (gl.GL_DEPTH_ATTACHMENT, depth)):
         gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, attachment, gl.GL_RENDERBUFFER, buffer)
+    # The nearer one of a texture's mipmap levels, not a mixture of two (FINDINGS 9).
+    targets = {
+        mujoco.mjtTexture.mjTEXTURE_2D: gl.GL_TEXTURE_2D,
+        mujoco.mjtTexture.mjTEXTURE_CUBE: gl.GL_TEXTURE_CUBE_MAP,
+    }
+    for kind, texture in zip(texture_kinds, drawing.texture, strict=False):
+        target = targets[mujoco.mjtTexture(kind)]
+        gl.glBindTexture(target, texture)
+        gl.glTexParameteri(target, gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR_MIPMAP_NEAREST)
