@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.records import ArmState, CommandLink, Pose, ServoMode, Twist, Vector
-from tams_app.vectors import Numbers
+from tams_app.vectors import Joints, Numbers
 
 if TYPE_CHECKING:
     from tams_app.config import ArmConfig
@@ -138,17 +138,17 @@ class SimulatedArm(Arm):
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
-    """Measured joints [rad], shape (6,), and whether a joint met more force than it may."""
+    """Measured joints [rad], and whether a joint met more force than it may."""
 
-    joints: Vector
+    joints: Joints
     collision: bool
 
 
 class Plant(Protocol):
     """Joints and gripper of a simulated arm; its controller calls `step` once per cycle."""
 
-    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
-        """Advance by `duration_ns` towards `joints_target` [rad], shape (6,).
+    def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
+        """Advance by `duration_ns` towards `joints_target` [rad].
 
         `closing`: whether the gripper is driven closed or open; None: not driven.
         """

@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 Floats3: TypeAlias = tuple[float, float, float]
 Numbers: TypeAlias = Sequence[float] | NDArray[np.float64]  # a vector in either form
 
+Joints: TypeAlias = tuple[float, ...]  # angles [rad], or speeds [rad/s], of all joints
+
 ZERO: Floats3 = (0.0, 0.0, 0.0)
+
+
+def plain(vector: Numbers) -> Joints:
+    """Either form as plain floats; what is a tuple is that already."""
+    if isinstance(vector, tuple):
+        return vector
+    return tuple(np.asarray(vector, float).tolist())
 
 
 def floats(vector: NDArray[np.float64]) -> Floats3:

@@ -19,7 +19,18 @@ from numpy.typing import NDArray
 from hw.lite6.commands import LIMITS
 from tams_app.records import Pose, Vector
 from tams_app.rotation import Rotation
-from tams_app.vectors import Floats3, Numbers, cross, floats, minus, norm, plus_times, times
+from tams_app.vectors import (
+    Floats3,
+    Joints,
+    Numbers,
+    cross,
+    floats,
+    minus,
+    norm,
+    plain,
+    plus_times,
+    times,
+)
 
 Matrix: TypeAlias = NDArray[np.float64]
 
@@ -45,7 +56,7 @@ _LINEAR_STEP_RAD = 0.004  # what a step this small leaves out of the arc is 0.5�
 
 _TWISTS = tuple(zip(np.cos(_ALPHA).tolist(), np.sin(_ALPHA).tolist(), strict=True))
 
-_RANGES = tuple(zip(JOINT_LOWER.tolist(), JOINT_UPPER.tolist(), strict=True))
+JOINT_RANGES = tuple(zip(JOINT_LOWER.tolist(), JOINT_UPPER.tolist(), strict=True))
 
 for _constant in (JOINT_LOWER, JOINT_UPPER, JOINT_SPEED_LIMITS, HOME_JOINTS):
     _constant.setflags(write=False)
@@ -55,12 +66,12 @@ Floats6: TypeAlias = tuple[float, float, float, float, float, float]
 Axes: TypeAlias = tuple[Floats3, Floats3, Floats3, Floats3]  # x, y, z and the origin
 
 
-def links(joints: Vector) -> tuple[Axes, ...]:
+def links(joints: Numbers) -> tuple[Axes, ...]:
     """The frames of the six links in the base frame, the flange last."""
-    return _turned(joints.tolist())
+    return _turned(plain(joints))
 
 
-def _turned(angles: list[float]) -> tuple[Axes, ...]:
+def _turned(angles: Sequence[float]) -> tuple[Axes, ...]:
     return _links(tuple(map(add, angles, _THETA_0)))
 
 
@@ -104,12 +115,12 @@ class Lite6Model:
         self._offset = np.eye(4) if tcp_offset is None else matrix_from_pose(tcp_offset)
         self._tool = floats(self._offset[:3, 3])
 
-    def tcp_matrix(self, joints: Vector) -> Matrix:
+    def tcp_matrix(self, joints: Numbers) -> Matrix:
         """The TCP in the base frame, shape (4, 4)."""
         tcp: Matrix = _transform(links(joints)[-1]) @ self._offset
         return tcp
 
-    def tcp_position(self, joints: Vector) -> Floats3:
+    def tcp_position(self, joints: Numbers) -> Floats3:
         """The TCP's place in the base frame."""
         return placed(links(joints)[-1], self._tool)
 
@@ -117,11 +128,11 @@ class Lite6Model:
         """The TCP in the base frame."""
         return pose_from_matrix(self.tcp_matrix(joints))
 
-    def jacobian(self, joints: Vector) -> Matrix:
+    def jacobian(self, joints: Numbers) -> Matrix:
         """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
         return np.array(self._columns(links(joints))[0]).T
 
-    def follow(self, target: Matrix, joints: Vector, max_steps: int = 10) -> Vector | None:
+    def follow(self, target: Matrix, joints: Numbers, max_steps: int = 10) -> Joints | None:
         """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.
 
         None if they are not found, as beyond the reach of the arm. Joint limits do not count.
@@ -130,7 +141,7 @@ class Lite6Model:
         """
         goal = floats(target[:3, 3])
         x, y, z = (target[:3, :3] @ self._offset[:3, :3].T).T.tolist()  # of the flange there
-        angles = joints.tolist()
+        angles = list(plain(joints))
         for _ in range(max_steps):
             columns, tcp, flange = self._columns(_turned(angles))
             error = (*minus(goal, tcp), *_turn(flange, (x, y, z)))
@@ -145,7 +156,7 @@ class Lite6Model:
                 for part, row in zip(error, zip(*columns, strict=True), strict=True)
             )
             if left < _FOLLOW_TOLERANCE and largest < _LINEAR_STEP_RAD:
-                return np.array(angles)
+                return tuple(angles)
         return None
 
     def _columns(self, frames: tuple[Axes, ...]) -> tuple[list[Floats6], Floats3, Axes]:
@@ -191,10 +202,10 @@ def _turn(start: Axes, end: Sequence[Sequence[float]]) -> Floats3:
     return rotation_vector(np.array(end).T @ np.array(start[:3])) if turn is None else turn
 
 
-def within_joint_limits(joints: Vector) -> bool:
+def within_joint_limits(joints: Numbers) -> bool:
     """Whether every joint is inside its mechanical range."""
     return all(
-        low <= angle <= high for angle, (low, high) in zip(joints.tolist(), _RANGES, strict=True)
+        low <= angle <= high for angle, (low, high) in zip(joints, JOINT_RANGES, strict=True)
     )
 
 

@@ -17,11 +17,11 @@ from hw.sim.layout import draw_layout
 from hw.sim.world.rig_memory import WorldWriter, remove_memory
 from hw.sim.world.world import World
 from tams_app.errors import TamsError
-from tams_app.records import Vector
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RIG_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS
+from tams_app.vectors import Joints
 
 # Further behind the wall clock than this is a standstill whose time is left out. The controller's
 # server catches up less than this by running cycles one after the other.
@@ -42,7 +42,7 @@ class PublishedWorld:
         self._now_ns = clock.now_ns()
         writer.publish(self._now_ns, world.state())
 
-    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
         state = self._world.step(joints_target, closing, duration_ns)
         wall_ns = self._clock.now_ns()
         self._now_ns = min(self._now_ns + duration_ns, wall_ns)

@@ -38,6 +38,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
+from tams_app.vectors import plain
 
 CYCLE_NS = 4_000_000
 CYCLE_S = CYCLE_NS / NS_PER_S
@@ -112,8 +113,8 @@ class ToyBox:
             share = speed * CYCLE_S / max(float(np.abs(change).max()), 1e-12)
             self._goal = None if share >= 1.0 else self._goal
             self.joints = goal if share >= 1.0 else self.joints + share * change
-        state = self._plant.step(self.joints, self.gripper_closed, CYCLE_NS)
-        self.measured = state.joints.copy()
+        state = self._plant.step(plain(self.joints), self.gripper_closed, CYCLE_NS)
+        self.measured = np.array(state.joints)
         outside = self.boundary is not None and not self.boundary.contains(
             self.kinematics.tcp_matrix(self.joints)[:3, 3]
         )
@@ -193,7 +194,7 @@ class ToyArm(SimulatedArm):
         if joints is None or not near:
             self._fail("A step of the pose was refused.", LinkFault.REFUSED)
             return
-        self.box.go(joints, LIMITS.joint_speed_rad_s)
+        self.box.go(np.array(joints), LIMITS.joint_speed_rad_s)
         self._sent()
 
     def set_gripper(self, closed: bool) -> None:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from hw.arm import Plant, TcpBoundary
 from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, pose_from_mm_rpy
 from hw.sim.controller.joint_moves import MoveQueue
 from hw.sim.controller.joint_servo import (
+    AT_REST,
     CYCLE_NS,
     CYCLE_S,
     CommandError,
@@ -24,8 +23,7 @@ from hw.sim.controller.joint_servo import (
     brake,
     check_motion,
 )
-from tams_app.records import Vector
-from tams_app.vectors import ZERO, floats
+from tams_app.vectors import ZERO, Joints, Numbers, floats, norm, plain
 
 _WIDEST = TcpBoundary((-9999, -9999, -9999), (9999, 9999, 9999))
 _OPEN, _CLOSE = 0b01, 0b10  # the first two tool outputs
@@ -59,9 +57,9 @@ class ControllerCore:
     """What the box does and knows; joint targets go to `plant`. Holds no thread or clock."""
 
     def __init__(
-        self, plant: Plant, start_joints: Vector = HOME_JOINTS, firmware: str = "2.6.0"
+        self, plant: Plant, start_joints: Numbers = HOME_JOINTS, firmware: str = "2.6.0"
     ) -> None:
-        """`start_joints` [rad], shape (6,): where `plant` stands; `firmware`: three numbers."""
+        """`start_joints` [rad]: where `plant` stands; `firmware`: three numbers."""
         self.firmware: str = firmware
         self.settings: ControllerSettings = ControllerSettings()
         self.mode = Mode.POSITION
@@ -73,10 +71,10 @@ class ControllerCore:
         self._plant = plant
         self._kinematics = Lite6Model()
         self._tool = ZERO  # the TCP in the flange's frame [m]
-        self._commanded = start_joints.copy()
-        self._velocity = np.zeros(6)
+        self._commanded = plain(start_joints)
+        self._velocity = AT_REST
         self._braking = False
-        self._measured = start_joints.copy()
+        self._measured = self._commanded
         self._measured_tcp: Matrix | None = None
         self._now_ns = 0
         self._moves = MoveQueue()
@@ -94,7 +92,7 @@ class ControllerCore:
     @property
     def moving(self) -> bool:
         """Whether the commanded joints move, or will in the next cycle."""
-        return bool(self._velocity.any()) or len(self._moves) > 0
+        return any(self._velocity) or len(self._moves) > 0
 
     @property
     def ready(self) -> bool:
@@ -106,14 +104,14 @@ class ControllerCore:
         return len(self._moves)
 
     @property
-    def joints(self) -> Vector:
-        """As measured [rad], shape (6,)."""
-        return self._measured.copy()
+    def joints(self) -> Joints:
+        """As measured [rad]."""
+        return self._measured
 
     @property
-    def joint_speeds(self) -> Vector:
-        """As commanded [rad/s], shape (6,)."""
-        return self._velocity.copy()
+    def joint_speeds(self) -> Joints:
+        """As commanded [rad/s]."""
+        return self._velocity
 
     @property
     def tcp(self) -> Matrix:
@@ -126,7 +124,7 @@ class ControllerCore:
     def tcp_speed_mm_s(self) -> float:
         """As commanded."""
         linear = self._kinematics.jacobian(self._commanded)[:3] @ self._velocity
-        return float(np.linalg.norm(linear)) * 1000.0
+        return norm(floats(linear)) * 1000.0
 
     # --- what can happen to it ------------------------------------------------------------------
 
@@ -197,7 +195,7 @@ class ControllerCore:
         """Stop and wait for `set_state(0)`; an error keeps its own state."""
         self._halt(State.STOPPED if self.error_code else State.CHANGED)
 
-    def move_joints(self, goal: Vector, speed: float, acceleration: float) -> None:
+    def move_joints(self, goal: Joints, speed: float, acceleration: float) -> None:
         """Queue a move to `goal` [rad] at `speed` [rad/s] and `acceleration` [rad/s²].
 
         An infinite angle leaves its joint where the move before ends, as in the SDK.
@@ -212,7 +210,7 @@ class ControllerCore:
         if self._obeys:
             self._pose_servo.command(target, self._commanded, self._kinematics)
 
-    def servo_twist(self, twist: Vector, duration_s: float) -> None:
+    def servo_twist(self, twist: Numbers, duration_s: float) -> None:
         """Move with `twist` [m/s, rad/s] for `duration_s`; for ever if that is not positive."""
         self._require(Mode.CARTESIAN_VELOCITY)
         if self._obeys:
@@ -226,17 +224,20 @@ class ControllerCore:
         if not self._braking and self._obeys:
             try:
                 following = self._next_joints(now_ns)
-                self._velocity = (following - self._commanded) / CYCLE_S
+                self._velocity = tuple(
+                    (after - before) / CYCLE_S
+                    for before, after in zip(self._commanded, following, strict=True)
+                )
             except MotionError as fault:
                 self.raise_error(fault.code)
         if self._braking:
             following, self._velocity = brake(self._commanded, self._velocity)
-            self._braking = bool(self._velocity.any())
+            self._braking = any(self._velocity)
         self._drive(following)
 
-    def _next_joints(self, now_ns: int) -> Vector:
+    def _next_joints(self, now_ns: int) -> Joints:
         """Where the servo of the mode wants the joints; MotionError if they may not go there."""
-        following: Vector | None = None
+        following: Joints | None = None
         if self.mode is Mode.POSITION:
             following = self._moves.step(self._commanded)
         elif self.mode is Mode.SERVO:
@@ -254,7 +255,7 @@ class ControllerCore:
         )
         return following
 
-    def _drive(self, following: Vector) -> None:
+    def _drive(self, following: Joints) -> None:
         """Send the joints to the plant and take in what it measured."""
         self._commanded = following
         plant_state = self._plant.step(following, self.settings.closing, CYCLE_NS)
@@ -268,8 +269,8 @@ class ControllerCore:
             return
         self.raise_error(ErrorCode.COLLISION)
         # let go where it stands instead of pressing on
-        self._commanded = self._measured.copy()
-        self._velocity = np.zeros(6)
+        self._commanded = self._measured
+        self._velocity = AT_REST
 
     # --- stopping -------------------------------------------------------------------------------
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 import struct
 
+import numpy as np
+
 from hw.arm import Plant, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
@@ -117,7 +119,7 @@ class InProcessArm(SimulatedArm):
             return
         self._state = ArmState(
             received_ns=now_ns,
-            joints=self.model.joints,
+            joints=np.array(self.model.joints),
             tcp=pose_from_matrix(self.model.tcp),
             activity=activity_of(self.model.state),
             servo=servo_of(self.model.mode),

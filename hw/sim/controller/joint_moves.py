@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 
-import numpy as np
-
 from hw.lite6.kinematics import JOINT_SPEED_LIMITS
-from hw.sim.controller.joint_servo import CYCLE_S, MAX_JOINT_ACCELERATION, CommandError
-from tams_app.records import Vector
+from hw.sim.controller.joint_servo import (
+    CYCLE_S,
+    MAX_JOINT_ACCELERATION,
+    CommandError,
+    farthest,
+)
+from tams_app.vectors import Joints
 
 MAX_QUEUED_MOVES = 1024  # XCONF.MAX_CMD_NUM
 
@@ -17,13 +20,13 @@ MAX_QUEUED_MOVES = 1024  # XCONF.MAX_CMD_NUM
 class JointMove:
     """A straight line in joint space with a trapezoidal speed profile."""
 
-    def __init__(self, start: Vector, goal: Vector, speed: float, acceleration: float) -> None:
+    def __init__(self, start: Joints, goal: Joints, speed: float, acceleration: float) -> None:
         """`speed` [rad/s] and `acceleration` [rad/s²] of the joint that turns furthest."""
         self.goal = goal
         self.speed = speed
         self.acceleration = acceleration
         self._start = start
-        self._travel = float(np.abs(goal - start).max())
+        self._travel = farthest(start, goal)
         self._acceleration = min(acceleration, MAX_JOINT_ACCELERATION)
         # a travel too short for the full speed has a triangle for a profile
         fastest = math.sqrt(self._travel * self._acceleration)
@@ -40,13 +43,15 @@ class JointMove:
     def done(self) -> bool:
         return self._elapsed_s >= self.duration_s
 
-    def step(self) -> Vector:
+    def step(self) -> Joints:
         """The joints one cycle later."""
         self._elapsed_s += CYCLE_S
         if self.done:
             return self.goal
         fraction = self._travelled(self._elapsed_s) / self._travel
-        return self._start + fraction * (self.goal - self._start)
+        return tuple(
+            at + fraction * (end - at) for at, end in zip(self._start, self.goal, strict=True)
+        )
 
     def _travelled(self, elapsed_s: float) -> float:
         ramp_s = self._speed / self._acceleration
@@ -63,13 +68,13 @@ class MoveQueue:
 
     def __init__(self) -> None:
         self._current: JointMove | None = None
-        self._waiting: deque[tuple[Vector, float, float]] = deque()
+        self._waiting: deque[tuple[Joints, float, float]] = deque()
 
     def __len__(self) -> int:
         """Moves not finished yet."""
         return len(self._waiting) + (self._current is not None)
 
-    def command(self, goal: Vector, speed: float, acceleration: float) -> None:
+    def command(self, goal: Joints, speed: float, acceleration: float) -> None:
         """Queue a move; an infinite angle in `goal` leaves its joint where the move before ends."""
         if len(self) >= MAX_QUEUED_MOVES:
             raise CommandError("the command queue is full")
@@ -85,13 +90,15 @@ class MoveQueue:
             move, self._current = self._current, None
             self._waiting.appendleft((move.goal, move.speed, move.acceleration))
 
-    def step(self, joints: Vector) -> Vector | None:
+    def step(self, joints: Joints) -> Joints | None:
         """The joints one cycle later; None when there is nothing to do."""
         if self._current is None:
             if not self._waiting:
                 return None
             goal, speed, acceleration = self._waiting.popleft()
-            goal = np.where(np.isinf(goal), joints, goal)
+            goal = tuple(
+                at if math.isinf(end) else end for at, end in zip(joints, goal, strict=True)
+            )
             self._current = JointMove(joints, goal, speed, acceleration)
         following = self._current.step()
         if self._current.done:

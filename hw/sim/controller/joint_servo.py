@@ -1,22 +1,19 @@
 """How the controller turns commands into joint targets, one 4 ms cycle at a time.
 
 The servos of modes 1 and 5, and the brake that ends all motion; mode 0 is in `joint_moves`. Each
-works on the commanded joints [rad], shape (6,); `motion_checks` checks what comes out.
+works on the commanded joints [rad]; `check_motion` checks what comes out.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     BASE_TO_SHOULDER_M,
-    JOINT_LOWER,
+    JOINT_RANGES,
     JOINT_SPEED_LIMITS,
-    JOINT_UPPER,
     Lite6Model,
     Matrix,
     links,
@@ -24,8 +21,19 @@ from hw.lite6.kinematics import (
     rotation_matrix,
     within_joint_limits,
 )
-from tams_app.records import Vector
-from tams_app.vectors import ZERO, Floats3, floats, minus, norm, plus, plus_times, times
+from tams_app.vectors import (
+    ZERO,
+    Floats3,
+    Joints,
+    Numbers,
+    floats,
+    minus,
+    norm,
+    plain,
+    plus,
+    plus_times,
+    times,
+)
 
 CYCLE_NS = 4_000_000  # the box runs at 250 Hz
 CYCLE_S = CYCLE_NS / 1e9
@@ -42,7 +50,8 @@ MAX_SERVO_SPEED_M_S = 0.6  # C60 above, mode 1 only
 MAX_SERVO_STEP_M = 0.010
 _MAX_JOINT_SPEED_RAD_S = float(JOINT_SPEED_LIMITS.min())
 _MAX_JOINT_STEP_RAD = _MAX_JOINT_SPEED_RAD_S * CYCLE_S  # in a cycle
-_AT_REST = ZERO, ZERO  # a twist, linear and angular
+AT_REST: Joints = (0.0,) * 6  # joint speeds
+_NO_TWIST = ZERO, ZERO  # linear and angular
 MAX_SERVO_STEP_RAD = 0.2  # of any joint: beyond it the arm passes a singularity, C24
 
 
@@ -55,10 +64,10 @@ class PoseServo:
     """
 
     def __init__(self) -> None:
-        self._goal: Vector | None = None
+        self._goal: Joints | None = None
         self._goal_position = ZERO
 
-    def command(self, target: Matrix, joints: Vector, model: Lite6Model) -> None:
+    def command(self, target: Matrix, joints: Joints, model: Lite6Model) -> None:
         """Take a new target, shape (4, 4); MotionError if it is too far or out of reach."""
         position = floats(target[:3, 3])
         if norm(minus(position, model.tcp_position(joints))) > MAX_SERVO_STEP_M:
@@ -66,7 +75,7 @@ class PoseServo:
         goal = model.follow(target, joints)
         if goal is None:
             raise MotionError(ErrorCode.KINEMATIC)
-        if float(np.abs(goal - joints).max()) > MAX_SERVO_STEP_RAD:
+        if farthest(joints, goal) > MAX_SERVO_STEP_RAD:
             raise MotionError(ErrorCode.JOINT_OVERSPEED)
         self._goal = goal
         self._goal_position = position
@@ -74,47 +83,48 @@ class PoseServo:
     def clear(self) -> None:
         self._goal = None
 
-    def step(self, joints: Vector, model: Lite6Model) -> Vector | None:
+    def step(self, joints: Joints, model: Lite6Model) -> Joints | None:
         """The joints one cycle later; None when there is nowhere to go."""
         if self._goal is None:
             return None
-        change = self._goal - joints
         ahead = norm(minus(self._goal_position, model.tcp_position(joints)))
         cycles: float = max(
             ahead / (MAX_SERVO_SPEED_M_S * CYCLE_S),
-            max(map(abs, change.tolist())) / _MAX_JOINT_STEP_RAD,
+            farthest(joints, self._goal) / _MAX_JOINT_STEP_RAD,
         )
         if cycles <= 1.0:
             goal, self._goal = self._goal, None
             return goal
-        return joints + change / cycles
+        return tuple(at + (end - at) / cycles for at, end in zip(joints, self._goal, strict=True))
 
 
 class TwistServo:
     """Mode 5: the TCP moves with a commanded twist until the next command or its deadman time."""
 
     def __init__(self) -> None:
-        self._command = _AT_REST
+        self._command = _NO_TWIST
         self._deadline_ns: int | None = None
-        self._twist = _AT_REST
+        self._twist = _NO_TWIST
         self._path: Matrix | None = None  # the TCP as commanded; None at rest
 
-    def command(self, twist: Vector, duration_s: float, now_ns: int) -> None:
+    def command(self, twist: Numbers, duration_s: float, now_ns: int) -> None:
         """Move with `twist` [m/s, rad/s]; a `duration_s` that is not positive means for ever."""
-        self._command = floats(twist[:3]), floats(twist[3:])
+        x, y, z, *angular = plain(twist)
+        about_x, about_y, about_z = angular
+        self._command = (x, y, z), (about_x, about_y, about_z)
         self._deadline_ns = now_ns + round(duration_s * 1e9) if duration_s > 0 else None
 
     def clear(self) -> None:
-        self._command = self._twist = _AT_REST
+        self._command = self._twist = _NO_TWIST
         self._deadline_ns = None
         self._path = None
 
-    def step(self, joints: Vector, model: Lite6Model, now_ns: int) -> Vector | None:
+    def step(self, joints: Joints, model: Lite6Model, now_ns: int) -> Joints | None:
         """The joints one cycle later; None at rest."""
         if self._deadline_ns is not None and now_ns >= self._deadline_ns:
-            self._command = _AT_REST
+            self._command = _NO_TWIST
             self._deadline_ns = None
-        if self._command == self._twist == _AT_REST:
+        if self._command == self._twist == _NO_TWIST:
             self._path = None
             return None
         linear, angular = self._twist = (
@@ -141,13 +151,23 @@ def _accelerated(velocity: Floats3, command: Floats3, largest_change: float) -> 
     )
 
 
-def brake(joints: Vector, velocity: Vector) -> tuple[Vector, Vector]:
+def brake(joints: Joints, velocity: Joints) -> tuple[Joints, Joints]:
     """Joints and joint velocity [rad/s] one cycle later, stopping on the line they moved along."""
-    fastest = max(map(abs, velocity.tolist()))
+    fastest = max(map(abs, velocity))
     if fastest <= MAX_JOINT_ACCELERATION * CYCLE_S:
-        return joints, np.zeros_like(velocity)
-    slower = velocity * (1.0 - MAX_JOINT_ACCELERATION * CYCLE_S / fastest)
-    return np.clip(joints + slower * CYCLE_S, JOINT_LOWER, JOINT_UPPER), slower
+        return joints, AT_REST
+    share = 1.0 - MAX_JOINT_ACCELERATION * CYCLE_S / fastest
+    slower = tuple(speed * share for speed in velocity)
+    following = tuple(
+        min(max(at + speed * CYCLE_S, low), high)
+        for at, speed, (low, high) in zip(joints, slower, JOINT_RANGES, strict=True)
+    )
+    return following, slower
+
+
+def farthest(joints: Joints, others: Joints) -> float:
+    """How far the joint that is farthest has to go from `joints` to `others` [rad]."""
+    return max(abs(other - at) for at, other in zip(joints, others, strict=True))
 
 
 class MotionError(Exception):
@@ -171,8 +191,8 @@ _SPEED_MARGIN = 1.0 + 1e-6  # a servo at its limit is not above it
 
 
 def check_motion(
-    joints: Vector,
-    following: Vector,
+    joints: Joints,
+    following: Joints,
     tool: Floats3,
     fence: TcpBoundary | None,
     self_collision: bool,
@@ -183,7 +203,7 @@ def check_motion(
     """
     if not within_joint_limits(following):
         raise MotionError(ErrorCode.JOINT_LIMIT)
-    fastest = max(map(abs, (following - joints).tolist())) / CYCLE_S
+    fastest = farthest(joints, following) / CYCLE_S
     if fastest > _MAX_JOINT_SPEED_RAD_S * _SPEED_MARGIN:
         raise MotionError(ErrorCode.JOINT_OVERSPEED)
     frames = links(following)

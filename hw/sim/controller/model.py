@@ -13,7 +13,7 @@ from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.joint_servo import CYCLE_NS, CommandError, MotionError
 from hw.sim.controller.registers import serve_register
 from hw.sim.controller.reports import ReportKind, pack_report
-from tams_app.records import Vector
+from tams_app.vectors import Joints, Numbers
 
 __all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
 
@@ -21,8 +21,8 @@ __all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
 class IdealPlant:
     """Joints that are where they should be, at once."""
 
-    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
-        return PlantState(joints_target.copy(), collision=False)
+    def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
+        return PlantState(joints_target, collision=False)
 
 
 class ControllerModel(ControllerCore):
@@ -33,9 +33,9 @@ class ControllerModel(ControllerCore):
     """
 
     def __init__(
-        self, plant: Plant, start_joints: Vector = HOME_JOINTS, firmware: str = "2.6.0"
+        self, plant: Plant, start_joints: Numbers = HOME_JOINTS, firmware: str = "2.6.0"
     ) -> None:
-        """`start_joints` [rad], shape (6,): where `plant` stands; `firmware`: three numbers."""
+        """`start_joints` [rad]: where `plant` stands; `firmware`: three numbers."""
         super().__init__(plant, start_joints, firmware)
         self.reports_frozen = False
 

@@ -112,7 +112,7 @@ def _move_joint(model: ControllerCore, payload: bytes) -> None:
     speed, acceleration = values[7:9]
     if not (0 < speed < math.inf and 0 < acceleration < math.inf):
         raise CommandError("speed and acceleration must be positive")
-    model.move_joints(np.array(values[:6]), speed, acceleration)
+    model.move_joints(values[:6], speed, acceleration)
 
 
 def _move_servo_cartesian_aa(model: ControllerCore, payload: bytes) -> None:
@@ -127,13 +127,13 @@ def _move_servo_cartesian_aa(model: ControllerCore, payload: bytes) -> None:
 
 
 def _set_cartesian_velocity(model: ControllerCore, payload: bytes) -> None:
-    twist = np.array(_floats(payload, 6))
-    twist[:3] /= 1000.0
+    twist = _floats(payload, 6)
     if _byte(payload, 24):
         raise CommandError("velocities in the tool frame are not modelled")
     # firmware before 1.8 knows no duration, and the SDK does not send it one
     duration_s = _floats(payload[25:], 1)[0] if len(payload) > 25 else 0.0
-    model.servo_twist(twist, duration_s)
+    linear = tuple(speed / 1000.0 for speed in twist[:3])
+    model.servo_twist((*linear, *twist[3:]), duration_s)
 
 
 # --- the tool's inputs and outputs -------------------------------------------------------------

@@ -61,7 +61,7 @@ def _motion(box: ControllerCore) -> bytes:
     torques = (0.0,) * 7  # nothing in the model estimates them
     return (
         struct.pack(">BH", box.mode << 4 | box.state, box.commands_waiting)
-        + struct.pack("<7f", *box.joints.tolist(), 0.0)
+        + struct.pack("<7f", *box.joints, 0.0)
         + pack_pose(box.tcp)
         + struct.pack("<7f", *torques)
     )

@@ -65,6 +65,7 @@ def build_model(layout: Layout, *, textured: bool) -> mujoco.MjModel:
     for view, viewpoint in FIXED_VIEWPOINTS.items():
         _add_camera(spec.worldbody, view, viewpoint)
     _add_camera(spec.body("link6"), "eih", WRIST_VIEWPOINT)
+    spec.compiler.discardvisual = not textured
     model = spec.compile()
     if textured:
         _paint(model)

@@ -167,7 +167,7 @@ def _lighten(drawing: mujoco.MjrContext, texture_kinds: NDArray[np.int32]) -> No
     gl = import_module("OpenGL.GL")
     # What is read has the top row first.
     gl.glPixelStorei(import_module("OpenGL.GL.MESA.pack_invert").GL_PACK_INVERT_MESA, True)
-    # Depth without the stencil, which nothing here draws with: half the memory to clear and to test.
+    # Depth without the stencil, which nothing here draws with: half the memory to clear and test.
     depth = gl.glGenRenderbuffers(1)
     gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, drawing.offFBO)
     gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, depth)

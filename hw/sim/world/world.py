@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 
 import mujoco
-import numpy as np
 
 from hw.arm import PlantState
 from hw.sim.layout import FINGER_TRAVEL_M, Layout
 from hw.sim.world.rig_memory import WorldState
 from hw.sim.world.scene import build_model
 from tams_app.records import SceneTruth, Vector
+from tams_app.vectors import Joints, Numbers, plain
 
 # External torque on a joint [N·m] that reads as a collision, and for how long it must last.
 # Ours, not the Lite 6's: pick and place stays below 0.8 N·m (measured here), and a push of 34 N
@@ -35,12 +35,12 @@ _DRIVE_FORCE_N = {
 
 
 class World:
-    """The scene of `layout` with the arm at `start_joints` [rad], shape (6,), fingers open.
+    """The scene of `layout` with the arm at `start_joints` [rad], fingers open.
 
     Implements `Plant`. Not thread safe.
     """
 
-    def __init__(self, layout: Layout, start_joints: Vector) -> None:
+    def __init__(self, layout: Layout, start_joints: Numbers) -> None:
         self._model = build_model(layout, textured=False)
         self._data = data = mujoco.MjData(self._model)
         model, count = self._model, len(JOINTS)
@@ -63,15 +63,15 @@ class World:
                 (data.site_xpos[tcp], data.xquat[gripper]),
             )
         ]
-        self._last_target = np.asarray(start_joints, float).tolist()
+        self._last_target = plain(start_joints)
         self._strained_ns = 0
         data.qpos[:count] = data.ctrl[:count] = start_joints
         mujoco.mj_forward(self._model, data)
 
     @property
-    def joints(self) -> Vector:
-        """Measured joints [rad], shape (6,)."""
-        return np.array(self._qpos[: len(JOINTS)].tolist())
+    def joints(self) -> Joints:
+        """As measured [rad]."""
+        return tuple(self._qpos[: len(JOINTS)].tolist())
 
     @property
     def qpos(self) -> Vector:
@@ -79,12 +79,12 @@ class World:
         qpos: Vector = self._data.qpos.copy()
         return qpos
 
-    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
         """Advance by `duration_ns`, whole milliseconds, towards `joints_target` [rad]."""
         steps, rest = divmod(duration_ns, STEP_NS)
         if rest or steps <= 0:
             raise ValueError(f"duration_ns must be a positive multiple of {STEP_NS}")
-        start, self._last_target = self._last_target, np.asarray(joints_target, float).tolist()
+        start, self._last_target = self._last_target, joints_target
         duration_s, ctrl, count = duration_ns / 1e9, self._ctrl, len(JOINTS)
         # The servo damps the joint's speed; a lead on the target makes it damp the speed's error.
         joints = [

@@ -90,10 +90,10 @@ def test_an_interrupted_move_goes_on_from_where_the_joints_came_to() -> None:
     halfway = run(queue, START, cycles=100)[-1]
     queue.interrupt()
     assert len(queue) == 2
-    elsewhere = halfway + 0.01
+    elsewhere = np.add(halfway, 0.01)
     path = run(queue, elsewhere)
-    assert np.abs(path[1] - elsewhere).max() < 0.001
-    assert any((joints == GOAL).all() for joints in path)
+    assert np.abs(np.subtract(path[1], elsewhere)).max() < 0.001
+    assert any(np.array_equal(joints, GOAL) for joints in path)
     np.testing.assert_array_equal(path[-1], START)
 
 

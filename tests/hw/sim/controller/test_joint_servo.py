@@ -226,9 +226,11 @@ def test_a_small_turn_through_the_wrist_singularity_is_a_joint_overspeed() -> No
 def test_the_brake_stops_on_the_line_of_motion_at_the_joints_acceleration() -> None:
     joints, velocity = HOME_JOINTS, np.array([1.0, -0.5, 0.25, 0, 0, 0])
     cycles = 0
-    while velocity.any():
+    while any(velocity):
         joints, slower = brake(joints, velocity)
-        assert np.abs(velocity - slower).max() <= MAX_JOINT_ACCELERATION * CYCLE_S * (1 + 1e-9)
+        assert np.abs(np.subtract(velocity, slower)).max() <= MAX_JOINT_ACCELERATION * CYCLE_S * (
+            1 + 1e-9
+        )
         np.testing.assert_allclose(np.cross(slower[:3], [1.0, -0.5, 0.25]), 0.0, atol=1e-12)
         velocity = slower
         cycles += 1

@@ -13,6 +13,7 @@ from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
 from hw.sim.controller.model import CYCLE_NS, ControllerModel
 from tams_app.records import Vector
+from tams_app.vectors import Joints, plain
 
 pytestmark = pytest.mark.untimed
 
@@ -31,12 +32,12 @@ class LaggingPlant:
         self.closing: bool | None = None
         self.cycles = 0
 
-    def step(self, joints_target: Vector, closing: bool | None, duration_ns: int) -> PlantState:
+    def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
         assert duration_ns == CYCLE_NS
         self.joints = self.joints + (joints_target - self.joints) / 3.0
         self.closing = closing
         self.cycles += 1
-        return PlantState(self.joints.copy(), self.collision)
+        return PlantState(plain(self.joints), self.collision)
 
 
 class Rig:
@@ -115,7 +116,7 @@ def test_disabling_stops(rig: Rig) -> None:
     rig.ask(Register.MOTION_ENABLE, bytes([8, 0]))
     rig.run(0.3)
     assert rig.model.state is State.STOPPED
-    assert not rig.model.joint_speeds.any()
+    assert not any(rig.model.joint_speeds)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +156,7 @@ def test_state_four_brakes_at_once_and_forgets_the_command(rig: Rig) -> None:
     rig.ask(Register.SET_STATE, bytes([4]))
     assert rig.model.state is State.STOPPED
     rig.run(0.1)
-    assert not rig.model.joint_speeds.any()
+    assert not any(rig.model.joint_speeds)
     stood = rig.position_mm
     rig.ask(Register.SET_STATE, bytes([0]))
     rig.run(0.3)
@@ -311,7 +312,7 @@ def test_an_error_stops_the_arm_and_refuses_commands_until_cleaned(
     trip(rig, code)
     assert rig.model.error_code == code
     assert rig.model.state is State.STOPPED
-    assert not rig.model.joint_speeds.any()
+    assert not any(rig.model.joint_speeds)
     assert rig.ask(Register.GET_ERROR)[1] == bytes([code, 0])
     rig.ask(Register.SET_STATE, bytes([0]))
     assert rig.velocity(0, 0, 0) & (ReplyBit.ERROR | ReplyBit.NOT_READY)

@@ -19,7 +19,7 @@ OUTER_HALF = layout.CONTAINER_INNER_M / 2 + layout.CONTAINER_WALL_M
 
 @pytest.fixture(scope="module")
 def model():
-    return build_model(LAYOUT, textured=False)
+    return build_model(LAYOUT, textured=True)
 
 
 @pytest.mark.parametrize(
