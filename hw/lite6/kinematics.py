@@ -114,6 +114,8 @@ class Lite6Model:
     def __init__(self, tcp_offset: Pose | None = None) -> None:
         self._offset = np.eye(4) if tcp_offset is None else matrix_from_pose(tcp_offset)
         self._tool = floats(self._offset[:3, 3])
+        turn = self._offset[:3, :3]
+        self._tool_turn = None if np.array_equal(turn, np.eye(3)) else turn
 
     def tcp_matrix(self, joints: Numbers) -> Matrix:
         """The TCP in the base frame, shape (4, 4)."""
@@ -139,8 +141,14 @@ class Lite6Model:
         Damped least squares whose damping grows with the error (Levenberg-Marquardt), so that far
         targets and singular poses do not make the joints jump and near ones converge fast.
         """
-        goal = floats(target[:3, 3])
-        x, y, z = (target[:3, :3] @ self._offset[:3, :3].T).T.tolist()  # of the flange there
+        return self.approach(floats(target[:3, 3]), target[:3, :3], joints, max_steps)
+
+    def approach(
+        self, goal: Floats3, turn: Matrix, joints: Numbers, max_steps: int = 10
+    ) -> Joints | None:
+        """As `follow`, with the target's place and its rotation matrix, shape (3, 3), apart."""
+        # axes of the flange there
+        x, y, z = (turn if self._tool_turn is None else turn @ self._tool_turn.T).T.tolist()
         angles = list(plain(joints))
         for _ in range(max_steps):
             columns, tcp, flange = self._columns(_turned(angles))

@@ -105,7 +105,7 @@ class TwistServo:
         self._command = _NO_TWIST
         self._deadline_ns: int | None = None
         self._twist = _NO_TWIST
-        self._path: Matrix | None = None  # the TCP as commanded; None at rest
+        self._path: tuple[Floats3, Matrix] | None = None  # the TCP as commanded; None at rest
 
     def command(self, twist: Numbers, duration_s: float, now_ns: int) -> None:
         """Move with `twist` [m/s, rad/s]; a `duration_s` that is not positive means for ever."""
@@ -132,11 +132,13 @@ class TwistServo:
             _accelerated(self._twist[1], self._command[1], VELOCITY_ACCELERATION_RAD_S2 * CYCLE_S),
         )
         if self._path is None:
-            self._path = model.tcp_matrix(joints)
-        self._path[:3, 3] += times(linear, CYCLE_S)
+            tcp = model.tcp_matrix(joints)
+            self._path = floats(tcp[:3, 3]), tcp[:3, :3]
+        place, turn = self._path
         if angular != ZERO:
-            self._path[:3, :3] = rotation_matrix(times(angular, CYCLE_S)) @ self._path[:3, :3]
-        following = model.follow(self._path, joints)
+            turn = rotation_matrix(times(angular, CYCLE_S)) @ turn
+        self._path = plus_times(place, linear, CYCLE_S), turn
+        following = model.approach(*self._path, joints)
         if following is None:
             raise MotionError(ErrorCode.KINEMATIC)
         return following

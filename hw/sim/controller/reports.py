@@ -19,6 +19,7 @@ _WHOLE_BRAKES = 0xFF
 _TEACH_SENSITIVITY = 3
 _TEMPERATURE_C = 30
 _JOINT_CENTIVOLTS = 4800
+_NO_TORQUES = bytes(7 * 4)  # nothing in the model estimates them
 
 
 class ReportKind(Enum):
@@ -58,12 +59,11 @@ def pack_pose_aa(tcp: Matrix) -> bytes:
 
 
 def _motion(box: ControllerCore) -> bytes:
-    torques = (0.0,) * 7  # nothing in the model estimates them
     return (
         struct.pack(">BH", box.mode << 4 | box.state, box.commands_waiting)
         + struct.pack("<7f", *box.joints, 0.0)
         + pack_pose(box.tcp)
-        + struct.pack("<7f", *torques)
+        + _NO_TORQUES
     )
 
 
