@@ -19,6 +19,8 @@ def test_every_operation_agrees_with_numpy(a: Floats3, b: Floats3, factor: float
     one, other = np.array(a), np.array(b)
     for ours, theirs in (
         (vectors.floats(one), one),
+        (vectors.plain(one), one),
+        (vectors.plain(a), one),
         (vectors.plus(a, b), one + other),
         (vectors.minus(a, b), one - other),
         (vectors.times(a, factor), one * factor),

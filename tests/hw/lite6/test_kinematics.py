@@ -92,6 +92,12 @@ def test_the_inverse_reaches_every_pose_of_the_working_range(
     assert np.abs(rotation_vector(reached[:3, :3] @ target[:3, :3].T)).max() < 1e-5
 
 
+def test_the_inverse_counts_a_turned_tool() -> None:
+    arm = Lite6Model(offset_from_mm_deg((10, -20, 82, 30, -40, 50)))
+    found = arm.follow(arm.tcp_matrix(HOME_JOINTS), HOME_JOINTS + 0.01)
+    np.testing.assert_allclose(found, HOME_JOINTS, atol=1e-4)
+
+
 def test_a_pose_out_of_reach_has_no_inverse() -> None:
     target = GRIPPER_ARM.tcp_matrix(HOME_JOINTS)
     target[0, 3] = 0.8
