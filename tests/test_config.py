@@ -74,6 +74,8 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"freshness.buttons_ms": 2001}, "buttons_ms: .*less than or equal to 2000"),
         ({"freshness.arm_state_ms": 2001}, "arm_state_ms: .*less than or equal to 2000"),
         ({"freshness.arm_reply_ms": 2001}, "arm_reply_ms: .*less than or equal to 2000"),
+        ({"video.vbv_ms": 36.5}, "vbv_ms: .*less than or equal to 36"),
+        ({"video.vbv_ms": 0.4}, "vbv_ms: .*greater than or equal to 1"),
         ({"freshness.hold_pose_ms": 201}, "hold_pose_ms: .*less than or equal to 200"),
         ({"freshness.video_hold_ms": 5001}, "video_hold_ms: .*less than or equal to 5000"),
         ({"freshness.video_slow_ms": 5001}, "video_slow_ms: .*less than or equal to 5000"),

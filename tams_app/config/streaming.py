@@ -128,8 +128,9 @@ class VideoConfig(Section):
     """Frames per second that each camera is asked for."""
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
     """x264's speed preset."""
-    vbv_ms: Positive = 33.0
-    """Length of the encoder's rate buffer at 30 frames a second: 33 is one frame, at any rate."""
+    vbv_ms: Annotated[float, Field(ge=1, le=36)] = 33.0
+    """Length of the encoder's rate buffer at 30 frames a second: 33 is one frame, at any rate. With
+    more than 36 x264 no longer holds each frame to it."""
     keyframe_interval: Annotated[int, Field(ge=1)] = 600
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200
