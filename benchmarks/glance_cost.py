@@ -1,28 +1,31 @@
-"""What a glance of the seeing operator costs on this machine."""
+"""What a glance of the seeing operator costs, here and on the reference: `GLANCE_S`.
+
+python -m benchmarks.glance_cost
+"""
 
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from statistics import median
 
 import cv2
-import numpy as np
 
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.operator.task import Stage
-from hw.sim.viewpoints import VIEWS
-from tams_app.records import Image
+from tams_app.session.machine_speed import this_machine
+from tams_app.session.operator_choice import GLANCE_S
 from tams_app.units import NS_PER_MS
+from tests.rig_views import stored_views
 
-_VIEWS_DIRECTORY = Path(__file__).with_name("views")  # scene 5, JPEG of quality 60
 _GLANCE_NS = 80 * NS_PER_MS
 _FIRST = 3  # glances that search the whole images; in a session they are few
 _COUNTED = 6  # as often as the container is looked for once in each view
+_ROUNDS = 10
 
 
 def glance_cpu_s() -> float:
-    """Processor time of one glance [s], from glances at stored images: about 0.2 s in all."""
+    """Processor time of one glance [s], from glances at stored images."""
     images = stored_views()
     eyes = SeeingPerception(lambda: images, EfferenceCopy(), sampling_s=0.0, delay_s=0.0)
     began_s = 0.0
@@ -33,7 +36,17 @@ def glance_cpu_s() -> float:
     return (time.thread_time() - began_s) / _COUNTED
 
 
-def stored_views() -> dict[str, Image]:
-    """The rig at rest with all that the operator looks for, by view."""
-    images = {view: cv2.imread(str(_VIEWS_DIRECTORY / f"{view}.jpg")) for view in VIEWS}
-    return {view: np.asarray(image, np.uint8) for view, image in images.items()}
+def main() -> None:
+    cv2.setNumThreads(1)
+    rounds = []
+    for _ in range(_ROUNDS):
+        this_machine.cache_clear()
+        rounds.append((glance_cpu_s(), this_machine().speed))
+    here_s = median(cost_s for cost_s, _ in rounds)
+    reference_s = median(cost_s * speed for cost_s, speed in rounds)
+    print(f"a glance takes {1e3 * here_s:.1f} ms here, {1e3 * reference_s:.1f} ms on the reference")
+    print(f"the choice of the operator goes by {1e3 * GLANCE_S:.1f} ms")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,8 +1,9 @@
 """A quick probe of the machine: what its cores can do, before a session asks anything of them.
 
-It counts the processor's time, not the clock's, and takes the best of several rounds: what else
-runs on the machine meanwhile hardly changes it. What it cannot see, such as programs that take a
-core all the time, the ladder of frame rates finds out (`rate_ladder`).
+By it are chosen the frame rate that a session begins with and the simulated operator. It counts the
+processor's time, not the clock's, and takes the best of several rounds: what else runs on the
+machine meanwhile hardly changes it. What it cannot see, such as programs that take a core all the
+time, the ladder of frame rates finds out (`rate_ladder`).
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def this_machine() -> MachineSpeed:
     interpreted = INTERPRETED_S / _best_s(_interpret)
     data = bytes(random.Random(0).choices(range(16), k=_DATA_BYTES))
     compressing = COMPRESSING_S / _best_s(lambda: zlib.compress(data, 6))
-    return MachineSpeed(_cores(), (interpreted * compressing) ** 0.5)
+    return MachineSpeed(usable_cores(), (interpreted * compressing) ** 0.5)
 
 
 def _best_s(work: Callable[[], object]) -> float:
@@ -72,7 +73,8 @@ def _best_s(work: Callable[[], object]) -> float:
     return min(rounds)
 
 
-def _cores() -> float:
+def usable_cores() -> float:
+    """Those that this process may use."""
     if not hasattr(os, "sched_getaffinity"):
         return float(os.cpu_count() or 1)
     return float(len(os.sched_getaffinity(0)))

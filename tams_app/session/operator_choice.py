@@ -10,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tams_app.config import OperatorKind
+from tams_app.session.machine_speed import MachineSpeed
 
+GLANCE_S = 0.0170  # processor time of one on the reference: `python -m benchmarks.glance_cost`
 SHARE_OF_MACHINE = 0.10  # of all cores, for the eyes
 LEAST_GLANCES_HZ = 6.0
 MOST_GLANCES_HZ = 15.0  # no participant looks more often
@@ -25,31 +27,32 @@ class OperatorChoice:
 
 
 def choose_operator(
-    wanted: OperatorKind, glance_cpu_s: Callable[[], float], cores: int
+    wanted: OperatorKind, this_machine: Callable[[], MachineSpeed]
 ) -> OperatorChoice:
     """The operator that is `wanted`; for `auto` the seeing one where the machine has the time.
 
-    `glance_cpu_s`: measures the processor time of one glance [s]; asked for `auto` only.
+    `this_machine`: measures its speed; asked for `auto` only.
     """
     if wanted == "scripted":
         return OperatorChoice("scripted", f"{_SCRIPTED}, as configured")
     if wanted == "seeing":
         return OperatorChoice("seeing", f"{_SEEING}, as configured")
-    cost_s = glance_cpu_s()
-    rate_hz = eyes_share(cores) / cost_s
-    machine = f"a glance takes {1e3 * cost_s:.0f} ms, for which {cores} cores have time"
+    machine = this_machine()
+    cost_s = GLANCE_S / machine.speed
+    rate_hz = eyes_share(machine.cores) / cost_s
+    time = f"a glance takes {1e3 * cost_s:.0f} ms, for which {machine.cores:g} cores have time"
     if rate_hz >= LEAST_GLANCES_HZ:
         return OperatorChoice(
-            "seeing", f"{_SEEING}: {machine} {min(rate_hz, MOST_GLANCES_HZ):.0f} times a second"
+            "seeing", f"{_SEEING}: {time} {min(rate_hz, MOST_GLANCES_HZ):.0f} times a second"
         )
     return OperatorChoice(
         "scripted",
-        f"{_SCRIPTED}: {machine} {rate_hz:.1f} times a second, and {LEAST_GLANCES_HZ:.0f} are "
+        f"{_SCRIPTED}: {time} {rate_hz:.1f} times a second, and {LEAST_GLANCES_HZ:.0f} are "
         "needed to see",
     )
 
 
-def eyes_share(cores: int) -> float:
+def eyes_share(cores: float) -> float:
     """The part of one core that the eyes may use."""
     return min(1.0, SHARE_OF_MACHINE * cores)
 

@@ -1,14 +1,13 @@
 """The helper process of the simulated operator, who holds the rig's controller.
 
-Specification: config, confirms, controller_memory, shown_memory, world_memory, reports_port. Ready
-facts: operator, sentence. It publishes the controller at a rate of its own, as a VR runtime does,
-and reports what the seeing operator's glances told. Here alone operator and world meet: the
-scripted operator reads where things truly are, the seeing one gets the frames shown, nothing else.
+Specification: config, confirms, sees, controller_memory, shown_memory, world_memory, reports_port.
+It publishes the controller at a rate of its own, as a VR runtime does, and reports what the seeing
+operator's glances told. Here alone operator and world meet: the scripted operator reads where
+things truly are, the seeing one gets the frames shown, nothing else.
 """
 
 from __future__ import annotations
 
-import os
 import socket
 import sys
 import threading
@@ -21,7 +20,6 @@ import cv2
 
 from hw.controller import Controller
 from hw.sim.operator.demo import demo_controller
-from hw.sim.operator.glance_cost import glance_cpu_s
 from hw.sim.operator.remote_controller import ControllerPublisher
 from hw.sim.operator.seeing import Images, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
@@ -38,7 +36,8 @@ from tams_app.runtime.realtime import (
 )
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
-from tams_app.session.operator_choice import LEAST_GLANCES_HZ, choose_operator, eyes_share
+from tams_app.session.machine_speed import usable_cores
+from tams_app.session.operator_choice import LEAST_GLANCES_HZ, eyes_share
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
 from tams_app.video.reporting_helper import line_of
@@ -95,12 +94,10 @@ def main() -> None:
 
 def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) -> None:
     config, clock = Config.model_validate(specification["config"]), MonotonicClock()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     address = ("127.0.0.1", int(specification["reports_port"]))
     reports = stack.enter_context(socket.create_connection(address, _CONNECT_TIMEOUT_S))
-    choice = choose_operator(config.rig.operator.kind, glance_cpu_s, cores or 1)
     confirms, eyes = bool(specification["confirms"]), None
-    if choice.kind == "seeing":
+    if specification["sees"]:
 
         def report(glance: OperatorGlance) -> None:
             reports.sendall(line_of(glance))
@@ -110,7 +107,7 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
         controller: Controller = person.controller
         eyes = Worker(
             "eyes",
-            Eyes(person.watch, clock, eyes_share(cores or 1)).run,
+            Eyes(person.watch, clock, eyes_share(usable_cores())).run,
             lambda *_: side.stop_requested.set(),
         )
         sys.setswitchinterval(_SWITCH_S)
@@ -124,7 +121,7 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
     if eyes is not None:
         stack.callback(eyes.stop)
         eyes.start()
-    side.ready(operator=choice.kind, sentence=choice.sentence)
+    side.ready()
     publish(publisher, clock, side.stop_requested)
     if eyes is not None and eyes.failure is not None:
         raise eyes.failure

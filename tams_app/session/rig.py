@@ -98,7 +98,8 @@ class SimulatedRig(Devices):
         self._reader = WorldReader(self._memory_name)
         self.helpers["renderer"].wait_ready()
         if self._operator is not None:
-            self._tell(*self._operator.wait_ready())
+            self._operator.wait_ready()
+            self._tell(self._operator.choice.kind, self._operator.choice.sentence)
         else:
             self._tell("recorded", "the operator is a recorded hand, which sees nothing")
 

@@ -11,6 +11,8 @@ from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+from tams_app.session.machine_speed import this_machine
+from tams_app.session.operator_choice import choose_operator
 from tams_app.video.frame_ring import FrameBlock
 from tams_app.video.reporting_helper import ReportingHelper
 
@@ -39,10 +41,13 @@ class RigOperator:
 
         `on_glance` and `on_failure` are called in a thread of their own.
         """
-        self._screen = screen if config.rig.operator.kind != "scripted" else None
+        self.choice = choose_operator(config.rig.operator.kind, this_machine)
+        sees = self.choice.kind == "seeing"
+        self._screen = screen if sees else None
         self._specification = {
             "config": config.model_dump(mode="json"),
             "confirms": confirms,
+            "sees": sees,
             "controller_memory": memory_name,
             "shown_memory": screen.name,
             "world_memory": memory_name,
@@ -64,14 +69,10 @@ class RigOperator:
             self._screen.create()
         return self._helper.launch(self._specification)
 
-    def wait_ready(self) -> tuple[str, str]:
-        """Who it is, seeing or scripted, and why, once the controller is published.
-
-        HelperError if it cannot be.
-        """
-        ready = self._helper.wait_ready()
+    def wait_ready(self) -> None:
+        """Wait until the controller is published; HelperError if it cannot be."""
+        self._helper.wait_ready()
         self.controller.hide()
-        return str(ready["operator"]), str(ready["sentence"])
 
     def close(self) -> None:
         """End the process and give its memory back; may be called twice."""

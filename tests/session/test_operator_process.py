@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from hw.sim.layout import draw_layout
-from hw.sim.operator.glance_cost import stored_views
 from hw.sim.world.rig_memory import WorldWriter, remove_memory
 from hw.sim.world.world import World
 from tams_app.config import load_config
@@ -22,6 +21,7 @@ from tams_app.session.rig_operator import RigOperator
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.hw.sim.operator.scripted_pick import READY
+from tests.rig_views import stored_views
 
 pytestmark = pytest.mark.waiting
 
@@ -58,7 +58,8 @@ class Person:
 
     def start(self) -> None:
         self.process = self._operator.launch()
-        self.told = self._operator.wait_ready()
+        self._operator.wait_ready()
+        self.kind = self._operator.choice.kind
         self.screen.hide()
         self.controller.start()
 
@@ -152,7 +153,7 @@ def test_the_scripted_operator_moves_before_a_dark_screen(tmp_path: Path) -> Non
     writer = WorldWriter(person.memory_name)
     try:
         person.start()
-        assert person.told[0] == "scripted"
+        assert person.kind == "scripted"
 
         def publish(sample: ControllerSample) -> bool:
             writer.publish(person.clock.now_ns(), world.state())
