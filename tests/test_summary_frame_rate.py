@@ -54,7 +54,7 @@ def test_nine_tenths_of_what_was_asked_for_are_enough() -> None:
     assert summarise(log)["rates"]["shortfall"] is None
 
 
-def test_steps_of_the_rate_are_listed_and_the_lowest_gives_the_reason() -> None:
+def test_steps_of_the_rate_are_listed_and_the_sentence_has_the_last_reason_and_rate() -> None:
     log = thinned(3)
     log.rates = [
         CameraRates(START_NS, 20.0, "the machine was measured", {}, {}),
@@ -67,7 +67,20 @@ def test_steps_of_the_rate_are_listed_and_the_lowest_gives_the_reason() -> None:
         {"t_s": 2.0, "fps": 10.0, "reason": "5 % of the control ticks were late"},
         {"t_s": 4.0, "fps": 15.0, "reason": "5 s without trouble"},
     ]
-    assert "stepped down to 10, because 5 % of the control ticks were late;" in shortfall_of(log)
+    told = shortfall_of(log)
+    assert "stepped down, because 5 % of the control ticks were late, and" in told
+    assert "were asked for 15 at the end;" in told
+
+
+def test_a_rate_that_was_only_where_the_session_began_is_not_told_as_the_sessions() -> None:
+    log = thinned(2)
+    measured = "the machine was measured to hold no more at the start"
+    log.rates = [
+        CameraRates(START_NS, 10.0, measured, {}, {}),
+        CameraRates(START_NS + NS_PER_S, 20.0, "5 s without trouble", {}, {}),
+    ]
+    told = shortfall_of(log)
+    assert f"stepped down, because {measured}, and were asked for 20 at the end;" in told
 
 
 def test_cameras_that_give_too_few_are_told_from_an_application_that_takes_too_few() -> None:

@@ -7,8 +7,8 @@ control loop late ticks: two observations of trouble in a row, and where frames 
 to the rate that was reached in the better of them. Up is slow, because nothing but a trial tells
 whether the machine holds more (what it has left goes to the comparison of frames, so no core is
 ever idle), and a trial that fails costs up to three seconds of uneven frames. So it takes five calm
-seconds, twice as many after each trial of the same rate that failed, up to 80: trials then take
-less than 4 % of the time.
+seconds, twice as many after each time that the same rate failed, up to a minute: trials then take
+less than 5 % of the time. A rate that held for half a minute begins anew.
 Between calm and trouble lies a band in which a rate is kept: one step up is up to 1.5 times the
 work, and what only just holds should not be left for that.
 """
@@ -26,8 +26,8 @@ SUSTAINED = 2  # observations of trouble in a row
 STARTING = 3  # observations that do not count: at the start much is done that is done once
 SETTLING = 1  # ... and after a change: the one under way began before it
 RAISE_AFTER_NS = 5 * NS_PER_S
-LONGEST_WAIT_NS = 80 * NS_PER_S
-PROBATION_NS = 30 * NS_PER_S  # a step down within this time after one up is a failed trial
+LONGEST_WAIT_NS = 60 * NS_PER_S
+HOLDS_AFTER_NS = 30 * NS_PER_S  # at one rate: earlier failures of it no longer count
 _MEASURING = 1.05  # a rate reached is counted to within a frame or so
 
 
@@ -73,7 +73,7 @@ class RateLadder:
         self._least_missed = 1.0  # in these
         self._calm_ns = 0
         self._raise_after_ns = [RAISE_AFTER_NS] * len(self._rungs)  # before each is tried
-        self._raised_ns: int | None = None  # of the last step up, while it is on probation
+        self._changed_ns: int | None = None  # when the rate in force began
 
     @property
     def fps(self) -> float:
@@ -95,35 +95,24 @@ class RateLadder:
         else:
             self._troubles, self._least_missed = 0, 1.0
             self._calm_ns += passed_ns if seen.calm else 0
-        self._end_probation(now_ns)
-        if self._troubles >= SUSTAINED and self._rung < len(self._rungs) - 1:
-            return self._lower(trouble)
-        if self._rung > 0 and self._calm_ns >= self._raise_after_ns[self._rung - 1]:
-            return self._raise(now_ns)
-        return ""
-
-    def _end_probation(self, now_ns: int) -> None:
-        if self._raised_ns is not None and now_ns - self._raised_ns > PROBATION_NS:
-            self._raised_ns = None
+        if self._changed_ns is None:
+            self._changed_ns = now_ns
+        if now_ns - self._changed_ns > HOLDS_AFTER_NS:
             self._raise_after_ns[self._rung] = RAISE_AFTER_NS
-
-    def _lower(self, trouble: str) -> str:
-        if self._raised_ns is not None:
+        if self._troubles >= SUSTAINED and self._rung < len(self._rungs) - 1:
             doubled_ns = 2 * self._raise_after_ns[self._rung]
             self._raise_after_ns[self._rung] = min(doubled_ns, LONGEST_WAIT_NS)
-        self._raised_ns = None
-        reached_fps = self.fps * (1.0 - self._least_missed) * _MEASURING
-        self._change(self._highest(reached_fps, self._rung + 1))
-        return trouble
+            reached_fps = self.fps * (1.0 - self._least_missed) * _MEASURING
+            self._change(now_ns, self._highest(reached_fps, self._rung + 1))
+            return trouble
+        if self._rung > 0 and self._calm_ns >= self._raise_after_ns[self._rung - 1]:
+            calm_s = self._calm_ns / NS_PER_S
+            self._change(now_ns, self._rung - 1)
+            return f"{calm_s:.0f} s without trouble"
+        return ""
 
-    def _raise(self, now_ns: int) -> str:
-        calm_s = self._calm_ns / NS_PER_S
-        self._raised_ns = now_ns
-        self._change(self._rung - 1)
-        return f"{calm_s:.0f} s without trouble"
-
-    def _change(self, rung: int) -> None:
-        self._rung = rung
+    def _change(self, now_ns: int, rung: int) -> None:
+        self._rung, self._changed_ns = rung, now_ns
         self._ignored = SETTLING
         self._troubles, self._least_missed = 0, 1.0
         self._calm_ns = 0

@@ -75,11 +75,12 @@ def shortfall(
     """
     given = ", ".join(f"{view} {fps:.1f}" for view, fps in given_fps.items())
     what = f"Too few frames came, {given} of {asked_fps:g} a second"
-    lowest = min(steps, key=lambda one: one.asked_fps, default=None)
-    if lowest is not None and lowest.asked_fps < asked_fps:
+    rates = [asked_fps, *(one.asked_fps for one in steps)]
+    downs = [one for before, one in zip(rates, steps, strict=False) if one.asked_fps < before]
+    if downs:
         return (
-            f"{what}: the cameras were stepped down to {lowest.asked_fps:g}, because "
-            f"{lowest.reason}; close other programs or use a faster machine "
+            f"{what}: the cameras were stepped down, because {downs[-1].reason}, and were asked "
+            f"for {rates[-1]:g} at the end; close other programs or use a faster machine "
             "(`doctor --speed` tells what this one holds)."
         )
     less = f"ask for less with --fps {max(int(min(given_fps.values())), 5)}"

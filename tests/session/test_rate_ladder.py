@@ -120,6 +120,28 @@ def test_a_rate_that_does_not_hold_is_tried_ever_less(holds_fps: float, start: f
     assert failed <= len(last) * NS_PER_S // LONGEST_WAIT_NS + 1
 
 
+@pytest.mark.parametrize("start", [30.0, 20.0])
+def test_a_rate_that_failed_is_tried_again_after_twice_the_time_up_to_a_minute(
+    start: float,
+) -> None:
+    rates = machine(RateLadder(30.0, start), 20.0, 400)
+    steps = list(enumerate(pairwise(rates)))
+    downs = [second for second, (a, b) in steps if b < a]
+    ups = [second for second, (a, b) in steps if b > a]
+    waits = [next(up for up in ups if up > down) - down for down in downs[:-1]]
+    assert waits[:5] == pytest.approx([10, 20, 40, 60, 60], abs=SETTLING + 1)
+
+
+def test_a_rate_that_held_for_half_a_minute_is_tried_again_as_if_it_had_never_failed() -> None:
+    ladder = RateLadder(30.0)
+    machine(ladder, 20.0, 200)
+    steady = climb(ladder, [CALM] * 200, 200)
+    assert steady[-1] == 30.0
+    troubled = climb(ladder, [LATE, LATE, *[CALM] * 15], 400)
+    assert 20.0 in troubled
+    assert troubled[-1] == 30.0
+
+
 @pytest.mark.parametrize(("holds_fps", "rung"), [(26.0, 20.0), (16.0, 15.0), (6.5, 5.0)])
 def test_where_frames_are_missed_it_goes_straight_to_what_was_reached(
     holds_fps: float, rung: float
