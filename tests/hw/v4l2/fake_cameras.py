@@ -150,9 +150,13 @@ class Machine:
         rate: int = 30,
         video: VideoConfig = SMALL,
         controls: Sequence[FakeControl] = WEBCAM_CONTROLS,
+        images: Sequence[bytes] | None = None,
     ) -> FakeCamera:
-        """Put a camera in, as /dev/video<number> on USB port `port`."""
-        images = jpegs(video, ROUNDS)
+        """Put a camera in, as /dev/video<number> on USB port `port`.
+
+        `images`: the JPEGs that it gives, all of one length; by default `jpegs`.
+        """
+        images = jpegs(video, ROUNDS) if images is None else images
         fourcc = int.from_bytes(b"YUYV" if raw else b"MJPG", "little")
         described = FakeCamera(
             card=name.encode(),
