@@ -23,8 +23,8 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
-# over (`make bench`, "before: rendering and hand-over" p50); a USB camera takes about as long.
-DELIVERY_NS = 23 * NS_PER_MS
+# over (`make bench`, "before: rendering and hand-over" p50: 11 to 18 ms by view).
+DELIVERY_NS = 12 * NS_PER_MS
 
 
 class VirtualRobot:
