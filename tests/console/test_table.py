@@ -60,8 +60,8 @@ def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
     assert verdict.endswith("success (placed)")
     assert sentence == (
         "Too few frames came, eih 15.0, gt 15.0, gs 15.0 of 30 a second: the cameras were stepped "
-        "down to 15, because 34 % of the frames were missed; close other programs or use a faster "
-        "machine (`doctor --speed` tells what this one holds)."
+        "down, because 34 % of the frames were missed, and were asked for 15 at the end; close "
+        "other programs or use a faster machine (`doctor --speed` tells what this one holds)."
     )
 
 
