@@ -256,7 +256,7 @@ def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
         threading.Event().wait(0.5)  # it slows down
         before = lab.model.joints
         threading.Event().wait(0.3)
-        stood.append(bool((lab.model.joints == before).all()) and not screen.go.is_set())
+        stood.append(lab.model.joints == before and not screen.go.is_set())
         os.write(lab.master, b"q")
         screen.go.set()
 
@@ -291,9 +291,9 @@ def test_when_the_keys_are_not_read_any_more_the_guard_stops_the_arm(
 
     def stall(keys: TerminalKeys, timeout_s: float) -> bytes:
         if since in lab.screen.getvalue() and not stalled_at:
-            stalled_at.append(lab.model.joints)
+            stalled_at.append(np.array(lab.model.joints))
             threading.Event().wait(3.0)
-            stalled_at.extend((lab.model.joints, np.array([lab.model.state])))
+            stalled_at.extend((np.array(lab.model.joints), np.array([lab.model.state])))
         return read(keys, timeout_s)
 
     monkeypatch.setattr(TerminalKeys, "read_bytes", stall)

@@ -99,7 +99,7 @@ def test_connecting_stops_what_was_left_moving(rig: ControllerRig) -> None:
     with rig.server.lock:
         rig.model.enable(True)
         rig.model.set_state(0)
-        rig.model.move_joints(rig.model.joints + 0.5, 0.1, 1.0)
+        rig.model.move_joints(tuple(joint + 0.5 for joint in rig.model.joints), 0.1, 1.0)
     changes = record_changes(rig)
     arm = make_arm(rig.config())
     arm.connect()

@@ -51,7 +51,7 @@ def test_a_moving_arm_goes_on_moving_and_is_asked_only(rig: ControllerRig) -> No
         rig.model.handle = recorded  # type: ignore[method-assign]
         rig.model.enable(True)
         rig.model.set_state(0)
-        rig.model.move_joints(rig.model.joints + 1.0, 0.05, 1.0)
+        rig.model.move_joints(tuple(joint + 1.0 for joint in rig.model.joints), 0.05, 1.0)
     assert probe(rig).description.endswith(", moving")
     assert asked == QUERIES
     with rig.server.lock:

@@ -159,7 +159,7 @@ def test_the_sdk_configures_it(connect_sdk: Callable[..., Any], model: Controlle
     assert position[:3] == pytest.approx([350, 0, 180], abs=0.2)
     eventually(lambda: arm.tcp_offset[2] == 82, "the report shows the offset")
     assert arm.tcp_load == [pytest.approx(0.35), [0, 0, 40]]
-    assert arm.collision_sensitivity == 4
+    eventually(lambda: arm.collision_sensitivity == 4, "the report shows the sensitivity")
     assert arm.get_reduced_states()[1][1] == [400, 150, 300, -300, 500, 10]
 
 
