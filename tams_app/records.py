@@ -326,6 +326,40 @@ class PacketRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class PacketArrival:
+    """What a receiver told of one packet of the RTP flow."""
+
+    view: str
+    sent_ns: int  # entered the uplink, on the sender's clock
+    size_bytes: int  # IP datagram
+    arrived_ns: int | None  # on the receiver's clock, of unknown offset; None: it did not arrive
+
+
+@dataclass(frozen=True, slots=True)
+class Reception:
+    """A report block of a receiver (RFC 3550, 6.4.1)."""
+
+    view: str
+    fraction_lost: float  # since the report before
+    round_trip_ns: int | None  # None: not known yet
+    jitter_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class UplinkReport:
+    """What the senders know of the uplink at one instant.
+
+    `arrivals` and `receptions` came since the report before; arrivals are those of all views in the
+    order of sending, each packet once.
+    """
+
+    now_ns: int
+    sent_bytes: int  # IP datagrams of all views since the start, repair and padding included
+    arrivals: tuple[PacketArrival, ...] = ()
+    receptions: tuple[Reception, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class LinkCapacity:
     """What the uplink truly carries from `t_ns` on; infinite where there is no bottleneck."""
 

@@ -11,7 +11,7 @@ from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
 from tams_app.errors import ConfigError
 from tams_app.policy.budget import Budget, make_budget
-from tams_app.records import Allocation, Phase
+from tams_app.records import Allocation, Phase, UplinkReport
 
 
 def allocate(weights: Mapping[str, float], budget_kbps: float, floor_kbps: float) -> dict[str, int]:
@@ -156,19 +156,19 @@ class Policy:
         strategy = make_strategy(config.strategy, settings)
         return Policy(strategy, make_budget(settings.budget, capacity), settings)
 
-    def step(self, now_ns: int, phase: Phase, sent_bytes: int) -> Allocation:
+    def step(self, phase: Phase, report: UplinkReport) -> Allocation:
         """One allocation (paper, section III-D).
 
         Args:
-            now_ns: the time [ns]; must not decrease from call to call.
             phase: s_t, the current phase.
-            sent_bytes: IP datagram bytes of all views sent since the start, repair included.
+            report: what the senders know now; its time must not decrease from call to call.
 
         Returns:
             The target bitrate of each view [kbit/s of IP datagram bytes], and what it follows from:
             phase, estimated capacity and budget B_t (the capacity times the safety factor).
         """
-        self._budget.observe(now_ns, sent_bytes)
+        now_ns = report.now_ns
+        self._budget.observe(report)
         capacity_kbps = self._budget.capacity_kbps(now_ns)
         budget_kbps = capacity_kbps * self._safety_factor
         targets = allocate(self._strategy.weights(phase), budget_kbps, self._floor_kbps)

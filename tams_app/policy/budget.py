@@ -7,19 +7,15 @@ from typing import Protocol
 
 from tams_app.capacity import Capacity
 from tams_app.config import BudgetConfig
+from tams_app.records import UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 
 class Budget(Protocol):
     """A source of capacity estimates; `observe` is called before each `capacity_kbps`."""
 
-    def observe(self, now_ns: int, sent_bytes: int) -> None:
-        """Take in the senders' counter.
-
-        Args:
-            now_ns: the time [ns]; never decreases.
-            sent_bytes: IP datagram bytes of all views sent since the start, repair included.
-        """
+    def observe(self, report: UplinkReport) -> None:
+        """Take in what the senders know; the time of `report` never decreases."""
 
     def capacity_kbps(self, now_ns: int) -> float:
         """The capacity that the uplink is believed to have at `now_ns`.
@@ -41,7 +37,7 @@ class OracleBudget:
         self._max_kbps = config.max_kbps
         self._window_ns = round(config.trace_window_ms * NS_PER_MS)
 
-    def observe(self, now_ns: int, sent_bytes: int) -> None:
+    def observe(self, report: UplinkReport) -> None:
         """Ignored: the rate is known."""
 
     def capacity_kbps(self, now_ns: int) -> float:
@@ -63,8 +59,9 @@ class SenderBudget:
         self._window_ns = round(config.window_ms * NS_PER_MS)
         self._sent: deque[tuple[int, int]] = deque()  # (time, bytes sent since the start)
 
-    def observe(self, now_ns: int, sent_bytes: int) -> None:
-        self._sent.append((now_ns, sent_bytes))
+    def observe(self, report: UplinkReport) -> None:
+        now_ns = report.now_ns
+        self._sent.append((now_ns, report.sent_bytes))
         while len(self._sent) > 2 and self._sent[1][0] <= now_ns - self._window_ns:
             self._sent.popleft()
 

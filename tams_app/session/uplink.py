@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hw.camera import Camera
 from tams_app.config import Config, Network
-from tams_app.records import Frame, PacketRecord, ShownFrame
+from tams_app.records import Frame, PacketRecord, ShownFrame, UplinkReport
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Quality, Video
@@ -100,8 +100,9 @@ class Uplink(Video):
         for view, kbps in target_kbps.items():
             self._senders[view].set_target_kbps(kbps)
 
-    def wire_bytes(self) -> int:
-        return sum(sender.wire_bytes for sender in self._senders.values())
+    def report(self, now_ns: int) -> UplinkReport:
+        sent_bytes = sum(sender.wire_bytes for sender in self._senders.values())
+        return UplinkReport(now_ns, sent_bytes)
 
     def behind_ns(self) -> int:
         """By how much the encoder that is furthest behind its camera is so."""

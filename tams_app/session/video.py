@@ -7,7 +7,7 @@ from typing import Protocol
 
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
-from tams_app.records import Frame, Phase, ShownFrame
+from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
 from tams_app.video.networks import network_capacity
@@ -35,7 +35,7 @@ class Video(ABC):
         self.capacity = network_capacity(network, epoch_ns)
         self._rule = repair_rule(network, video.pli_min_interval_ms, video.repair)
         self.delay_ns = video_delay_ns(network, self._rule)
-        first = Policy.of(config, self.capacity).step(epoch_ns, Phase.REACH, sent_bytes=0)
+        first = Policy.of(config, self.capacity).step(Phase.REACH, UplinkReport(epoch_ns, 0))
         self._start_kbps = first.target_kbps
         self._log = log
         self._quality = quality
@@ -60,8 +60,8 @@ class Video(ABC):
         """The wire rate each view is to meet from now on."""
 
     @abstractmethod
-    def wire_bytes(self) -> int:
-        """IP datagram bytes sent so far, all views together."""
+    def report(self, now_ns: int) -> UplinkReport:
+        """What the senders know of the uplink; each packet's arrival is told once."""
 
     @abstractmethod
     def poll(self) -> str:

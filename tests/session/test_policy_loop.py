@@ -8,7 +8,7 @@ import pytest
 
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
-from tams_app.records import Allocation, Phase, PhaseChange
+from tams_app.records import Allocation, Phase, PhaseChange, UplinkReport
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.listener import Listener
 from tams_app.session.policy_loop import PolicyLoop
@@ -28,8 +28,8 @@ class Encoders:
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
 
-    def wire_bytes(self) -> int:
-        return self.sent_bytes
+    def report(self, now_ns: int) -> UplinkReport:
+        return UplinkReport(now_ns, self.sent_bytes)
 
 
 class Heard(Listener):

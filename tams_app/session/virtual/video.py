@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from tams_app.config import Config
-from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.records import Frame, FrameQuality, Image, ShownFrame, UplinkReport
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
@@ -93,8 +93,8 @@ class TrialVideo(Video):
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self._chains.set_targets(target_kbps)
 
-    def wire_bytes(self) -> int:
-        return self._chains.wire_bytes()
+    def report(self, now_ns: int) -> UplinkReport:
+        return UplinkReport(now_ns, self._chains.wire_bytes())
 
     def poll(self) -> str:
         return ""  # a chain that fails raises
