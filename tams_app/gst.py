@@ -144,6 +144,14 @@ def parse_pipeline(description: str) -> Any:
         raise SetupError(f"GStreamer cannot build a pipeline: {error.message}") from error
 
 
+def count_from_boot(pipeline: Any) -> None:
+    """Let the running time of `pipeline`, not yet playing, be that of CLOCK_MONOTONIC."""
+    gst = load().Gst
+    pipeline.use_clock(gst.SystemClock.obtain())
+    pipeline.set_start_time(gst.CLOCK_TIME_NONE)
+    pipeline.set_base_time(1)  # 0 stands for none
+
+
 def set_playing(pipeline: Any, what: str) -> None:
     """Set a pipeline in motion; SetupError with the reason if it refuses."""
     gst = load().Gst

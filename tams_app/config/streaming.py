@@ -68,8 +68,9 @@ class AllocationConfig(Section):
 class BudgetConfig(Section):
     """Where the uplink capacity comes from."""
 
-    mode: Literal["oracle", "sender"] = "oracle"
-    """Capacity from the emulated link itself, or from what the sender has sent."""
+    mode: Literal["oracle", "sender", "feedback"] = "oracle"
+    """Capacity from the emulated link itself, from what the sender has sent, or from what receivers
+    tell of each packet."""
     safety_factor: Annotated[float, Field(gt=0, le=1)] = 0.92
     """Share of the capacity that is given to the views."""
     max_kbps: Positive = 20_000.0

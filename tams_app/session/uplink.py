@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hw.camera import Camera
 from tams_app.config import Config, Network
-from tams_app.records import Frame, PacketRecord, ShownFrame, UplinkReport
+from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Quality, Video
@@ -62,10 +62,18 @@ class Uplink(Video):
                 config.policy.allocation.source_drop_below_kbps,
                 self._log.record,
                 self._log.record,
+                self._heard.get(view),
+                self._feedback,
             )
             self._senders[view] = sender
             receiver = VideoReceiver(
-                view, config.video, self._rule, self._clock, sender.sent.find, self._on_shown
+                view,
+                config.video,
+                self._rule,
+                self._clock,
+                sender.sent.find,
+                self._on_shown,
+                self._feedback,
             )
             self.receivers[view] = receiver
             exits[view] = ViewPorts(
@@ -100,10 +108,6 @@ class Uplink(Video):
         for view, kbps in target_kbps.items():
             self._senders[view].set_target_kbps(kbps)
 
-    def report(self, now_ns: int) -> UplinkReport:
-        sent_bytes = sum(sender.wire_bytes for sender in self._senders.values())
-        return UplinkReport(now_ns, sent_bytes)
-
     def behind_ns(self) -> int:
         """By how much the encoder that is furthest behind its camera is so."""
         return max(sender.behind_ns for sender in self._senders.values())
@@ -124,6 +128,9 @@ class Uplink(Video):
 
     def _send(self, frame: Frame) -> None:
         self._senders[frame.view].push(frame)
+
+    def _wire_bytes(self) -> int:
+        return sum(sender.wire_bytes for sender in self._senders.values())
 
 
 class Capture:

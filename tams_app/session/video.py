@@ -10,7 +10,9 @@ from tams_app.policy.allocation import Policy
 from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
+from tams_app.video.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.networks import network_capacity
+from tams_app.video.packets import media_ssrc
 from tams_app.video.repair import RepairRule, repair_rule
 
 
@@ -33,6 +35,10 @@ class Video(ABC):
         """A capacity trace of `network` begins at `epoch_ns`."""
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
+        mode = config.policy.budget.mode
+        self._feedback = mode == "feedback"  # whether receivers tell of each packet
+        heard = () if mode == "oracle" else video.views
+        self._heard = {view: HeardFeedback(view, media_ssrc(video, view)) for view in heard}
         self._rule = repair_rule(network, video.pli_min_interval_ms, video.repair)
         self.delay_ns = video_delay_ns(network, self._rule)
         first = Policy.of(config, self.capacity).step(Phase.REACH, UplinkReport(epoch_ns, 0))
@@ -59,9 +65,9 @@ class Video(ABC):
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         """The wire rate each view is to meet from now on."""
 
-    @abstractmethod
     def report(self, now_ns: int) -> UplinkReport:
         """What the senders know of the uplink; each packet's arrival is told once."""
+        return uplink_report(now_ns, self._wire_bytes(), tuple(self._heard.values()))
 
     @abstractmethod
     def poll(self) -> str:
@@ -73,6 +79,10 @@ class Video(ABC):
 
     @abstractmethod
     def _send(self, frame: Frame) -> None: ...
+
+    @abstractmethod
+    def _wire_bytes(self) -> int:
+        """IP datagram bytes sent so far, all views together."""
 
     def _on_shown(self, shown: ShownFrame) -> None:
         self._log.record(shown)

@@ -10,6 +10,13 @@ from tams_app.records import PacketKind
 
 MEDIA_PAYLOAD_TYPE = 96
 REPAIR_PAYLOAD_TYPE = 97  # RTX (RFC 4588)
+RTP_HEADER_BYTES = 12
+# The header extension that numbers all packets of a session, as GStreamer's payloader writes it:
+# profile and length, then its own byte, the number and one of padding.
+_DRAFT = "draft-holmer-rmcat-transport-wide-cc-extensions-01"
+TRANSPORT_SEQUENCE_URI = f"http://www.ietf.org/id/{_DRAFT}"
+TRANSPORT_SEQUENCE_BYTES = 8
+_TRANSPORT_SEQUENCE = slice(17, 19)
 
 _FIRST_SSRC = 0x54410000
 _RTP_HEADER = struct.Struct("!BBHII")
@@ -50,6 +57,17 @@ def read_rtp(datagram: bytes) -> RtpHeader | None:
     if offset > len(datagram):
         return None
     return RtpHeader(second & 0x7F, bool(second & 0x80), sequence, timestamp, offset)
+
+
+def transport_sequence(packet: bytes) -> int:
+    """The transport-wide sequence number of a packet of ours that has the extension."""
+    return int.from_bytes(packet[_TRANSPORT_SEQUENCE])
+
+
+def with_transport_sequence(packet: bytes, sequence: int) -> bytes:
+    """`packet`, which has the extension, with this number in it."""
+    start, end = _TRANSPORT_SEQUENCE.start, _TRANSPORT_SEQUENCE.stop
+    return packet[:start] + sequence.to_bytes(2) + packet[end:]
 
 
 def identify(datagram: bytes) -> tuple[PacketKind, int, int]:

@@ -9,11 +9,22 @@ from __future__ import annotations
 
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
-from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc, repair_ssrc
+from tams_app.video.packets import (
+    MEDIA_PAYLOAD_TYPE,
+    REPAIR_PAYLOAD_TYPE,
+    TRANSPORT_SEQUENCE_BYTES,
+    TRANSPORT_SEQUENCE_URI,
+    media_ssrc,
+    repair_ssrc,
+)
 from tams_app.video.rate_control import X264_FPS
 from tams_app.video.repair import RepairRule
 
 RTCP_CAPS = "application/x-rtcp"
+# To a payloader: write the extension. To a receiving session: report on what has it, after the last
+# packet of each frame. Reports in steps of 25 to 50 ms would leave the end of a frame, in which a
+# queue shows, until the next frame comes.
+_TRANSPORT_SEQUENCE = f"extmap-1={TRANSPORT_SEQUENCE_URI}"
 # AVPF (RFC 4585) lets NACK and PLI leave early, but only one in each regular interval, which is
 # 5 % of the session's bandwidth: estimated from one view it is so long that NACKs came 400 ms late.
 SESSION_BANDWIDTH_BPS = 10_000_000
@@ -42,6 +53,12 @@ def raw_caps(config: VideoConfig, pixels: str = "I420,colorimetry=bt601") -> str
     )
 
 
+def received_caps(feedback: bool) -> str:
+    """Caps of what a receiving session gets; `feedback`: it is to tell when each packet came."""
+    extension = f",{_TRANSPORT_SEQUENCE},rtcp-fb-transport-cc=true" if feedback else ""
+    return rtp_caps() + extension
+
+
 def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
     """Caps of the RTP stream with `payload_type`, asking for NACK and PLI."""
     common = f"application/x-rtp,media=video,clock-rate=90000,payload={payload_type}"
@@ -56,11 +73,16 @@ def rtx_ssrcs(config: VideoConfig, view: str) -> str:
     return f"application/x-rtp-ssrc-map,{media}=(uint){repair};"
 
 
-def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
-    """I420 frames in, RTP packets out; the converter only hands those to x264 on.
+def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int, feedback: bool = False) -> str:
+    """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's.
+
+    The converter only hands the frames on: it works where an encoder wants another format.
 
     threads=1: anything else is not deterministic. aud=false saves a fifth of the packets.
     """
+    extension = f"! application/x-rtp,{_TRANSPORT_SEQUENCE} " if feedback else ""
+    # the payloader does not count what an extension takes
+    mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
     return (
         "videoconvert name=converter n-threads=1 ! video/x-raw,format=I420 "
         f"! x264enc name=encoder tune=zerolatency threads=1 speed-preset={config.preset} "
@@ -68,8 +90,8 @@ def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int) -> str:
         f"key-int-max={config.keyframe_interval} aud=false "
         "! video/x-h264,profile=high,stream-format=byte-stream,alignment=au ! h264parse "
         f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, view)} "
-        f"mtu={config.mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
-        "timestamp-offset=0 seqnum-offset=0"
+        f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
+        f"timestamp-offset=0 seqnum-offset=0 {extension}"
     )
 
 
@@ -100,11 +122,13 @@ def session_sender(
     rtp_out: str,
     reports_out: str,
     feedback_in: str,
+    feedback: bool = False,
 ) -> str:
     """A sender with its rtpsession; frames enter by the appsrc `frames`.
 
     `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
-    `feedback_in`: of the source of the receiver's RTCP (live: UDP).
+    `feedback_in`: of the source of the receiver's RTCP (live: UDP); `feedback`: see
+    `encoder_chain`.
 
     max-buffers=4: with two the first frames are lost while x264 starts.
     """
@@ -113,7 +137,7 @@ def session_sender(
         f"{_SENDING} update-ntp64-header-ext=false "
         "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
         f'leaky-type=downstream caps="{raw_caps(config)}" '
-        f"! {encoder_chain(config, view, encoder_kbps)} {history}! session.send_rtp_sink "
+        f"! {encoder_chain(config, view, encoder_kbps, feedback)} {history}! session.send_rtp_sink "
         f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
         f"{feedback_in} ! session.recv_rtcp_sink"
     )

@@ -32,6 +32,7 @@ class VideoReceiver:
         clock: Clock,
         identify: Callable[[int], SentFrame | None],
         on_shown: Callable[[ShownFrame], None],
+        feedback: bool = False,
     ) -> None:
         """Bind the ports for RTP and for the sender's RTCP.
 
@@ -42,6 +43,7 @@ class VideoReceiver:
             clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
             identify: which capture an RTP timestamp stands for (`VideoSender.sent`).
             on_shown: called once per frame in the decoder's thread: it must only hand over.
+            feedback: whether it tells the sender when each packet came; the sender must agree.
 
         Raises:
             ConfigError: a port is taken.
@@ -51,6 +53,7 @@ class VideoReceiver:
         self.view = view
         self._config = config
         self._rule = rule
+        self._feedback = feedback
         self._decoder = gst.choose_decoder(config.decoder)
         self._frames = ViewDecoder(view, config, rule, clock, identify, on_shown)
         self.mailbox = self._frames.mailbox
@@ -84,7 +87,7 @@ class VideoReceiver:
                 self.view,
                 self._rule,
                 self._decoder,
-                rtp_in=udp_source("rtp_in", pipelines.rtp_caps()),
+                rtp_in=udp_source("rtp_in", pipelines.received_caps(self._feedback)),
                 reports_in=udp_source("reports_in", pipelines.RTCP_CAPS),
                 feedback_out=udp_sink(
                     "feedback_out", self._config.bind_host, link.host, link.feedback
@@ -92,6 +95,8 @@ class VideoReceiver:
             )
         )
         self._pipeline = pipeline
+        if self._feedback:
+            gst.count_from_boot(pipeline)  # arrivals of all views on one clock
         self._rtp_socket.attach(pipeline.get_by_name("rtp_in"))
         self._reports_socket.attach(pipeline.get_by_name("reports_in"))
         self._resent = pipeline.get_by_name("rtx")

@@ -10,7 +10,9 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
+from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.packets import media_ssrc
+from tams_app.video.session_feedback import SessionFeedback
 from tams_app.video.udp import (
     UdpSocket,
     ViewPorts,
@@ -39,6 +41,8 @@ class VideoSender:
         source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
+        heard: HeardFeedback | None = None,
+        feedback: bool = False,
     ) -> None:
         """Bind the port for feedback.
 
@@ -51,6 +55,8 @@ class VideoSender:
             source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
             on_encoded: called once per frame in the encoder's thread: it must only hand over.
             on_dropped: called once per dropped frame in the thread that pushes.
+            heard: gets what the receiver tells; None if nobody asks.
+            feedback: whether packets are numbered for feedback on each; the receiver must agree.
 
         Raises:
             ConfigError: the port is taken.
@@ -65,6 +71,10 @@ class VideoSender:
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
+        self._clock = clock
+        self._heard = heard
+        self._feedback = feedback
+        self._listener: SessionFeedback | None = None
         self.sent = self._frames.sent
         self._failure = ""
         self._pipeline: Any = None
@@ -93,6 +103,7 @@ class VideoSender:
                     "reports_out", self._config.bind_host, link.host, link.reports
                 ),
                 feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
+                feedback=self._feedback,
             )
         )
         self._pipeline = pipeline
@@ -101,8 +112,11 @@ class VideoSender:
         self._resender = pipeline.get_by_name("rtx")
         self._socket.attach(pipeline.get_by_name("feedback_in"))
         # else a session that sent RTCP before the first frame imposes a random SSRC
-        session = pipeline.get_by_name("session").get_property("internal-session")
-        session.set_property("internal-ssrc", media_ssrc(self._config, self.view))
+        session = pipeline.get_by_name("session")
+        ssrc = media_ssrc(self._config, self.view)
+        session.get_property("internal-session").set_property("internal-ssrc", ssrc)
+        if self._heard is not None:
+            self._listener = SessionFeedback(session, self._heard, self._clock)
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
@@ -134,6 +148,8 @@ class VideoSender:
         """Why this sender no longer works, in one sentence; "" while it does."""
         if not self._failure and self._pipeline is not None:
             reason = self._frames.failure or gst.poll_bus(self._pipeline)
+            if self._listener is not None:
+                reason = reason or self._listener.failure
             if reason:
                 self._failure = f"the sender of view {self.view} failed: {reason}"
         return self._failure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from tams_app.config import Config
-from tams_app.records import Frame, FrameQuality, Image, ShownFrame, UplinkReport
+from tams_app.records import Frame, FrameQuality, Image, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
@@ -76,6 +76,8 @@ class TrialVideo(Video):
             self._start_kbps,
             config.policy.allocation.source_drop_below_kbps,
             VideoRecords(log.record, log.record, self._on_shown, log.packets),
+            heard=self._heard,
+            feedback=self._feedback,
         )
 
     def advance_to(self, now_ns: int) -> None:
@@ -93,9 +95,6 @@ class TrialVideo(Video):
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self._chains.set_targets(target_kbps)
 
-    def report(self, now_ns: int) -> UplinkReport:
-        return UplinkReport(now_ns, self._chains.wire_bytes())
-
     def poll(self) -> str:
         return ""  # a chain that fails raises
 
@@ -108,6 +107,9 @@ class TrialVideo(Video):
 
     def _send(self, frame: Frame) -> None:
         self._chains.push(frame)
+
+    def _wire_bytes(self) -> int:
+        return self._chains.wire_bytes()
 
     def _on_shown(self, shown: ShownFrame) -> None:
         super()._on_shown(shown)

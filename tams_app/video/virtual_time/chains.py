@@ -73,10 +73,15 @@ class EncoderChain(Chain):
     """Frames in, RTP packets out, one after the other."""
 
     def __init__(
-        self, view: str, config: VideoConfig, frames: ViewEncoder, clock: SteppedClock
+        self,
+        view: str,
+        config: VideoConfig,
+        frames: ViewEncoder,
+        clock: SteppedClock,
+        feedback: bool = False,
     ) -> None:
         description = (
-            f"{pipelines.encoder_chain(config, view, frames.encoder_kbps)} "
+            f"{pipelines.encoder_chain(config, view, frames.encoder_kbps, feedback)} "
             "! appsink name=packets async=false sync=false"
         )
         caps = pipelines.raw_caps(config)

@@ -11,10 +11,11 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.video.frame_identity import SentFrame
-from tams_app.video.packets import read_rtp
+from tams_app.video.packets import RtpHeader, media_ssrc, read_rtp, transport_sequence
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ViewDecoder
 from tams_app.video.virtual_time.chains import DecoderChain
+from tams_app.video.virtual_time.reception import ArrivalMessages, StreamStatistics
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
 from tams_app.video.virtual_time.shared import Shared
 from tams_app.video.virtual_time.stepped_clock import LaterClock
@@ -34,6 +35,7 @@ class VirtualReceiver:
         shared: Shared,
         identify: Callable[[int], SentFrame | None],
         return_feedback: Callable[[Feedback], None],
+        feedback: bool = False,
     ) -> None:
         self.view = view
         self.shown: ShownFrame | None = None
@@ -41,6 +43,9 @@ class VirtualReceiver:
         self._return_feedback = return_feedback
         self._expected = 0  # sequence number of the next media packet, if none is lost
         self._decoded: list[ShownFrame] = []
+        self._arrivals = ArrivalMessages() if feedback else None
+        self._statistics = StreamStatistics()
+        self._ssrc = media_ssrc(config, view)
         self._session = ReceiverSession(Random(f"{seed}/{view}/receiver-rtcp"), rule.rtx)
         done_clock = LaterClock(shared.clock, shared.times.decoding_ns)
         self.decoder = ViewDecoder(view, config, rule, done_clock, identify, self._decoded.append)
@@ -53,8 +58,11 @@ class VirtualReceiver:
 
     def arrive(self, packet: bytes, resent: bool) -> None:
         """A packet has come over the link."""
-        self._session.received(self._shared.clock.now_ns(), resent)
+        now_ns = self._shared.clock.now_ns()
+        self._session.received(now_ns, resent)
         header = read_rtp(packet)
+        if header is not None:
+            self._count(now_ns, packet, header, resent)
         in_order = header is not None and not resent and header.sequence == self._expected
         if header is not None and not resent:
             self._expected = (header.sequence + 1) % _SEQUENCES
@@ -77,12 +85,22 @@ class VirtualReceiver:
 
     def step(self) -> None:
         """Send the feedback that is due now."""
-        feedback = self._session.step(self._shared.clock.now_ns())
+        take_arrivals = tuple if self._arrivals is None else self._arrivals.take
+        block = partial(self._statistics.block, self._ssrc)
+        feedback = self._session.step(self._shared.clock.now_ns(), take_arrivals, block)
         if feedback is None:
             return
         due_ns = self._shared.link.feedback(feedback.sent_ns, self.view)
         self._shared.records.feedback(self.view, feedback, due_ns)
         self._shared.events.post(due_ns, partial(self._return_feedback, feedback))
+
+    def _count(self, now_ns: int, packet: bytes, header: RtpHeader, resent: bool) -> None:
+        if not resent:
+            self._statistics.received(now_ns, header)
+        if self._arrivals is not None:
+            sequence = transport_sequence(packet)
+            if self._arrivals.received(now_ns, sequence, header.marker):
+                self._session.tell_arrivals(now_ns)
 
     def _show(self, shown: ShownFrame) -> None:
         self.shown = shown

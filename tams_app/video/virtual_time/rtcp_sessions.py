@@ -6,6 +6,7 @@ Calibrated against GStreamer's rtpsession (`python -m benchmarks.experiments.fee
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
@@ -15,6 +16,8 @@ from tams_app.video.pipelines import (
     SENDER_REPORTS_NS,
     SESSION_BANDWIDTH_BPS,
 )
+from tams_app.video.rtcp import ReportBlock
+from tams_app.video.virtual_time.reception import ArrivalMessage
 from tams_app.video.virtual_time.rtcp_timing import Report, RtcpTiming
 
 # Sizes [bytes] of IP datagrams as rtpsession fills them: UDP and IP, a report, SDES with a name
@@ -27,13 +30,17 @@ _NACK_REACH = 16  # an entry asks for a packet and any of the 16 that follow
 _SEQUENCE_SPAN = 1 << 16
 
 _KEYFRAME_TIMEOUT_NS = 5 * NS_PER_S
+_ARRIVALS_TIMEOUT_NS = 100 * NS_PER_MS
 _LONGEST_ROUND_TRIP_NS = 5 * NS_PER_S
 _ROUND_TRIP_UNIT_NS = NS_PER_S / 65536
 
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """One RTCP datagram of a receiver: what it asks for, and which sender report it answers."""
+    """One RTCP datagram of a receiver: what it asks for, and which sender report it answers.
+
+    `arrivals` leave with it, each a datagram of its own.
+    """
 
     sent_ns: int
     nacks: tuple[int, ...]  # sequence numbers of the media packets to send again
@@ -41,6 +48,8 @@ class Feedback:
     size_bytes: int
     # how long the last sender report was on its way; None: no report block, or none came yet
     report_transit_ns: int | None
+    arrivals: tuple[ArrivalMessage, ...] = ()
+    block: ReportBlock | None = None  # None: in an early report
 
 
 class ReceiverSession:
@@ -81,7 +90,16 @@ class ReceiverSession:
         self._pli = True
         self.timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
 
-    def step(self, now_ns: int) -> Feedback | None:
+    def tell_arrivals(self, now_ns: int) -> None:
+        """A message about packets that came is ready."""
+        self.timing.request(now_ns, _ARRIVALS_TIMEOUT_NS)
+
+    def step(
+        self,
+        now_ns: int,
+        take_arrivals: Callable[[], tuple[ArrivalMessage, ...]] = tuple,
+        block: Callable[[], ReportBlock | None] = lambda: None,
+    ) -> Feedback | None:
         """The datagram that leaves now, None if the timer was reconsidered."""
         report = self.timing.step(now_ns)
         if report is None:
@@ -94,7 +112,11 @@ class ReceiverSession:
         size_bytes += _nack_bytes(nacks)
         self.timing.observe(size_bytes)
         transit_ns = self._report_transit_ns if regular else None
-        return Feedback(now_ns, nacks, pli, size_bytes, transit_ns)
+        arrivals = take_arrivals()
+        for message in arrivals:
+            self.timing.observe(message.size_bytes)
+        told = block() if regular else None
+        return Feedback(now_ns, nacks, pli, size_bytes, transit_ns, arrivals, told)
 
     def _take_nacks(self, now_ns: int, regular: bool) -> tuple[int, ...]:
         """The pending numbers in order, without the expired; an early report keeps the last."""
@@ -117,7 +139,7 @@ class SenderSession:
         self.timing = RtcpTiming(random, SENDER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
         self.timing.members = 2 + rtx
         self._rtx = rtx
-        self._round_trip_ns = 0
+        self.round_trip_ns = 0  # 0: not known yet
         self._last_keyframe_ns: int | None = None
         self._repaired = False
 
@@ -151,12 +173,14 @@ class SenderSession:
         rtpsession ignores a request that follows the last one by less than two round trips.
         """
         self.timing.observe(feedback.size_bytes)
+        for message in feedback.arrivals:
+            self.timing.observe(message.size_bytes)
         if feedback.report_transit_ns is not None:
             exact_ns = feedback.report_transit_ns + now_ns - feedback.sent_ns
-            self._round_trip_ns = round(round(exact_ns / _ROUND_TRIP_UNIT_NS) * _ROUND_TRIP_UNIT_NS)
+            self.round_trip_ns = round(round(exact_ns / _ROUND_TRIP_UNIT_NS) * _ROUND_TRIP_UNIT_NS)
         if not feedback.pli:
             return False
-        round_trip_ns = self._round_trip_ns
+        round_trip_ns = self.round_trip_ns
         if round_trip_ns > _LONGEST_ROUND_TRIP_NS:
             round_trip_ns = NS_PER_S // 2
         last_ns = self._last_keyframe_ns

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from random import Random
 
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
-from tams_app.video.packets import identify
+from tams_app.video.heard_feedback import HeardFeedback
+from tams_app.video.packets import identify, with_transport_sequence
 from tams_app.video.pipelines import RTX_HISTORY_MS
+from tams_app.video.rtcp import SEQUENCES
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.chains import EncoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, SenderSession, SentPackets
@@ -38,12 +42,18 @@ class VirtualSender:
         shared: Shared,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
+        heard: HeardFeedback | None = None,
+        feedback: bool = False,
     ) -> None:
         self.view = view
         self.wire_bytes = 0
         self._shared = shared
         self._deliver = deliver
         self._deliver_report = deliver_report
+        self._heard = heard
+        self._feedback = feedback
+        self._next_sequence = 0  # transport-wide
+        self._untold: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
         self._history = SentPackets(RTX_HISTORY_MS) if rtx else None
         self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), rtx)
         self._done_clock = LaterClock(shared.clock)
@@ -58,7 +68,7 @@ class VirtualSender:
             records.dropped,
         )
         self.sent = self._frames.sent
-        self._chain = EncoderChain(view, config, self._frames, shared.clock)
+        self._chain = EncoderChain(view, config, self._frames, shared.clock, feedback)
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called
         self.set_target_kbps = self._frames.set_target_kbps
@@ -92,12 +102,26 @@ class VirtualSender:
                 )
 
     def obey(self, feedback: Feedback) -> None:
-        """Feedback has come: force a keyframe, send packets again."""
-        if self._session.received(self._shared.clock.now_ns(), feedback):
+        """Feedback has come: hear it, force a keyframe, send packets again."""
+        now_ns = self._shared.clock.now_ns()
+        keyframe = self._session.received(now_ns, feedback)
+        if self._heard is not None:
+            self._hear(now_ns, feedback, self._heard)
+        if keyframe:
             self._chain.request_keyframe()
         resent = [self._resend(sequence) for sequence in feedback.nacks]
         if found := [record for record in resent if record is not None]:
             self._shared.records.packets(found)
+
+    def _hear(self, now_ns: int, feedback: Feedback, heard: HeardFeedback) -> None:
+        if feedback.block is not None:
+            round_trip_ns = self._session.round_trip_ns or None
+            heard.blocks([replace(feedback.block, round_trip_ns=round_trip_ns)])
+        for message in feedback.arrivals:
+            told = [self._untold.popleft()]
+            while told[-1][0] != message.last:
+                told.append(self._untold.popleft())
+            heard.told(now_ns, told, message.arrived_ns)
 
     def _send(self, packets: list[bytes]) -> None:
         records = []
@@ -122,6 +146,10 @@ class VirtualSender:
         size_bytes = len(packet) + IP_UDP_HEADER_BYTES + resent * _ORIGINAL_SEQUENCE_BYTES
         self.wire_bytes += size_bytes
         self._session.sent(now_ns, resent)
+        if self._feedback:
+            packet = with_transport_sequence(packet, self._next_sequence)
+            self._untold.append((self._next_sequence, now_ns, size_bytes))
+            self._next_sequence = (self._next_sequence + 1) % SEQUENCES
         record = self._shared.link.offer(now_ns, self.view, kind, size_bytes, sequence, timestamp)
         if record.fate is PacketFate.DELIVERED:
             deliver = partial(self._deliver, packet, resent)

@@ -9,6 +9,7 @@ from tams_app import gst
 from tams_app.config import Network, VideoConfig
 from tams_app.records import Frame, ShownFrame
 from tams_app.video.frame_identity import SentFrame
+from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule
@@ -42,8 +43,13 @@ class VirtualVideo:
         source_drop_below_kbps: float,
         records: VideoRecords,
         times: ProcessingTimes | None = None,
+        heard: Mapping[str, HeardFeedback] | None = None,
+        feedback: bool = False,
     ) -> None:
-        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view."""
+        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
+
+        `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
+        """
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
         self._events = EventQueue()
@@ -57,7 +63,14 @@ class VirtualVideo:
         self.receivers: dict[str, VirtualReceiver] = {}
         for view in config.views:
             receiver = VirtualReceiver(
-                view, config, rule, seed, shared, self._identify_for(view), self._return_to(view)
+                view,
+                config,
+                rule,
+                seed,
+                shared,
+                self._identify_for(view),
+                self._return_to(view),
+                feedback,
             )
             self.receivers[view] = receiver
             self._senders[view] = VirtualSender(
@@ -70,6 +83,8 @@ class VirtualVideo:
                 shared,
                 receiver.arrive,
                 receiver.arrive_report,
+                heard.get(view) if heard else None,
+                feedback,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self.receivers.values(),

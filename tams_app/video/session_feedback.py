@@ -1,0 +1,67 @@
+"""Listens to the RTCP that a sender's rtpsession gets, live."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from tams_app import gst
+from tams_app.records import IP_UDP_HEADER_BYTES
+from tams_app.runtime.clock import Clock
+from tams_app.video.heard_feedback import HeardFeedback
+from tams_app.video.packets import RTP_HEADER_BYTES, TRANSPORT_SEQUENCE_BYTES
+from tams_app.video.rtcp import read_rtcp
+
+# the session counts a packet's payload alone
+_HEADER_BYTES = IP_UDP_HEADER_BYTES + RTP_HEADER_BYTES + TRANSPORT_SEQUENCE_BYTES
+
+
+class SessionFeedback:
+    """Hands what comes to `heard`; Python runs once for each datagram and message, not per packet.
+
+    The session tells which packets a message is about, when they left and how large they were.
+    When they arrived is read from the message itself: GStreamer 1.22 misreads long gaps (`rtcp`).
+    Both come in one thread, the message first. `failure`: "" while all is well.
+    """
+
+    def __init__(self, session: Any, heard: HeardFeedback, clock: Clock) -> None:
+        self.failure = ""
+        self._heard = heard
+        self._clock = clock
+        self._arrived_ns: dict[int, int] = {}
+        kinds = gst.load().Gst.PadProbeType
+        self._go_on = gst.load().Gst.PadProbeReturn.OK
+        session.get_static_pad("recv_rtcp_sink").add_probe(kinds.BUFFER, self._on_rtcp)
+        session.get_static_pad("send_rtp_sink").add_probe(kinds.EVENT_UPSTREAM, self._on_event)
+
+    def _on_rtcp(self, pad: Any, probe: Any) -> Any:
+        try:
+            buffer = probe.get_buffer()
+            datagram = buffer.extract_dup(0, buffer.get_size())
+            blocks, self._arrived_ns = read_rtcp(datagram, time.time_ns())
+            self._heard.blocks(blocks)
+        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+            self.failure = repr(error)
+        return self._go_on
+
+    def _on_event(self, pad: Any, probe: Any) -> Any:
+        try:
+            structure = probe.get_event().get_structure()
+            if structure is not None and structure.get_name() == "RTPTWCCPackets":
+                self._told(structure.get_value("packets"))
+        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+            self.failure = repr(error)
+        return self._go_on
+
+    def _told(self, packets: Any) -> None:
+        if not self._arrived_ns:  # a damaged message
+            return
+        rows = [
+            (
+                packet.get_value("seqnum"),
+                packet.get_value("local-ts"),
+                packet.get_value("size") + _HEADER_BYTES,
+            )
+            for packet in packets
+        ]
+        self._heard.told(self._clock.now_ns(), rows, self._arrived_ns)
