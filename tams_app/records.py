@@ -350,13 +350,32 @@ class UplinkReport:
     """What the senders know of the uplink at one instant.
 
     `arrivals` and `receptions` came since the report before; arrivals are those of all views in the
-    order of sending, each packet once.
+    order of sending, each packet once. Each view's receiver tells when a frame has come: packets
+    of one view may be told after later ones of another, in the next report. What is told in
+    feedback that does not come is told no more.
     """
 
     now_ns: int
     sent_bytes: int  # IP datagrams of all views since the start, repair and padding included
     arrivals: tuple[PacketArrival, ...] = ()
     receptions: tuple[Reception, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class UplinkSummary:
+    """What one `UplinkReport` told the budget, all views together, as the log keeps it."""
+
+    t_ns: int
+    sent_bytes: int  # since the start
+    packets: int  # that receivers told of
+    lost: int  # of these
+    arrived_bytes: int
+    # of the packet sent last of those that arrived: sent_ns, and how much longer than the
+    # fastest so far it took; None: none arrived
+    newest_sent_ns: int | None
+    queueing_ns: int | None
+    fraction_lost: dict[str, float]  # by view, of the report blocks that came
+    round_trip_ns: dict[str, int | None]
 
 
 @dataclass(frozen=True, slots=True)

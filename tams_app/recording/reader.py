@@ -40,6 +40,7 @@ from tams_app.records import (
     StopRecord,
     SystemSample,
     Tick,
+    UplinkSummary,
 )
 
 _VIDEO_DATA_FIELD = 3  # foxglove.CompressedVideo.data
@@ -63,6 +64,7 @@ class SessionLog:
     phases: list[PhaseChange] = field(default_factory=list)
     allocations: list[Allocation] = field(default_factory=list)
     capacities: list[LinkCapacity] = field(default_factory=list)
+    uplink: list[UplinkSummary] = field(default_factory=list)
     rates: list[CameraRates] = field(default_factory=list)
     captured: list[FrameCaptured] = field(default_factory=list)
     sent: list[FrameSent] = field(default_factory=list)

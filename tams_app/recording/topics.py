@@ -32,6 +32,7 @@ from tams_app.records import (
     StopRecord,
     SystemSample,
     Tick,
+    UplinkSummary,
 )
 
 # Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
@@ -154,6 +155,7 @@ Recordable: TypeAlias = (
     | PhaseChange
     | Allocation
     | LinkCapacity
+    | UplinkSummary
     | CameraRates
     | Frame
     | EncodedFrame
@@ -197,6 +199,7 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/phase", PhaseChange, lambda one: one.t_ns, "phases"),
         Topic("/allocation", Allocation, lambda one: one.t_ns, "allocations"),
         Topic("/capacity", LinkCapacity, lambda one: one.t_ns, "capacities"),
+        Topic("/uplink", UplinkSummary, lambda one: one.t_ns, "uplink"),
         Topic("/rates", CameraRates, lambda one: one.t_ns, "rates"),
         Topic("/frames/captured", FrameCaptured, lambda one: one.capture_ns, "captured"),
         Topic("/frames/sent", FrameSent, lambda one: one.encoded_ns, "sent"),

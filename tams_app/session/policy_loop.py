@@ -58,7 +58,9 @@ class PolicyLoop(Listener):
             return
         self.due_ns = max(self.due_ns + self._period_ns, now_ns)
         self._log.capacity(now_ns, self._video.capacity)
-        allocation = self._policy.step(self._phase, self._video.report(now_ns))
+        report = self._video.report(now_ns)
+        self._log.uplink(report)
+        allocation = self._policy.step(self._phase, report)
         self._video.set_targets(allocation.target_kbps)
         for listener in self._listeners:
             listener.on_allocation(allocation)

@@ -32,7 +32,7 @@ class HeardFeedback:
         self._newest = (0, 0)  # sent_ns and sequence number
         self._transit_ns: int | None = None
         self._block: ReportBlock | None = None
-        self._reported = ReportBlock(media_ssrc, 0, -1, 0, None)
+        self._reported: ReportBlock | None = None
 
     def told(
         self, now_ns: int, packets: Iterable[tuple[int, int, int]], arrived_ns: Mapping[int, int]
@@ -53,6 +53,8 @@ class HeardFeedback:
         """A report has come."""
         for block in blocks:
             if block.ssrc == self._media_ssrc:
+                if self._block is None:  # GStreamer may count a stream's start as 65,536 losses
+                    self._reported = block
                 self._block = block
 
     def take_arrivals(self) -> list[PacketArrival]:
@@ -62,7 +64,7 @@ class HeardFeedback:
     def take_reception(self) -> Reception | None:
         """What the newest report says, if one came since the last call."""
         block, before = self._block, self._reported
-        if block is None or block is before:
+        if block is None or before is None or block is before:
             return None
         self._reported = block
         expected = block.highest_sequence - before.highest_sequence

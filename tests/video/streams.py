@@ -15,6 +15,8 @@ from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tams_app.video.colour import bgr_of
+from tams_app.video.heard_feedback import HeardFeedback
+from tams_app.video.packets import media_ssrc
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tams_app.video.sender import VideoSender
@@ -31,19 +33,25 @@ class Stream:
     """What went through one sender and one receiver."""
 
     def __init__(
-        self, config: VideoConfig, rule: RepairRule, kbps: float, camera_hz: float | None = None
+        self,
+        config: VideoConfig,
+        rule: RepairRule,
+        kbps: float,
+        camera_hz: float | None = None,
+        feedback: bool = False,
     ) -> None:
         self.clock = MonotonicClock()
         self.encoded: list[EncodedFrame] = []
         self.dropped: list[DroppedFrame] = []
         self.shown: list[ShownFrame] = []
+        self.heard = HeardFeedback("eih", media_ssrc(config, "eih"))
         self._arrived = threading.Condition()
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
-            self.encoded.append, self.dropped.append,
+            self.encoded.append, self.dropped.append, self.heard, feedback,
         )  # fmt: skip
         self.receiver = VideoReceiver(
-            "eih", config, rule, self.clock, self.sender.sent.find, self._note
+            "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback
         )
         self.exits = ViewPorts(
             "127.0.0.1",
@@ -99,9 +107,10 @@ def stream(
     kbps: float = 1500.0,
     fps: int = 60,
     camera_hz: float | None = None,
+    feedback: bool = False,
 ) -> Iterator[Stream]:
     """`camera_hz`: frames a second that the camera gives, if not the `fps` that it is asked for."""
-    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz)
+    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz, feedback)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances
