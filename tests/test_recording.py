@@ -60,6 +60,7 @@ from tams_app.records import (
     StopRecord,
     SystemSample,
     Tick,
+    UplinkSummary,
 )
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
@@ -95,6 +96,7 @@ def one_of_each() -> list[Any]:
         PhaseChange(t, Phase.ALIGN, "line 7"),
         Allocation(t, Phase.ALIGN, 6000.0, 5520.0, {"eih": 3000, "gt": 1260, "gs": 1260}),
         LinkCapacity(t, 6000.0),
+        UplinkSummary(t, 9000, 7, 2, 6000, t - 5, 3, {"gt": 0.25}, {"gt": None}),
         Frame("eih", 4, t + 1, image),
         EncodedFrame("eih", 4, t + 1, t + 9, True, b"\0\0\0\1\x65abc"),
         DroppedFrame("gs", 5, t + 2),
@@ -129,6 +131,7 @@ def test_every_record_comes_back_as_it_went_in(tmp_path: Path) -> None:
     assert log.phases == [by_type[PhaseChange]]
     assert log.allocations == [by_type[Allocation]]
     assert log.capacities == [by_type[LinkCapacity]]
+    assert log.uplink == [by_type[UplinkSummary]]
     assert log.captured == [FrameCaptured("eih", 4, START_NS + 1)]
     assert log.shown == [FrameShown("eih", 4, START_NS + 77)]
     assert log.dropped == [by_type[DroppedFrame]]

@@ -65,7 +65,7 @@ class Mirror(Video):
     def set_targets(self, target_kbps):
         self.targets.append(target_kbps)
 
-    def wire_bytes(self):
+    def _wire_bytes(self):
         return 0
 
     def poll(self):

@@ -33,11 +33,12 @@ class Encoders:
 
 
 class Heard(Listener):
-    """Allocations in the order in which they came, and the capacity's times."""
+    """Allocations and reports in the order in which they came, and the capacity's times."""
 
     def __init__(self) -> None:
         self.allocations: list[Allocation] = []
         self.capacities_ns: list[int] = []
+        self.reports: list[UplinkReport] = []
         self.arrived = threading.Event()
 
     def on_allocation(self, allocation: Allocation) -> None:
@@ -47,6 +48,9 @@ class Heard(Listener):
 
     def capacity(self, now_ns: int, capacity: object) -> None:
         self.capacities_ns.append(now_ns)
+
+    def uplink(self, report: UplinkReport) -> None:
+        self.reports.append(report)
 
 
 def began(phase: Phase) -> PhaseChange:
@@ -146,3 +150,9 @@ def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period
     thread.join(10)
     assert encoders.targets[-1]["eih"] > 0
     assert not thread.is_alive()
+
+
+def test_what_the_budget_is_told_is_kept_in_each_step(clock, loop, heard, encoders):
+    encoders.sent_bytes = 700
+    loop.step_if_due()
+    assert heard.reports == [UplinkReport(clock.now_ns(), 700)]
