@@ -374,7 +374,7 @@ class UplinkSummary:
     # fastest so far it took; None: none arrived
     newest_sent_ns: int | None
     queueing_ns: int | None
-    fraction_lost: dict[str, float]  # by view, of the report blocks that came
+    fraction_lost: dict[str, float]  # by view, of the receptions
     round_trip_ns: dict[str, int | None]
 
 

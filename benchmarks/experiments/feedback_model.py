@@ -2,7 +2,8 @@
 
 `python -m benchmarks.experiments.feedback_model` runs both in virtual time over the same link with
 the same seeds, three views each, and prints what repair asked for, got and cost. Each run is a
-process of its own. `--networks` measures some networks anew and leaves the results of the others.
+process of its own. `--networks` measures some networks anew and leaves the results of the others;
+`--arrivals` lets receivers tell when each packet came, too.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from pathlib import Path
 
@@ -27,7 +28,9 @@ from tams_app import gst
 from tams_app.config import Config, Network, load_config
 from tams_app.records import EncodedFrame, Frame, PacketKind, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
+from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.networks import network_capacity
+from tams_app.video.packets import media_ssrc
 from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.view_decoder import ViewDecoder
 from tams_app.video.virtual_time.event_queue import EventQueue
@@ -53,6 +56,10 @@ ROWS = (
     "plis_arrived",
     "keyframes_forced",
     "frames_shown",
+    "receiver_reports_bytes",
+    "packets_told_of",
+    "told_of_as_lost",
+    "told_after_us",  # after sending; the mean of each run
 )
 
 
@@ -62,15 +69,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=int, default=15)
     parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=NETWORKS)
     parser.add_argument("--rtx", action="store_true", help="repair by RTX on every network")
+    parser.add_argument("--arrivals", action="store_true", help="feedback on each packet")
     parser.add_argument("--json", type=Path, default=RESULTS)
     parser.add_argument("--one", nargs=3, metavar=("KIND", "NETWORK", "SEED"))
     options = parser.parse_args()
     if options.one:
         kind, network, seed = options.one
-        print(json.dumps(run(kind, network, int(seed), options.seconds, options.rtx)))
+        print(json.dumps(run(kind, network, int(seed), options)))
         return
-    results = measure(options.networks, options.seeds, options.seconds, options.rtx)
+    results = measure(options)
     setting = {"seeds": options.seeds, "seconds": options.seconds, "rtx_everywhere": options.rtx}
+    setting["arrivals"] = options.arrivals
     content = json.loads(options.json.read_text("utf-8")) if options.json.exists() else {}
     console = Console()
     for network in options.networks:
@@ -81,20 +90,21 @@ def main() -> None:
 
 
 def measure(
-    networks: Sequence[str], seeds: int, seconds: int, rtx: bool
+    options: argparse.Namespace,
 ) -> dict[str, dict[str, dict[str, int]]]:
     """Sums over all seeds by network, then by kind of run."""
-    results: dict[str, dict[str, dict[str, int]]] = {name: {} for name in networks}
+    results: dict[str, dict[str, dict[str, int]]] = {name: {} for name in options.networks}
     jobs = [
         (name, kind, seed)
-        for name in networks
+        for name in options.networks
         for kind in ("model", "rtpsession")
-        for seed in range(1, seeds + 1)
+        for seed in range(1, options.seeds + 1)
     ]
     for name, kind, seed in track(jobs, description="virtual runs"):
         command = [sys.executable, "-m", "benchmarks.experiments.feedback_model"]
-        command += ["--one", kind, name, str(seed), "--seconds", str(seconds)]
-        command += ["--rtx"] if rtx else []
+        command += ["--one", kind, name, str(seed), "--seconds", str(options.seconds)]
+        command += ["--rtx"] if options.rtx else []
+        command += ["--arrivals"] if options.arrivals else []
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=900)
         total = Counter(results[name].get(kind, {}))
         total.update(json.loads(done.stdout))
@@ -110,20 +120,55 @@ def table(name: str, both: dict[str, dict[str, int]], options: argparse.Namespac
     return shown
 
 
-def run(kind: str, name: str, seed: int, seconds: int, rtx: bool) -> dict[str, int]:
+def run(kind: str, name: str, seed: int, options: argparse.Namespace) -> dict[str, int]:
     """One run of the `model` or of `rtpsession`: the counts of all views together."""
     config = load_config()
     network = config.networks[name]
     rule = repair_rule(network, config.video.pli_min_interval_ms)
-    if rtx and not rule.rtx:
+    if options.rtx and not rule.rtx:
         patience_ms = round(2.4 * network.latency_ms + 2 * network.jitter_ms + 20)
         rule = RepairRule(True, patience_ms, rule.pli_interval_ms)
     runs = {"model": run_model, "rtpsession": run_rtpsession}
-    return dict(runs[kind](config, network, rule, seed, seconds))
+    heard = {}
+    if options.arrivals:
+        heard = {
+            view: NotingFeedback(view, media_ssrc(config.video, view))
+            for view in config.video.views
+        }
+    counts = runs[kind](config, network, rule, seed, options.seconds, heard)
+    for one in heard.values():
+        counts.update(one.counts)
+    if heard:
+        counts["told_after_us"] //= counts["packets_told_of"]
+    return dict(counts)
+
+
+class NotingFeedback(HeardFeedback):
+    """Counts what is told at once."""
+
+    def __init__(self, view: str, ssrc: int) -> None:
+        super().__init__(view, ssrc)
+        self.counts: Counter[str] = Counter()
+
+    def told(
+        self, now_ns: int, packets: Iterable[tuple[int, int, int]], arrived_ns: Mapping[int, int]
+    ) -> None:
+        super().told(now_ns, packets, arrived_ns)
+        for arrival in self.take_arrivals():
+            self.counts.update(
+                packets_told_of=1,
+                told_of_as_lost=arrival.arrived_ns is None,
+                told_after_us=(now_ns - arrival.sent_ns) // 1000,
+            )
 
 
 def run_model(
-    config: Config, network: Network, rule: RepairRule, seed: int, seconds: int
+    config: Config,
+    network: Network,
+    rule: RepairRule,
+    seed: int,
+    seconds: int,
+    heard: Mapping[str, NotingFeedback],
 ) -> Counter[str]:
     """The feedback model, as a trial in virtual time uses it."""
     counts: Counter[str] = Counter()
@@ -138,6 +183,8 @@ def run_model(
     def note_feedback(_view: str, feedback: Feedback, arrives_ns: int) -> None:
         asked, plis = len(feedback.nacks), int(feedback.pli)
         counts.update(nacks_sent=asked, plis_sent=plis)
+        size_bytes = feedback.size_bytes + sum(each.size_bytes for each in feedback.arrivals)
+        counts.update(receiver_reports_bytes=size_bytes)
         if arrives_ns <= START_NS + seconds * NS_PER_S + AFTER_NS:
             counts.update(nacks_arrived=asked, plis_arrived=plis)
 
@@ -157,6 +204,8 @@ def run_model(
         config.policy.allocation.source_drop_below_kbps,
         VideoRecords(note_encoded, _ignore, note_shown, note, note_feedback),
         ProcessingTimes(0, 0),
+        heard,
+        bool(heard),
     )
     with closing(video):
         _drive(config, seconds, video.push, video.advance_to)
@@ -167,7 +216,12 @@ def run_model(
 
 
 def run_rtpsession(
-    config: Config, network: Network, rule: RepairRule, seed: int, seconds: int
+    config: Config,
+    network: Network,
+    rule: RepairRule,
+    seed: int,
+    seconds: int,
+    heard: Mapping[str, NotingFeedback],
 ) -> Counter[str]:
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
@@ -179,7 +233,9 @@ def run_rtpsession(
     link = NotingLink(arrivals, network, capacity, config.video.views, seed)
     targets = _targets(config, network)
     views = {
-        view: RtpSessionView(view, config.video, rule, targets[view], link, events, clock)
+        view: RtpSessionView(
+            view, config.video, rule, targets[view], link, events, clock, heard.get(view)
+        )
         for view in config.video.views
     }
 
@@ -218,6 +274,9 @@ def run_rtpsession(
             frames_shown=len(each.shown),
             keyframes_forced=each.keyframes_forced(),
         )
+        for (end, size_bytes), datagrams in each.report_bytes.items():
+            if end == "receiver":
+                counts.update(receiver_reports_bytes=size_bytes * datagrams)
         print(each.view, dict(each.report_bytes), file=sys.stderr)
         each.close()
     waiter.close()

@@ -23,9 +23,11 @@ from tams_app.records import (
     ShownFrame,
 )
 from tams_app.video import pipelines
+from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.link import Link
 from tams_app.video.packets import identify, media_ssrc
 from tams_app.video.repair import RepairRule
+from tams_app.video.session_feedback import PacketFeedback
 from tams_app.video.view_decoder import ViewDecoder, caps_of_payload_type
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.virtual_time.event_queue import EventQueue
@@ -47,7 +49,9 @@ class RtpSessionView:
         link: Link,
         events: EventQueue,
         clock: SteppedClock,
+        heard: HeardFeedback | None = None,
     ) -> None:
+        """`heard` gets what the receiver tells of each packet; None: it does not."""
         self.view = view
         self.counts: Counter[str] = Counter()
         self.shown: list[ShownFrame] = []
@@ -69,6 +73,7 @@ class RtpSessionView:
                 rtp_out=_SINK.format("rtp_out"),
                 reports_out=_SINK.format("reports_out"),
                 feedback_in=_SOURCE.format("feedback_in", pipelines.RTCP_CAPS),
+                feedback=heard is not None,
             )
         )
         self._receiver = gst.parse_pipeline(
@@ -77,12 +82,14 @@ class RtpSessionView:
                 view,
                 rule,
                 gst.choose_decoder(config.decoder),
-                rtp_in=_SOURCE.format("rtp_in", f'"{pipelines.rtp_caps()}"'),
+                rtp_in=_SOURCE.format("rtp_in", f'"{pipelines.received_caps(heard is not None)}"'),
                 reports_in=_SOURCE.format("reports_in", pipelines.RTCP_CAPS),
                 feedback_out=_SINK.format("feedback_out"),
             )
         )
         self._configure(config, rule)
+        if heard is not None:
+            self._listener = PacketFeedback(self._sender.get_by_name("session"), heard, clock)
 
     def _configure(self, config: VideoConfig, rule: RepairRule) -> None:
         from_string = gst.load().Gst.Structure.from_string

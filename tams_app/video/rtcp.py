@@ -16,8 +16,6 @@ ARRIVAL_TICK_NS = 250_000  # the unit of arrival times
 SEQUENCES = 1 << 16
 
 _REPORT_TYPES = {200: 28, 201: 8}  # packet type -> where the report blocks begin
-_TRANSPORT_FEEDBACK = (205, 15)  # packet type and format
-_FEEDBACK_HEADER_BYTES = 12
 _BLOCK = struct.Struct("!IIIIII")
 _MESSAGE = struct.Struct("!HHI")  # first sequence number, how many, reference time and count
 _REFERENCE_NS = 64 * NS_PER_MS
@@ -38,21 +36,15 @@ class ReportBlock:
     round_trip_ns: int | None  # None: no report of the sender has come there yet
 
 
-def read_rtcp(datagram: bytes, wall_ns: int) -> tuple[list[ReportBlock], dict[int, int]]:
-    """The report blocks of a compound datagram, and the arrivals that it tells.
-
-    `wall_ns`: when it came, in nanoseconds since 1970. Arrivals: as of `read_arrivals`.
-    """
+def read_blocks(datagram: bytes, wall_ns: int) -> list[ReportBlock]:
+    """The report blocks of a compound datagram that came at `wall_ns` [ns since 1970]."""
     blocks: list[ReportBlock] = []
-    arrivals: dict[int, int] = {}
     for kind, count, packet in _packets(datagram):
         if kind in _REPORT_TYPES:
             first = _REPORT_TYPES[kind]
             ends = range(first + _BLOCK.size, len(packet) + 1, _BLOCK.size)
             blocks += [_block(packet, end - _BLOCK.size, wall_ns) for end in ends[:count]]
-        elif (kind, count) == _TRANSPORT_FEEDBACK:
-            arrivals |= read_arrivals(packet[_FEEDBACK_HEADER_BYTES:])
-    return blocks, arrivals
+    return blocks
 
 
 def read_arrivals(message: bytes) -> dict[int, int]:

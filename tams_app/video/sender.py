@@ -12,7 +12,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.packets import media_ssrc
-from tams_app.video.session_feedback import SessionFeedback
+from tams_app.video.session_feedback import PacketFeedback, ReceptionReports
 from tams_app.video.udp import (
     UdpSocket,
     ViewPorts,
@@ -74,7 +74,7 @@ class VideoSender:
         self._clock = clock
         self._heard = heard
         self._feedback = feedback
-        self._listener: SessionFeedback | None = None
+        self._listener: PacketFeedback | ReceptionReports | None = None
         self.sent = self._frames.sent
         self._failure = ""
         self._pipeline: Any = None
@@ -115,8 +115,10 @@ class VideoSender:
         session = pipeline.get_by_name("session")
         ssrc = media_ssrc(self._config, self.view)
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
-        if self._heard is not None:
-            self._listener = SessionFeedback(session, self._heard, self._clock)
+        if self._heard is not None and self._feedback:
+            self._listener = PacketFeedback(session, self._heard, self._clock)
+        elif self._heard is not None:
+            self._listener = ReceptionReports(session, self._heard)
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))

@@ -1,4 +1,7 @@
-"""Listens to the RTCP that a sender's rtpsession gets, live."""
+"""Listens to the RTCP that a sender's rtpsession gets, live.
+
+Python runs once for each datagram or message, never per packet.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +13,38 @@ from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.clock import Clock
 from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.packets import RTP_HEADER_BYTES, TRANSPORT_SEQUENCE_BYTES
-from tams_app.video.rtcp import read_rtcp
+from tams_app.video.rtcp import read_arrivals, read_blocks
 
 # the session counts a packet's payload alone
 _HEADER_BYTES = IP_UDP_HEADER_BYTES + RTP_HEADER_BYTES + TRANSPORT_SEQUENCE_BYTES
+_TRANSPORT_FEEDBACK = (205, 15)  # packet type and format
 
 
-class SessionFeedback:
-    """Hands what comes to `heard`; Python runs once for each datagram and message, not per packet.
+class ReceptionReports:
+    """Hands the report blocks that come to `heard`; `failure`: "" while all is well."""
+
+    def __init__(self, session: Any, heard: HeardFeedback) -> None:
+        self.failure = ""
+        self._heard = heard
+        kinds = gst.load().Gst.PadProbeType
+        session.get_static_pad("recv_rtcp_sink").add_probe(kinds.BUFFER, self._on_rtcp)
+
+    def _on_rtcp(self, pad: Any, probe: Any) -> Any:
+        try:
+            buffer = probe.get_buffer()
+            datagram = buffer.extract_dup(0, buffer.get_size())
+            self._heard.blocks(read_blocks(datagram, time.time_ns()))
+        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+            self.failure = repr(error)
+        return gst.load().Gst.PadProbeReturn.OK
+
+
+class PacketFeedback:
+    """Hands to `heard` what is told of each packet; `failure`: "" while all is well.
 
     The session tells which packets a message is about, when they left and how large they were.
     When they arrived is read from the message itself: GStreamer 1.22 misreads long gaps (`rtcp`).
-    Both come in one thread, the message first. `failure`: "" while all is well.
+    Both come in one thread, the message first.
     """
 
     def __init__(self, session: Any, heard: HeardFeedback, clock: Clock) -> None:
@@ -29,20 +52,18 @@ class SessionFeedback:
         self._heard = heard
         self._clock = clock
         self._arrived_ns: dict[int, int] = {}
+        internal = session.get_property("internal-session")
+        internal.connect("on-feedback-rtcp", self._on_feedback)
         kinds = gst.load().Gst.PadProbeType
-        self._go_on = gst.load().Gst.PadProbeReturn.OK
-        session.get_static_pad("recv_rtcp_sink").add_probe(kinds.BUFFER, self._on_rtcp)
         session.get_static_pad("send_rtp_sink").add_probe(kinds.EVENT_UPSTREAM, self._on_event)
 
-    def _on_rtcp(self, pad: Any, probe: Any) -> Any:
+    def _on_feedback(self, _: Any, kind: int, form: int, *about: Any) -> None:
         try:
-            buffer = probe.get_buffer()
-            datagram = buffer.extract_dup(0, buffer.get_size())
-            blocks, self._arrived_ns = read_rtcp(datagram, time.time_ns())
-            self._heard.blocks(blocks)
+            if (kind, form) == _TRANSPORT_FEEDBACK:
+                message = about[-1]  # a buffer, after the SSRCs
+                self._arrived_ns = read_arrivals(message.extract_dup(0, message.get_size()))
         except Exception as error:  # noqa: BLE001 - the owner is told by the shell
             self.failure = repr(error)
-        return self._go_on
 
     def _on_event(self, pad: Any, probe: Any) -> Any:
         try:
@@ -51,7 +72,7 @@ class SessionFeedback:
                 self._told(structure.get_value("packets"))
         except Exception as error:  # noqa: BLE001 - the owner is told by the shell
             self.failure = repr(error)
-        return self._go_on
+        return gst.load().Gst.PadProbeReturn.OK
 
     def _told(self, packets: Any) -> None:
         if not self._arrived_ns:  # a damaged message

@@ -119,8 +119,6 @@ def test_when_feedback_is_cut_arrivals_stop_and_the_stream_goes_on():
         assert joined.heard.take_arrivals()
         joined.push(range(20, 60))  # raises if either end has failed
         assert joined.heard.take_arrivals() == []
-        assert joined.heard.take_reception() is not None
-        assert joined.heard.take_reception() is None
         cut = False
         joined.push(range(60, 80))
         time.sleep(0.3)

@@ -114,7 +114,7 @@ class VirtualSender:
             self._shared.records.packets(found)
 
     def _hear(self, now_ns: int, feedback: Feedback, heard: HeardFeedback) -> None:
-        if feedback.block is not None:
+        if feedback.block is not None and not self._feedback:  # as live
             round_trip_ns = self._session.round_trip_ns or None
             heard.blocks([replace(feedback.block, round_trip_ns=round_trip_ns)])
         for message in feedback.arrivals:
