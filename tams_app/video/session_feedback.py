@@ -5,7 +5,6 @@ Python runs once for each datagram or message, never per packet.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from tams_app import gst
@@ -33,7 +32,8 @@ class ReceptionReports:
         try:
             buffer = probe.get_buffer()
             datagram = buffer.extract_dup(0, buffer.get_size())
-            self._heard.blocks(read_blocks(datagram, time.time_ns()))
+            wall_ns = gst.load().GLib.get_real_time() * 1000  # the session's own source of it
+            self._heard.blocks(read_blocks(datagram, wall_ns))
         except Exception as error:  # noqa: BLE001 - the owner is told by the shell
             self.failure = repr(error)
         return gst.load().Gst.PadProbeReturn.OK
