@@ -60,8 +60,9 @@ class PacketFeedback:
     def _on_feedback(self, _: Any, kind: int, form: int, *about: Any) -> None:
         try:
             if (kind, form) == _TRANSPORT_FEEDBACK:
-                message = about[-1]  # a buffer, after the SSRCs
-                self._arrived_ns = read_arrivals(message.extract_dup(0, message.get_size()))
+                message = about[-1]  # a buffer, after the SSRCs; None: nothing follows these
+                content = b"" if message is None else message.extract_dup(0, message.get_size())
+                self._arrived_ns = read_arrivals(content)
         except Exception as error:  # noqa: BLE001 - the owner is told by the shell
             self.failure = repr(error)
 
