@@ -300,6 +300,7 @@ class PacketKind(Enum):
     MEDIA = 0
     REPAIR = 1
     RTCP = 2
+    PARITY = 3
 
 
 class PacketFate(Enum):
@@ -316,7 +317,9 @@ class PacketRecord:
 
     view: str
     kind: PacketKind
-    sequence: int  # RTP sequence of the media packet carried; REPAIR: the original's; RTCP: 0
+    # RTP sequence of the media packet carried; REPAIR: the original's; PARITY: that of the first
+    # packet protected; RTCP: 0
+    sequence: int
     size_bytes: int
     entered_ns: int
     departed_ns: int  # left the bottleneck; 0 if it overflowed

@@ -17,8 +17,12 @@ _DRAFT = "draft-holmer-rmcat-transport-wide-cc-extensions-01"
 TRANSPORT_SEQUENCE_URI = f"http://www.ietf.org/id/{_DRAFT}"
 TRANSPORT_SEQUENCE_BYTES = 8
 _TRANSPORT_SEQUENCE = slice(17, 19)
+PARITY_PAYLOAD_TYPE = 98  # ours (`parity`)
+SEQUENCES = 1 << 16
 
 _FIRST_SSRC = 0x54410000
+_FIRST_PARITY_SSRC = 0x54420000
+_KINDS = {REPAIR_PAYLOAD_TYPE: PacketKind.REPAIR, PARITY_PAYLOAD_TYPE: PacketKind.PARITY}
 _RTP_HEADER = struct.Struct("!BBHII")
 _VERSION = 2
 
@@ -42,6 +46,11 @@ def media_ssrc(config: VideoConfig, view: str) -> int:
 def repair_ssrc(config: VideoConfig, view: str) -> int:
     """The SSRC of a view's RTX stream."""
     return media_ssrc(config, view) + 1
+
+
+def parity_ssrc(config: VideoConfig, view: str) -> int:
+    """The SSRC of a view's parity stream."""
+    return _FIRST_PARITY_SSRC + config.views.index(view)
 
 
 def read_rtp(datagram: bytes) -> RtpHeader | None:
@@ -73,14 +82,16 @@ def with_transport_sequence(packet: bytes, sequence: int) -> bytes:
 def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
     """Kind, sequence number of the media carried, and RTP timestamp of a datagram of the RTP flow.
 
-    A resent packet (RTX) tells the number of the original, which leads its payload. What is no
-    RTP reads as media with number and timestamp 0: the link carries it all the same.
+    A resent packet (RTX) tells the number of the original, a parity packet that of the first packet
+    it protects; both lead the payload. What is no RTP reads as media with number and timestamp 0:
+    the link carries it all the same.
     """
     header = read_rtp(datagram)
     if header is None:
         return PacketKind.MEDIA, 0, 0
-    if header.payload_type != REPAIR_PAYLOAD_TYPE:
-        return PacketKind.MEDIA, header.sequence, header.timestamp
+    kind = _KINDS.get(header.payload_type, PacketKind.MEDIA)
+    if kind is PacketKind.MEDIA:
+        return kind, header.sequence, header.timestamp
     start = header.payload_offset
     original = int.from_bytes(datagram[start : start + 2], "big")
-    return PacketKind.REPAIR, original, header.timestamp
+    return kind, original, header.timestamp
