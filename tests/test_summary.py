@@ -98,6 +98,8 @@ KEYS: dict[str, Any] = {
         "queue_ms": PERCENTILES,
         "loss_fraction": 0.0,
         "residual_loss_fraction": 0.0,
+        "resent_fraction": 0.0,
+        "parity_fraction": 0.0,
     },
     "views": {"eih": VIEW_KEYS, "gt": VIEW_KEYS, "gs": VIEW_KEYS},
     "rates": {"steps": [], "shortfall": None},

@@ -107,11 +107,20 @@ class QualityConfig(Section):
     """Whether frames are scored while the session runs."""
 
 
-class RepairConfig(Section):
-    """How lost packets are repaired, the same for all views (`video/repair.py` has the rule)."""
+_LARGEST_PROTECTED_BYTES = 1465  # with 7 of parity, and 28 of IP and UDP: 1500
 
+
+class RepairConfig(Section):
+    """How lost packets are repaired (`video/repair.py` has the rule)."""
+
+    mode: Literal["paper", "adaptive"] = "paper"
+    """`paper`: resending where it takes at most 200 ms, no parity. `adaptive`: what comes within
+    `video.latency_bound_ms` is sent again, and parity protects the views where that is too late."""
     rtx: Literal["auto", "on", "off"] = "auto"
-    """Whether lost packets are sent again; `auto`: where that comes in time, within 200 ms."""
+    """Whether lost packets are sent again; `auto`: as `mode` says."""
+    parity: Literal["auto", "on", "off"] = "auto"
+    """In mode `adaptive`: whether frames are sent with parity packets. `auto`: where resending comes
+    too late, the views that gain by it; `on`: every view, at least one packet a frame."""
     pli: bool = True
     """Whether a keyframe is asked for where a packet stays lost."""
 
@@ -143,6 +152,9 @@ class VideoConfig(Section):
     first_port: Port = 0
     """First of three UDP ports for each view; 0 takes any free ones."""
     repair: RepairConfig = RepairConfig()
+    latency_bound_ms: Annotated[float, Field(ge=20, le=2000)] = 200.0
+    """In repair mode `adaptive`: no frame waits for a lost packet until later than this after it was
+    sent."""
     pli_min_interval_ms: Positive = 300.0
     """Time between two requests for a keyframe at least."""
     quality: QualityConfig = QualityConfig()
@@ -151,6 +163,11 @@ class VideoConfig(Section):
     def _distinct(self) -> Self:
         if len(set(self.views)) != len(self.views) or not self.views:
             raise ValueError(f"views must be different names, at least one: {list(self.views)}")
+        if self.repair.mode == "adaptive" and self.mtu_bytes > _LARGEST_PROTECTED_BYTES:
+            raise ValueError(
+                f"mtu_bytes must be at most {_LARGEST_PROTECTED_BYTES} with repair.mode adaptive: "
+                "a parity packet is 7 bytes longer than those it protects"
+            )
         last = self.first_port + 3 * len(self.views) - 1
         if self.first_port and last > 65535:
             raise ValueError(f"first_port leaves no space for {3 * len(self.views)} ports")

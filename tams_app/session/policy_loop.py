@@ -61,6 +61,7 @@ class PolicyLoop(Listener):
         report = self._video.report(now_ns)
         self._log.uplink(report)
         allocation = self._policy.step(self._phase, report)
+        self._video.protect(report, allocation.target_kbps)
         self._video.set_targets(allocation.target_kbps)
         for listener in self._listeners:
             listener.on_allocation(allocation)

@@ -64,6 +64,7 @@ class Uplink(Video):
                 self._log.record,
                 self._heard.get(view),
                 self._feedback,
+                self._parity.get(view),
             )
             self._senders[view] = sender
             receiver = VideoReceiver(

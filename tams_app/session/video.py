@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Protocol
 
 from tams_app.config import Config, Network
@@ -12,8 +13,10 @@ from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
 from tams_app.video.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.networks import network_capacity
-from tams_app.video.packets import media_ssrc
+from tams_app.video.packets import media_ssrc, parity_ssrc
+from tams_app.video.protection import Protection
 from tams_app.video.repair import RepairRule, repair_rule
+from tams_app.video.view_parity import ViewParity
 
 
 class Quality(Protocol):
@@ -39,12 +42,30 @@ class Video(ABC):
         self._feedback = mode == "feedback"  # whether receivers tell of each packet
         heard = () if mode == "oracle" else video.views
         self._heard = {view: HeardFeedback(view, media_ssrc(video, view)) for view in heard}
-        self._rule = repair_rule(network, video.pli_min_interval_ms, video.repair)
+        self._rule = repair_rule(
+            network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms
+        )
         self.delay_ns = video_delay_ns(network, self._rule)
         first = Policy.of(config, self.capacity).step(Phase.REACH, UplinkReport(epoch_ns, 0))
         self._start_kbps = first.target_kbps
+        protected = video.views if self._rule.parity else ()
+        self._parity = {view: ViewParity(parity_ssrc(video, view)) for view in protected}
+        always = video.repair.parity == "on"
+        self._protection = Protection(protected, network, self._rule, video.fps, always)
         self._log = log
         self._quality = quality
+
+    def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
+        """Choose the parity of each view for what was told and for the targets that come now."""
+        if not self._parity:
+            return
+        self._protection.observe(report)
+        total_kbps = sum(target_kbps.values())
+        for view, parity in self._parity.items():
+            share = target_kbps[view] / total_kbps if total_kbps else 0.0
+            parity.groups = self._protection.groups(
+                view, share, parity.packets_per_frame, parity.changed_share
+            )
 
     def push(self, frame: Frame) -> None:
         """Send a captured frame; each view from one thread."""

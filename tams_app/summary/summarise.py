@@ -32,6 +32,7 @@ from tams_app.summary.tables import (
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.frame_interval import freeze_ns
+from tams_app.video.restoration import restored_packets
 
 SCHEMA = 1
 SUMMARY_NAME = "summary.json"
@@ -251,6 +252,7 @@ def uplink(
     """Null where the log has no packets (an uplink that is not ours) or no capacity (none)."""
     capacity_kbps = _capacity_kbps(log, span)
     video = packets.is_video
+    restored = PacketTable.of(log, restored_packets(log.packets))
     crossed = packets.departed_ns > 0
     sojourn_ms = (packets.departed_ns - packets.entered_ns)[crossed] / NS_PER_MS
     return {
@@ -263,7 +265,9 @@ def uplink(
         "loss_fraction": ratio(
             int(np.sum(video)) - int(np.sum(packets.delivered[video])), int(np.sum(video))
         ),
-        "residual_loss_fraction": _residual_loss(packets),
+        "residual_loss_fraction": _residual_loss(packets, restored),
+        "resent_fraction": _share_of_bytes(packets, PacketKind.REPAIR),
+        "parity_fraction": _share_of_bytes(packets, PacketKind.PARITY),
     }
 
 
@@ -295,14 +299,21 @@ def _utilisation(
     return ratio(left_kbps, capacity_kbps)
 
 
-def _residual_loss(packets: PacketTable) -> Number:
-    """Media packets of which no transmission, the repairs included, was delivered."""
+def _share_of_bytes(packets: PacketTable, kind: PacketKind) -> Number:
+    """Of all video bytes sent, those of `kind`."""
+    of_kind = packets.size_bytes[packets.kind == kind.value]
+    return ratio(int(np.sum(of_kind)), int(np.sum(packets.size_bytes[packets.is_video])))
+
+
+def _residual_loss(packets: PacketTable, restored: PacketTable) -> Number:
+    """Media packets that neither arrived in any transmission nor were restored."""
     media = packets.kind == PacketKind.MEDIA.value
     # A repair names the original's sequence and carries its RTP timestamp (RFC 4588), which tells
     # apart packets whose 16-bit sequence has wrapped.
     key = _keys(packets)
     sent = np.unique(key[media])
-    arrived = np.unique(key[packets.is_video & (packets.delivered == 1)])
+    carried = media | (packets.kind == PacketKind.REPAIR.value)
+    arrived = np.union1d(key[carried & (packets.delivered == 1)], _keys(restored))
     missing = len(np.setdiff1d(sent, arrived, assume_unique=True))
     return ratio(missing, len(sent))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.recording import SessionLog
-from tams_app.records import PacketFate, PacketKind, Phase
+from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.frame_interval import FrameIntervals
@@ -34,11 +34,12 @@ class PacketTable:
 
     @property
     def is_video(self) -> Flags:
-        """Media and repair, not RTCP."""
+        """Media, resends and parity, not RTCP."""
         return np.not_equal(self.kind, PacketKind.RTCP.value)
 
     @staticmethod
-    def of(log: SessionLog) -> PacketTable:
+    def of(log: SessionLog, packets: Sequence[PacketRecord] | None = None) -> PacketTable:
+        """The packets of `log`, or others of its views."""
         places = {view: place for place, view in enumerate(log.header.views)}
         rows = [
             (
@@ -52,7 +53,7 @@ class PacketTable:
                 packet.fate is PacketFate.DELIVERED,
                 packet.rtp_timestamp,
             )
-            for packet in log.packets
+            for packet in (log.packets if packets is None else packets)
         ]
         columns = np.array(rows, dtype=np.int64).reshape(len(rows), 9).T
         return PacketTable(*columns)

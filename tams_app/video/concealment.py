@@ -1,6 +1,6 @@
 """Frames whose errors the decoder concealed: inferred from packet loss, decoders do not tell.
 
-A frame is incomplete when one of its packets did not arrive in time, resent or not. It is concealed
+A frame is incomplete when one of its packets did not arrive in time, was not resent or restored. It is concealed
 when it is incomplete or predicted from a concealed frame: up to the next complete keyframe. All
 other frames are bit-exact; a concealed one may be, where the lost packet carried nothing new
 (repeated parameter sets). Logs and summaries call concealed frames `damaged`.
@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
 from tams_app.records import PacketKind, PacketRecord
+from tams_app.video.restoration import restored_packets
 
 _SEQUENCES = 1 << 16
 _NEVER_NS = 1 << 62
@@ -27,15 +28,16 @@ def concealed_frames(
 
     Args:
         keyframe_of: every frame sent, by index: whether it is a keyframe.
-        packets: the view's media and repair datagrams with their fates.
+        packets: the view's datagrams with their fates.
         shown_ns: when frames were shown, by index; a packet that arrives after its frame or a
             later one was shown is too late.
         index_of: the frames' indices by RTP timestamp; other packets are left out.
     """
+    packets = list(packets)
     video = [
         packet
-        for packet in packets
-        if packet.kind is not PacketKind.RTCP and packet.rtp_timestamp in index_of
+        for packet in (*packets, *restored_packets(packets))
+        if packet.kind in (PacketKind.MEDIA, PacketKind.REPAIR) and packet.rtp_timestamp in index_of
     ]
     incomplete = _incomplete(set(keyframe_of), video, shown_ns, index_of)
     found, concealed = set(), True  # nothing can be predicted before the first keyframe

@@ -11,10 +11,12 @@ from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
 from tams_app.video.packets import (
     MEDIA_PAYLOAD_TYPE,
+    PARITY_PAYLOAD_TYPE,
     REPAIR_PAYLOAD_TYPE,
     TRANSPORT_SEQUENCE_BYTES,
     TRANSPORT_SEQUENCE_URI,
     media_ssrc,
+    parity_ssrc,
     repair_ssrc,
 )
 from tams_app.video.rate_control import X264_FPS
@@ -36,6 +38,10 @@ _RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
 _SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
 RTX_HISTORY_MS = 1000
 RTX_PAYLOAD_TYPES = f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAIR_PAYLOAD_TYPE};"
+# The last media packets, and every parity packet: nothing of Python runs for a media packet.
+RECENT_PACKETS = 256
+_RECENT = f"appsink name=recent async=false sync=false max-buffers={RECENT_PACKETS} drop=true"
+_PARITY = "appsink name=parity async=false sync=false emit-signals=true max-buffers=64 drop=true"
 # Without async=false a live appsink never leaves PAUSED.
 SHOWN_FRAMES = (
     "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
@@ -64,6 +70,8 @@ def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
     common = f"application/x-rtp,media=video,clock-rate=90000,payload={payload_type}"
     if payload_type == REPAIR_PAYLOAD_TYPE:
         return f"{common},encoding-name=RTX"
+    if payload_type == PARITY_PAYLOAD_TYPE:
+        return f"{common},encoding-name=PARITY"
     return f"{common},encoding-name=H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true"
 
 
@@ -158,13 +166,20 @@ def session_receiver(
     `rtp_in`, `reports_in`: launch descriptions of the sources of the sender's RTP and RTCP,
     `feedback_out`: of the sink of its own RTCP.
 
-    Only the view's own SSRC is linked on.
+    Only the view's own SSRCs are linked on. With parity, `recent` keeps the media packets that
+    `parity` may need.
     """
+    decoding = decoder_chain(rule, decoder)
+    media = f"ssrcdemux.src_{media_ssrc(config, view)} ! "
+    if rule.parity:
+        media = (
+            f"ssrcdemux.src_{parity_ssrc(config, view)} ! {_PARITY} "
+            f"{media} tee name=media media. ! {_RECENT} media. ! "
+        )
     resent = "! rtprtxreceive name=rtx " if rule.rtx else ""
     return (
         f"{_RECEIVING} {rtp_in} ! session.recv_rtp_sink "
         f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
-        f"ssrcdemux.src_{media_ssrc(config, view)} ! {decoder_chain(rule, decoder)} "
-        f"! {SHOWN_FRAMES} {reports_in} ! session.recv_rtcp_sink "
+        f"{media}{decoding} ! {SHOWN_FRAMES} {reports_in} ! session.recv_rtcp_sink "
         f"session.send_rtcp_src ! {feedback_out}"
     )

@@ -12,7 +12,8 @@ from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.frame_identity import SentFrame
-from tams_app.video.packets import media_ssrc
+from tams_app.video.packets import media_ssrc, parity_ssrc
+from tams_app.video.parity import ParityDecoder
 from tams_app.video.repair import RepairRule
 from tams_app.video.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
 from tams_app.video.view_decoder import ViewDecoder, caps_of_payload_type
@@ -105,6 +106,10 @@ class VideoReceiver:
             self._resent.set_property("payload-type-map", structure)
         pipeline.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
+        if self._rule.parity:
+            self._recent = pipeline.get_by_name("recent")
+            self._parity = ParityDecoder(media_ssrc(self._config, self.view))
+            pipeline.get_by_name("parity").connect("new-sample", self._on_parity)
         self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the receiver of view {self.view}")
 
@@ -128,10 +133,28 @@ class VideoReceiver:
     def _on_stream(self, _: Any, pad: Any) -> None:
         """Drain other senders' packets: an unlinked stream would end the whole receiver."""
         name = pad.get_name()
-        if not name.startswith("src_") or name == f"src_{media_ssrc(self._config, self.view)}":
+        own = [media_ssrc(self._config, self.view)]
+        own += [parity_ssrc(self._config, self.view)] * self._rule.parity
+        if not name.startswith("src_") or name in {f"src_{ssrc}" for ssrc in own}:
             return
         drain = gst.load().Gst.ElementFactory.make("fakesink")
         drain.set_property("async", False)
         self._pipeline.add(drain)
         drain.sync_state_with_parent()
         pad.link(drain.get_static_pad("sink"))
+
+    def _on_parity(self, appsink: Any) -> Any:
+        """Restore what a frame's parity can; media and parity come in one thread."""
+        Gst = gst.load().Gst
+        restored: list[bytes] = []
+        for buffer in gst.pull_available(self._recent):
+            restored += self._parity.media(buffer.extract_dup(0, buffer.get_size()))
+        for buffer in gst.pull_available(appsink):
+            restored += self._parity.parity(buffer.extract_dup(0, buffer.get_size()))
+            arrived_ns = buffer.dts
+        entrance = self._frames.jitterbuffer.get_static_pad("sink")
+        for packet in restored:
+            lost = Gst.Buffer.new_wrapped(packet)
+            lost.dts = arrived_ns
+            entrance.chain(lost)
+        return Gst.FlowReturn.OK

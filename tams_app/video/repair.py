@@ -1,4 +1,4 @@
-"""Repair of lost packets on a given network: RTX, the jitter buffer's latency, PLI."""
+"""Repair of lost packets on a given network: RTX, parity, the jitter buffer's latency, PLI."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from tams_app.config import Network, RepairConfig
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-_RTX_WORTH_MS = 200.0  # beyond this a resent packet comes too late for the operator
+_RTX_WORTH_MS = 200.0  # mode paper: beyond this a resent packet comes too late for the operator
 _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
 
 
 @dataclass(frozen=True, slots=True)
 class RepairRule:
-    """How lost packets are repaired; the same for all views and strategies on one network.
+    """How lost packets are repaired; the same for all strategies on one network.
 
     Attributes:
         rtx: whether lost packets are asked for (NACK) and sent again (RTX, RFC 4588).
@@ -22,12 +22,16 @@ class RepairRule:
             rate); spent only while it waits for a gap to fill.
         pli_interval_ms: at most one keyframe request (PLI, RFC 4585) per view in this time.
         pli: whether keyframes are requested at all.
+        parity: whether views may be protected by parity packets (`protection` says which).
+        longest_wait_ms: the jitter buffer's latency at any rate is at most this.
     """
 
     rtx: bool
     latency_ms: int
     pli_interval_ms: float
     pli: bool = True
+    parity: bool = False
+    longest_wait_ms: float = math.inf
 
     def wait_ms(self, usual_ns: int) -> int:
         """Latency of the jitter buffer where frames are usually `usual_ns` apart.
@@ -37,35 +41,51 @@ class RepairRule:
         """
         if not self.rtx:
             return self.latency_ms
-        return self.latency_ms + max(0, usual_ns - NS_PER_S // 30) // NS_PER_MS
+        rarer_ms = max(0, usual_ns - NS_PER_S // 30) // NS_PER_MS
+        return math.floor(min(self.latency_ms + rarer_ms, self.longest_wait_ms))
 
 
 _AS_THE_RULE_SAYS = RepairConfig()
 
 
 def repair_rule(
-    network: Network, pli_min_interval_ms: float, wanted: RepairConfig = _AS_THE_RULE_SAYS
+    network: Network,
+    pli_min_interval_ms: float,
+    wanted: RepairConfig = _AS_THE_RULE_SAYS,
+    latency_bound_ms: float = 200.0,
 ) -> RepairRule:
-    """The rule for one network.
+    """The rule for one network: its one-way latency and jitter are used.
 
-    A resend takes 1.2·RTT + 2·jitter + 20 ms. Where that is at most 200 ms there is RTX and the
-    jitter buffer waits that long; elsewhere there is none and it waits 2·jitter + 20 ms.
+    A resend takes 1.2·RTT + 2·jitter + 20 ms, at best RTT + 20 ms. In mode `paper` there is RTX where
+    that is at most 200 ms, and the jitter buffer waits that long; elsewhere there is none and it
+    waits 2·jitter + 20 ms. In mode `adaptive` no frame is to wait until later than
+    `latency_bound_ms` after it was sent: there is RTX where the best resend comes by then, and parity
+    where not all do.
 
     Args:
         network: its one-way latency and jitter [ms] are used.
         pli_min_interval_ms: PLIs of a view are at least this and a round trip apart.
-        wanted: `video.repair`; it may force RTX on or off and do without PLI.
+        wanted: `video.repair`: the mode; RTX and parity forced on or off; without PLI.
+        latency_bound_ms: of mode `adaptive`.
     """
     round_trip_ms = 2.0 * network.latency_ms
     without_rtx_ms = 2.0 * network.jitter_ms + _MARGIN_MS
-    with_rtx_ms = 1.2 * round_trip_ms + without_rtx_ms
-    rtx = with_rtx_ms <= _RTX_WORTH_MS if wanted.rtx == "auto" else wanted.rtx == "on"
-    return RepairRule(
-        rtx=rtx,
-        latency_ms=math.ceil(with_rtx_ms if rtx else without_rtx_ms),
-        pli_interval_ms=max(round_trip_ms, pli_min_interval_ms),
-        pli=wanted.pli,
-    )
+    resend_ms = 1.2 * round_trip_ms + without_rtx_ms
+    pli_interval_ms = max(round_trip_ms, pli_min_interval_ms)
+    if wanted.mode == "paper":
+        rtx = _choose(wanted.rtx, resend_ms <= _RTX_WORTH_MS)
+        latency_ms = math.ceil(resend_ms if rtx else without_rtx_ms)
+        return RepairRule(rtx, latency_ms, pli_interval_ms, wanted.pli)
+    spare_ms = latency_bound_ms - network.latency_ms - network.jitter_ms
+    longest_ms = max(spare_ms, without_rtx_ms)
+    rtx = _choose(wanted.rtx, round_trip_ms + _MARGIN_MS <= spare_ms)
+    parity = _choose(wanted.parity, resend_ms > spare_ms)
+    latency_ms = math.ceil(min(resend_ms, longest_ms) if rtx else without_rtx_ms)
+    return RepairRule(rtx, latency_ms, pli_interval_ms, wanted.pli, parity, math.ceil(longest_ms))
+
+
+def _choose(wanted: str, by_rule: bool) -> bool:
+    return by_rule if wanted == "auto" else wanted == "on"
 
 
 class KeyframeRequests:

@@ -22,6 +22,7 @@ from tams_app.video.udp import (
     wire_bytes_sent,
 )
 from tams_app.video.view_encoder import ViewEncoder
+from tams_app.video.view_parity import ViewParity
 
 
 class VideoSender:
@@ -43,6 +44,7 @@ class VideoSender:
         on_dropped: Callable[[DroppedFrame], None],
         heard: HeardFeedback | None = None,
         feedback: bool = False,
+        parity: ViewParity | None = None,
     ) -> None:
         """Bind the port for feedback.
 
@@ -57,6 +59,7 @@ class VideoSender:
             on_dropped: called once per dropped frame in the thread that pushes.
             heard: gets what the receiver tells; None if nobody asks.
             feedback: whether packets are numbered for feedback on each; the receiver must agree.
+            parity: protects the frames, where `RepairRule.parity` lets it.
 
         Raises:
             ConfigError: the port is taken.
@@ -68,6 +71,8 @@ class VideoSender:
         self._admitted_ns = self._encoded_ns = 0  # capture times
         self._config = config
         self._rtx = rtx
+        self._parity = parity
+        self._packets: list[bytes] = []  # of the frame that is being packetised
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
@@ -122,6 +127,10 @@ class VideoSender:
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
+        if self._parity is not None:
+            kinds = gst.load().Gst.PadProbeType
+            packets = pipeline.get_by_name("payloader").get_static_pad("src")
+            packets.add_probe(kinds.BUFFER | kinds.BUFFER_LIST, self._on_packets, self._parity)
         self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the sender of view {self.view}")
 
@@ -130,6 +139,8 @@ class VideoSender:
         buffer = self._frames.admit(frame, self.wire_bytes)
         if buffer is not None:
             self._admitted_ns = frame.capture_ns
+            if self._parity is not None:
+                self._parity.captured(frame.image)
             self._source.emit("push-buffer", buffer)
 
     def set_target_kbps(self, kbps: float) -> None:
@@ -165,6 +176,27 @@ class VideoSender:
     def _encoded(self, frame: EncodedFrame) -> None:
         self._encoded_ns = frame.capture_ns
         self._on_encoded(frame)
+
+    def _on_packets(self, pad: Any, probe: Any, parity: ViewParity) -> Any:
+        """In the encoder's thread: send a frame's parity behind its last packet."""
+        Gst = gst.load().Gst
+        for buffer in gst.buffers_of(probe):
+            self._packets.append(buffer.extract_dup(0, buffer.get_size()))
+        if not buffer.has_flags(Gst.BufferFlags.MARKER):
+            return Gst.PadProbeReturn.OK
+        packets, self._packets = self._packets, []
+        if not (protecting := parity.protect(packets)):
+            return Gst.PadProbeReturn.OK
+        session = pad.get_peer()
+        if probe.type & Gst.PadProbeType.BUFFER_LIST:
+            session.chain_list(probe.get_buffer_list())
+        else:
+            session.chain(probe.get_buffer())
+        for packet in protecting:
+            behind = Gst.Buffer.new_wrapped(packet)
+            behind.pts, behind.dts = buffer.pts, buffer.dts
+            session.chain(behind)
+        return Gst.PadProbeReturn.DROP
 
     def _set_structure(self, name: str, text: str) -> None:
         structure, _ = gst.load().Gst.Structure.from_string(text)

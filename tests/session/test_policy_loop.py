@@ -23,10 +23,14 @@ class Encoders:
     def __init__(self) -> None:
         self.capacity = ConstantCapacity(6000.0)
         self.targets: list[dict[str, int]] = []
+        self.protected: list[dict[str, int]] = []
         self.sent_bytes = 0
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
+
+    def protect(self, report: UplinkReport, target_kbps: dict[str, int]) -> None:
+        self.protected.append(target_kbps)
 
     def report(self, now_ns: int) -> UplinkReport:
         return UplinkReport(now_ns, self.sent_bytes)

@@ -16,12 +16,13 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tams_app.video.colour import bgr_of
 from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.packets import media_ssrc
+from tams_app.video.packets import media_ssrc, parity_ssrc
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tams_app.video.sender import VideoSender
 from tams_app.video.udp import ViewPorts
 from tams_app.video.view_decoder import ViewDecoder
+from tams_app.video.view_parity import ViewParity
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import HEIGHT, WIDTH, frame
 
@@ -46,9 +47,10 @@ class Stream:
         self.shown: list[ShownFrame] = []
         self.heard = HeardFeedback("eih", media_ssrc(config, "eih"))
         self._arrived = threading.Condition()
+        self.parity = ViewParity(parity_ssrc(config, "eih")) if rule.parity else None
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
-            self.encoded.append, self.dropped.append, self.heard, feedback,
+            self.encoded.append, self.dropped.append, self.heard, feedback, self.parity,
         )  # fmt: skip
         self.receiver = VideoReceiver(
             "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback

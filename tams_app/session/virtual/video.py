@@ -78,6 +78,7 @@ class TrialVideo(Video):
             VideoRecords(log.record, log.record, self._on_shown, log.packets),
             heard=self._heard,
             feedback=self._feedback,
+            parity=self._parity,
         )
 
     def advance_to(self, now_ns: int) -> None:

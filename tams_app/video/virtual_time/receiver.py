@@ -11,7 +11,15 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.video.frame_identity import SentFrame
-from tams_app.video.packets import RtpHeader, media_ssrc, read_rtp, transport_sequence
+from tams_app.video.packets import (
+    PARITY_PAYLOAD_TYPE,
+    SEQUENCES,
+    RtpHeader,
+    media_ssrc,
+    read_rtp,
+    transport_sequence,
+)
+from tams_app.video.parity import ParityDecoder
 from tams_app.video.repair import RepairRule
 from tams_app.video.view_decoder import ViewDecoder
 from tams_app.video.virtual_time.chains import DecoderChain
@@ -19,8 +27,6 @@ from tams_app.video.virtual_time.reception import ArrivalMessages, StreamStatist
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, ReceiverSession
 from tams_app.video.virtual_time.shared import Shared
 from tams_app.video.virtual_time.stepped_clock import LaterClock
-
-_SEQUENCES = 1 << 16
 
 
 class VirtualReceiver:
@@ -42,6 +48,7 @@ class VirtualReceiver:
         self._shared = shared
         self._return_feedback = return_feedback
         self._expected = 0  # sequence number of the next media packet, if none is lost
+        self._parity = ParityDecoder(media_ssrc(config, view)) if rule.parity else None
         self._decoded: list[ShownFrame] = []
         self._arrivals = ArrivalMessages() if feedback else None
         self._statistics = StreamStatistics()
@@ -59,15 +66,24 @@ class VirtualReceiver:
     def arrive(self, packet: bytes, resent: bool) -> None:
         """A packet has come over the link."""
         now_ns = self._shared.clock.now_ns()
-        self._session.received(now_ns, resent)
         header = read_rtp(packet)
-        if header is not None:
+        parity = header is not None and header.payload_type == PARITY_PAYLOAD_TYPE
+        self._session.received(now_ns, resent, parity)
+        if header is not None and not parity:
             self._count(now_ns, packet, header, resent)
-        in_order = header is not None and not resent and header.sequence == self._expected
-        if header is not None and not resent:
-            self._expected = (header.sequence + 1) % _SEQUENCES
-        self._shared.idle_gate.packet_enters(in_order, ends_frame=header is None or header.marker)
-        self._chain.feed(packet, resent)
+        restored: list[bytes] = []
+        if self._parity is not None:
+            restored = self._parity.parity(packet) if parity else self._parity.media(packet)
+        if not parity:
+            in_order = header is not None and not resent and header.sequence == self._expected
+            if header is not None and not resent:
+                self._expected = (header.sequence + 1) % SEQUENCES
+            ends_frame = header is None or header.marker
+            self._shared.idle_gate.packet_enters(in_order, ends_frame)
+            self._chain.feed(packet, resent)
+        for one in restored:
+            self._shared.idle_gate.packet_enters(in_order=False, ends_frame=True)
+            self._chain.feed(one, resent=False)
 
     def collect(self) -> None:
         """Take what the chain's threads have left; they are idle now."""

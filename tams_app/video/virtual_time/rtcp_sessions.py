@@ -60,7 +60,7 @@ class ReceiverSession:
         self._nacks: dict[int, int] = {}  # sequence number -> when asking becomes pointless
         self._rtx = rtx
         self._pli = False
-        self._repaired = False
+        self._repaired = self._protected = False
         self._report_transit_ns: int | None = None
 
     @property
@@ -68,15 +68,16 @@ class ReceiverSession:
         """When `step` must be called [ns]; None before the first packet."""
         return self.timing.next_ns
 
-    def received(self, now_ns: int, repair: bool) -> None:
+    def received(self, now_ns: int, repair: bool, parity: bool = False) -> None:
         """A packet of the RTP flow came."""
         self.timing.start(now_ns)
         self._repaired |= repair
+        self._protected |= parity
 
     def received_report(self, transit_ns: int, size_bytes: int) -> None:
         """A sender report came after `transit_ns`."""
         self._report_transit_ns = transit_ns
-        self.timing.members = 2 + self._rtx
+        self.timing.members = 2 + self._rtx + self._protected
         self.timing.observe(size_bytes)
 
     def ask_again(self, now_ns: int, sequence: int, time_left_ms: int) -> None:
@@ -108,8 +109,9 @@ class ReceiverSession:
         nacks, pli = self._take_nacks(now_ns, regular), self._pli
         self._pli = False
         size_bytes = _HEADERS + _RECEIVER_REPORT + (_SDES if regular else _SHORT_SDES)
-        size_bytes += (_REPORT_BLOCK * (1 + self._repaired) if regular else 0) + _PLI * pli
-        size_bytes += _nack_bytes(nacks)
+        size_bytes += _PLI * pli + _nack_bytes(nacks)
+        if regular:
+            size_bytes += _REPORT_BLOCK * (1 + self._repaired + self._protected)
         self.timing.observe(size_bytes)
         transit_ns = self._report_transit_ns if regular else None
         arrivals = take_arrivals()
@@ -141,20 +143,23 @@ class SenderSession:
         self._rtx = rtx
         self.round_trip_ns = 0  # 0: not known yet
         self._last_keyframe_ns: int | None = None
-        self._repaired = False
+        self._repaired = self._protected = False
 
     @property
     def next_ns(self) -> int | None:
         """When `step` must be called [ns]; None before the first packet."""
         return self.timing.next_ns
 
-    def sent(self, now_ns: int, repair: bool) -> None:
+    def sent(self, now_ns: int, repair: bool, parity: bool = False) -> None:
         """A packet of the RTP flow left."""
         self.timing.start(now_ns)
         self._repaired |= repair
+        if parity and not self._protected:
+            self._protected = True
+            self.timing.members += 1
 
     def step(self, now_ns: int) -> list[int]:
-        """Sizes [bytes] of the reports that leave now: the media stream's, then RTX's.
+        """Sizes [bytes] of the reports that leave now: the media stream's, RTX's, parity's.
 
         A stream that has sent nothing yet gives the report of a receiver.
         """
@@ -163,6 +168,7 @@ class SenderSession:
         sizes = [_HEADERS + _SENDER_REPORT + _SDES]
         if self._rtx:
             sizes.append(sizes[0] if self._repaired else _HEADERS + _RECEIVER_REPORT + _SDES)
+        sizes += [sizes[0]] * self._protected
         for size_bytes in sizes:
             self.timing.observe(size_bytes)
         return sizes

@@ -16,6 +16,7 @@ from tams_app.video.packets import identify, with_transport_sequence
 from tams_app.video.pipelines import RTX_HISTORY_MS
 from tams_app.video.rtcp import SEQUENCES
 from tams_app.video.view_encoder import ViewEncoder
+from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.chains import EncoderChain
 from tams_app.video.virtual_time.rtcp_sessions import Feedback, SenderSession, SentPackets
 from tams_app.video.virtual_time.shared import Shared
@@ -42,8 +43,9 @@ class VirtualSender:
         shared: Shared,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
-        heard: HeardFeedback | None = None,
-        feedback: bool = False,
+        heard: HeardFeedback | None,
+        feedback: bool,
+        parity: ViewParity | None,
     ) -> None:
         self.view = view
         self.wire_bytes = 0
@@ -54,6 +56,7 @@ class VirtualSender:
         self._feedback = feedback
         self._next_sequence = 0  # transport-wide
         self._untold: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
+        self._parity = parity
         self._history = SentPackets(RTX_HISTORY_MS) if rtx else None
         self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), rtx)
         self._done_clock = LaterClock(shared.clock)
@@ -78,6 +81,8 @@ class VirtualSender:
         buffer = self._frames.admit(frame, self.wire_bytes)
         if buffer is None:
             return
+        if self._parity is not None:
+            self._parity.captured(frame.image)
         encoding_ns = self._shared.times.encoding_ns
         self._done_clock.later_ns = encoding_ns
         packets = self._chain.encode(buffer)
@@ -130,6 +135,9 @@ class VirtualSender:
             if self._history is not None:
                 self._history.keep(sequence, timestamp, packet)
             records.append(self._offer(PacketKind.MEDIA, packet, sequence, timestamp))
+        for packet in self._parity.protect(packets) if self._parity is not None else ():
+            kind, sequence, timestamp = identify(packet)
+            records.append(self._offer(kind, packet, sequence, timestamp))
         self._shared.records.packets(records)
 
     def _resend(self, sequence: int) -> PacketRecord | None:
@@ -145,8 +153,8 @@ class VirtualSender:
         now_ns = self._shared.clock.now_ns()
         size_bytes = len(packet) + IP_UDP_HEADER_BYTES + resent * _ORIGINAL_SEQUENCE_BYTES
         self.wire_bytes += size_bytes
-        self._session.sent(now_ns, resent)
-        if self._feedback:
+        self._session.sent(now_ns, resent, kind is PacketKind.PARITY)
+        if self._feedback and kind is not PacketKind.PARITY:  # as live: parity has no number
             packet = with_transport_sequence(packet, self._next_sequence)
             self._untold.append((self._next_sequence, now_ns, size_bytes))
             self._next_sequence = (self._next_sequence + 1) % SEQUENCES

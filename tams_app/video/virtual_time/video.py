@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from types import MappingProxyType
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
@@ -19,6 +20,7 @@ from tams_app.video.virtual_time.rtcp_sessions import Feedback
 from tams_app.video.virtual_time.sender import VirtualSender
 from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
 
 _NEVER_NS = 1 << 63
@@ -45,10 +47,12 @@ class VirtualVideo:
         times: ProcessingTimes | None = None,
         heard: Mapping[str, HeardFeedback] | None = None,
         feedback: bool = False,
+        parity: Mapping[str, ViewParity] = MappingProxyType({}),
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
 
         `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
+        `parity`: of the views that `rule` lets be protected.
         """
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
@@ -85,6 +89,7 @@ class VirtualVideo:
                 receiver.arrive_report,
                 heard.get(view) if heard else None,
                 feedback,
+                parity.get(view),
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self.receivers.values(),

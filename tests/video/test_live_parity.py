@@ -1,0 +1,57 @@
+"""Parity over sockets: lost packets come back without a round trip, and count as sent."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
+from tams_app.video.packets import identify
+from tams_app.video.repair import RepairRule
+from tests.video.lossy_link import LossyLink
+from tests.video.streams import checksum, decoded_checksums, stream
+
+pytestmark = pytest.mark.waiting
+
+FRAMES = 60
+# A jitter buffer that waits so long shows that nothing is given up before parity has come.
+PROTECTED = RepairRule(False, 2000, 300.0, pli=False, parity=True)
+
+
+@pytest.mark.parametrize("groups", [1, 2])
+def test_lost_packets_are_restored_bit_for_bit(groups: int) -> None:
+    lost: list[int] = []
+    hit: set[int] = set()
+
+    def lose_one_of_every_second_frame(ordinal: int, datagram: bytes) -> bool:
+        kind, sequence, timestamp = identify(datagram)
+        if kind is not PacketKind.MEDIA or timestamp in hit:
+            return True
+        hit.add(timestamp)
+        if len(hit) % 2 == 0:
+            lost.append(sequence)
+            return False
+        return True
+
+    link = LossyLink(lose_one_of_every_second_frame)
+    with stream(link, PROTECTED) as joined:
+        assert joined.parity is not None
+        joined.parity.groups = groups
+        joined.push(range(FRAMES))
+        assert joined.wait_until(lambda: len(joined.shown) == FRAMES)
+        assert len(lost) >= 20
+        sent_bytes = joined.sender.wire_bytes
+    references = decoded_checksums(joined.encoded)
+    assert {each.index: checksum(each) for each in joined.shown} == references
+    kinds = Counter(identify(datagram)[0] for datagram in link.rtp)
+    assert kinds[PacketKind.PARITY] >= FRAMES
+    assert sent_bytes == sum(len(datagram) + IP_UDP_HEADER_BYTES for datagram in link.rtp)
+
+
+def test_an_unprotected_view_sends_no_parity_and_loses_nothing_by_being_able_to() -> None:
+    link = LossyLink(lambda ordinal, datagram: True)
+    with stream(link, PROTECTED) as joined:
+        joined.push(range(30))
+        assert joined.wait_until(lambda: len(joined.shown) == 30)
+    assert {identify(datagram)[0] for datagram in link.rtp} == {PacketKind.MEDIA}
