@@ -114,13 +114,13 @@ class RepairConfig(Section):
     """How lost packets are repaired (`video/repair.py` has the rule)."""
 
     mode: Literal["paper", "adaptive"] = "paper"
-    """`paper`: resending where it takes at most 200 ms, no parity. `adaptive`: what comes within
-    `video.latency_bound_ms` is sent again, and parity protects the views where that is too late."""
+    """`paper`: resending where it takes at most 200 ms, no parity. `adaptive`: resending of what
+    comes within `video.latency_bound_ms`, parity where not all does."""
     rtx: Literal["auto", "on", "off"] = "auto"
     """Whether lost packets are sent again; `auto`: as `mode` says."""
     parity: Literal["auto", "on", "off"] = "auto"
-    """In mode `adaptive`: whether frames are sent with parity packets. `auto`: where resending comes
-    too late, the views that gain by it; `on`: every view, at least one packet a frame."""
+    """In mode `adaptive`: whether frames are sent with parity packets. `auto`: where resending
+    comes too late, the views that gain by it; `on`: every view, at least one packet a frame."""
     pli: bool = True
     """Whether a keyframe is asked for where a packet stays lost."""
 
@@ -153,7 +153,7 @@ class VideoConfig(Section):
     """First of three UDP ports for each view; 0 takes any free ones."""
     repair: RepairConfig = RepairConfig()
     latency_bound_ms: Annotated[float, Field(ge=20, le=2000)] = 200.0
-    """In repair mode `adaptive`: no frame waits for a lost packet until later than this after it was
+    """In repair mode `adaptive`: no frame waits for a resend until later than this after it was
     sent."""
     pli_min_interval_ms: Positive = 300.0
     """Time between two requests for a keyframe at least."""

@@ -1,9 +1,10 @@
 """Frames whose errors the decoder concealed: inferred from packet loss, decoders do not tell.
 
-A frame is incomplete when one of its packets did not arrive in time, was not resent or restored. It is concealed
-when it is incomplete or predicted from a concealed frame: up to the next complete keyframe. All
-other frames are bit-exact; a concealed one may be, where the lost packet carried nothing new
-(repeated parameter sets). Logs and summaries call concealed frames `damaged`.
+A frame is incomplete when one of its packets did not come in time: it did not arrive, was not
+resent, and was not restored by parity. It is concealed when it is incomplete or predicted from a
+concealed frame: up to the next complete keyframe. All other frames are bit-exact; a concealed one
+may be, where the lost packet carried nothing new (repeated parameter sets). Logs and summaries call
+concealed frames `damaged`.
 """
 
 from __future__ import annotations

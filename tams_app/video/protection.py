@@ -16,8 +16,9 @@ from tams_app.config import Network
 from tams_app.records import UplinkReport
 from tams_app.video.repair import RepairRule
 
-# SSIM that damage costs a picture of which all has changed since the frame before.
-DAMAGE_OF_CHANGE = 0.4
+# SSIM that a damaged frame costs: where nothing moves it is the keyframe, which must make a good
+# picture from the bits of one frame; then what changed of the picture since the frame before.
+STILL_DAMAGE, DAMAGE_OF_CHANGE, MOST_DAMAGE = 0.13, 2.0, 0.4
 SSIM_PER_LOG_RATE = 0.06  # of the received picture, where the bits change by a factor of e
 _MOST_GROUPS = 4
 _WORTH_A_CHANGE = 0.004  # SSIM, by the view's share
@@ -79,7 +80,7 @@ def share_incomplete(packets: float, groups: int, loss: Loss) -> float:
     """
     starts = loss.rate / loss.mean_burst
     if groups == 0:
-        return 1.0 - (1.0 - starts) ** packets
+        return 1.0 - math.pow(1.0 - starts, packets)
     sent = packets + groups
     by_one = sent * starts * (1.0 - 1.0 / loss.mean_burst) ** groups
     by_two = sent * (sent - 1) / 2 * starts**2 / groups
@@ -116,22 +117,22 @@ class Protection:
         Args:
             view: its name.
             share: of all bits that go to it now, which is the weight it has in the phase.
-            packets: in which its frames are sent.
+            packets: media packets of a frame, with the parity that it has now.
             changed: share of its picture that changes from frame to frame.
         """
         loss = self._estimates[view].loss
-        costs = [
-            self._cost(groups, packets, changed, loss)
-            for groups in range(min(_MOST_GROUPS, math.ceil(packets)) + 1)
-        ]
+        sent = packets + self._groups[view]  # what the target pays for, whatever it is
+        most_groups = min(_MOST_GROUPS, max(1, math.floor(sent / 2)))
+        costs = [self._cost(groups, sent, changed, loss) for groups in range(most_groups + 1)]
         best = min(range(self._least_groups, len(costs)), key=costs.__getitem__)
         now = min(self._groups[view], len(costs) - 1)
         if now < self._least_groups or share * (costs[now] - costs[best]) >= _WORTH_A_CHANGE:
             self._groups[view] = best
         return self._groups[view]
 
-    def _cost(self, groups: int, packets: float, changed: float, loss: Loss) -> float:
-        """Received SSIM lost by damage and by the bits that parity takes."""
+    def _cost(self, groups: int, sent: float, changed: float, loss: Loss) -> float:
+        """Received SSIM lost by damage and by the bits that parity takes of the `sent` packets."""
+        packets = max(sent - groups, 0.5)
         hit = self._refresh_frames * share_incomplete(packets, groups, loss)
-        damage = DAMAGE_OF_CHANGE * changed * hit / (1.0 + hit)
-        return damage + SSIM_PER_LOG_RATE * math.log1p(groups / packets)
+        damage = min(STILL_DAMAGE + DAMAGE_OF_CHANGE * changed, MOST_DAMAGE)
+        return damage * hit / (1.0 + hit) + SSIM_PER_LOG_RATE * math.log(sent / packets)

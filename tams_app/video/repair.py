@@ -56,11 +56,11 @@ def repair_rule(
 ) -> RepairRule:
     """The rule for one network: its one-way latency and jitter are used.
 
-    A resend takes 1.2·RTT + 2·jitter + 20 ms, at best RTT + 20 ms. In mode `paper` there is RTX where
-    that is at most 200 ms, and the jitter buffer waits that long; elsewhere there is none and it
-    waits 2·jitter + 20 ms. In mode `adaptive` no frame is to wait until later than
-    `latency_bound_ms` after it was sent: there is RTX where the best resend comes by then, and parity
-    where not all do.
+    A resend takes up to 1.2·RTT + 2·jitter + 20 ms, at best RTT + 20 ms. In mode `paper` there is
+    RTX where the former is at most 200 ms, and the jitter buffer waits that long; elsewhere there
+    is none and it waits 2·jitter + 20 ms. In mode `adaptive` no frame is to wait until later than
+    `latency_bound_ms` after it was sent: there is RTX where the best resend comes by then, and
+    parity where not all do.
 
     Args:
         network: its one-way latency and jitter [ms] are used.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tams_app.records import Image
 from tams_app.video.parity import ParityEncoder
@@ -29,7 +30,7 @@ class ViewParity:
         self.packets_per_frame = 1.0
         self.changed_share = 0.0
         self._encoder = ParityEncoder(ssrc)
-        self._last: Image | None = None
+        self._last: NDArray[np.int16] | None = None
 
     def captured(self, image: Image) -> None:
         """A frame that will be encoded: 20 µs."""

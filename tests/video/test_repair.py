@@ -63,6 +63,45 @@ def test_the_jitter_buffer_never_waits_longer_than_repair_is_worth(
     assert not rule.rtx or 1.2 * 2 * latency_ms <= rule.latency_ms <= 200
 
 
+ADAPTIVE = RepairConfig(mode="adaptive")
+
+
+@pytest.mark.parametrize(
+    ("latency_ms", "jitter_ms", "rtx", "parity", "wait_ms"),
+    [
+        (15, 2, True, False, 60),
+        (40, 8, True, False, 132),
+        (50, 10, True, True, 140),  # the best resends come in time: those are waited for
+        (60, 10, False, True, 40),
+        (80, 15, False, True, 50),
+    ],
+)
+def test_adaptive_repair_resends_what_comes_in_time_and_protects_the_rest(
+    latency_ms: float, jitter_ms: float, rtx: bool, parity: bool, wait_ms: int
+) -> None:
+    network = Network(latency_ms=latency_ms, jitter_ms=jitter_ms)
+    rule = repair_rule(network, 300.0, ADAPTIVE)
+    assert (rule.rtx, rule.parity, rule.latency_ms) == (rtx, parity, wait_ms)
+
+
+@given(st.floats(0, 500), st.floats(0, 100), st.floats(20, 2000), st.integers(1, 60))
+def test_adaptive_repair_waits_for_no_resend_beyond_the_bound(
+    latency_ms: float, jitter_ms: float, bound_ms: float, rate_hz: int
+) -> None:
+    network = Network(latency_ms=latency_ms, jitter_ms=jitter_ms)
+    rule = repair_rule(network, 300.0, ADAPTIVE, bound_ms)
+    wait_ms = rule.wait_ms(NS_PER_S // rate_hz)
+    for_jitter_ms = 2 * jitter_ms + 20
+    assert wait_ms <= max(bound_ms - latency_ms - jitter_ms, for_jitter_ms) + 1
+
+
+def test_parity_can_be_switched_on_and_off_and_the_paper_has_none() -> None:
+    near, far = Network(latency_ms=15), Network(latency_ms=80)
+    assert repair_rule(near, 300.0, RepairConfig(mode="adaptive", parity="on")).parity
+    assert not repair_rule(far, 300.0, RepairConfig(mode="adaptive", parity="off")).parity
+    assert not repair_rule(far, 300.0, RepairConfig(parity="on")).parity
+
+
 def test_the_first_loss_asks_at_once_and_the_next_waits_its_turn() -> None:
     requests = KeyframeRequests(300.0)
     assert requests.request(0)

@@ -14,13 +14,13 @@ from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.repair import RepairRule
+from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.event_queue import EventQueue
 from tams_app.video.virtual_time.receiver import VirtualReceiver
 from tams_app.video.virtual_time.rtcp_sessions import Feedback
 from tams_app.video.virtual_time.sender import VirtualSender
 from tams_app.video.virtual_time.shared import ProcessingTimes, Shared, VideoRecords
 from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
 
 _NEVER_NS = 1 << 63

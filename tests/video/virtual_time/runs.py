@@ -14,7 +14,9 @@ from hashlib import sha256
 from tams_app.config import Network, VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
+from tams_app.video.packets import parity_ssrc
 from tams_app.video.repair import RepairRule, repair_rule
+from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.rtcp_sessions import Feedback
 from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual_time.video import VirtualVideo
@@ -91,8 +93,12 @@ def make(
     times: ProcessingTimes | None = None,
     seed: int = 1,
     records: VideoRecords | None = None,
+    groups: int = 0,
 ) -> VirtualVideo:
     config = VideoConfig(views=views)
+    parity = {view: ViewParity(parity_ssrc(config, view)) for view in views if groups}
+    for each in parity.values():
+        each.groups = groups
     return VirtualVideo(
         config,
         network,
@@ -103,6 +109,7 @@ def make(
         80.0,
         records or run.records,
         times,
+        parity,
     )
 
 
@@ -123,10 +130,11 @@ def run_whole(
     kbps: float = 900.0,
     rule: RepairRule | None = None,
     seed: int = 1,
+    groups: int = 0,
 ) -> Run:
     """`frames` of each view from first to last."""
     run = Run()
-    with closing(make(run, network, views, kbps, rule, seed=seed)) as video:
+    with closing(make(run, network, views, kbps, rule, seed=seed, groups=groups)) as video:
         drive(video, views, range(frames))
         run.wire_bytes = video.wire_bytes()
         run.jitter = {view: jitter_counts(video.receivers[view].decoder) for view in views}
