@@ -52,7 +52,7 @@ class Figures:
     requests: float  # keyframes asked for, of 1000 frames: losses that were not repaired
     received_ssim: float
     latency_p50_ms: float
-    latency_hit_ms: float  # mean, of the frames that lost a packet and were shown
+    latency_hit_ms: float | None  # mean, of the frames that lost a packet and were shown
     latency_p95_ms: float
     sent_kbps: float
     overhead: float  # parity bytes / media bytes
@@ -158,7 +158,7 @@ def measure(scheme: str, groups: int = 0, lossless: bool = False) -> Figures:
         1000 * requests / frames,
         float(np.mean(scores)),
         float(np.median(latency_ms)),
-        float(np.mean(hit_ms)) if hit_ms else float("nan"),
+        float(np.mean(hit_ms)) if hit_ms else None,
         float(np.percentile(latency_ms, 95)),
         total * 8 / 1000 / (frames / config.video.fps),
         sizes[PacketKind.PARITY] / total,
@@ -187,7 +187,10 @@ def main() -> None:
         table.add_column(name, justify="left" if name == "scheme" else "right")
     for one in found:
         values = asdict(one)
-        table.add_row(values.pop("scheme"), *(f"{value:.3f}" for value in values.values()))
+        table.add_row(
+            values.pop("scheme"),
+            *("–" if each is None else f"{each:.3f}" for each in values.values()),
+        )
     Console(width=160).print(table)
     options.json.write_text(json.dumps([asdict(one) for one in found], indent=1) + "\n")
 

@@ -9,7 +9,16 @@ from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
-from tams_app.records import Allocation, Frame, Phase, PhaseChange, ServoMode, ShownFrame, Tick
+from tams_app.records import (
+    Allocation,
+    Frame,
+    Phase,
+    PhaseChange,
+    ServoMode,
+    ShownFrame,
+    Tick,
+    UplinkReport,
+)
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals

@@ -130,3 +130,13 @@ def test_what_is_kept_is_bounded() -> None:
         received(decoder, packets[:2] + encoder.protect(packets, 1))
     assert len(decoder._media) <= 1024
     assert len(decoder._waiting) <= 64
+
+
+def test_a_parity_packet_whose_lengths_do_not_add_up_restores_nothing() -> None:
+    packets = [media(n, b"abcd") for n in range(2)]
+    (parity,) = ParityEncoder(PARITY_SSRC).protect(packets, 1)
+    lengths = slice(12 + HEADER_BYTES - 2, 12 + HEADER_BYTES)
+    forged = bytearray(parity)
+    forged[lengths] = struct.pack("!H", 1 << 12)
+    assert received(ParityDecoder(MEDIA_SSRC), [packets[0], bytes(forged)]) == []
+    assert received(ParityDecoder(MEDIA_SSRC), [packets[0], parity]) == [packets[1]]
