@@ -17,7 +17,6 @@ from tams_app.records import (
     ServoMode,
     ShownFrame,
     Tick,
-    UplinkReport,
 )
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.arm_gate import ArmGate
