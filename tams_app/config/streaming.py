@@ -69,16 +69,17 @@ class BudgetConfig(Section):
     """Where the uplink capacity comes from."""
 
     mode: Literal["oracle", "sender", "feedback"] = "oracle"
-    """Capacity from the emulated link itself, from what the sender has sent, or from what receivers
-    tell of each packet."""
+    """Capacity from the emulated link itself, from receiver reports, or from each packet's fate."""
     safety_factor: Annotated[float, Field(gt=0, le=1)] = 0.92
     """Share of the capacity that is given to the views."""
     max_kbps: Positive = 20_000.0
     """Capacity at most; that of network `none`."""
+    delay_target_ms: Annotated[float, Field(ge=5, le=150)] = 40.0
+    """`sender`, `feedback`: a packet that waits longer at the bottleneck has met congestion."""
     start_kbps: Positive = 3_000.0
-    """`sender`: capacity before the first statistics."""
+    """`sender`: capacity before the first report."""
     window_ms: Positive = 1000.0
-    """`sender`: length of the sliding window."""
+    """`sender`: reports of this long are judged together."""
     trace_window_ms: Positive = 100.0
     """`oracle` on a trace: the mean of this long until now."""
 

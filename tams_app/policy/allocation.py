@@ -154,7 +154,7 @@ class Policy:
         """The policy that `config` names, for a link of this capacity; ConfigError if none."""
         settings = config.policy
         strategy = make_strategy(config.strategy, settings)
-        return Policy(strategy, make_budget(settings.budget, capacity), settings)
+        return Policy(strategy, make_budget(settings, capacity), settings)
 
     def step(self, phase: Phase, report: UplinkReport) -> Allocation:
         """One allocation (paper, section III-D).

@@ -1,11 +1,14 @@
 """Where the capacity comes from."""
 
+import math
+from typing import get_args
+
 import pytest
 
 from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import BudgetConfig, load_config
 from tams_app.policy.allocation import Policy, make_strategy
-from tams_app.policy.budget import OracleBudget, SenderBudget
+from tams_app.policy.budget import BUDGETS, OracleBudget, make_budget
 from tams_app.records import Phase, UplinkReport
 
 pytestmark = pytest.mark.untimed
@@ -35,24 +38,18 @@ def test_without_a_bottleneck_the_oracle_gives_the_configured_maximum():
     assert budget.capacity_kbps(0) == 20_000
 
 
-def test_the_sender_budget_starts_as_configured_and_then_follows_what_was_sent():
-    budget = SenderBudget(BudgetConfig(start_kbps=3000, window_ms=1000, safety_factor=0.92))
-    for tick in range(5):
-        budget.observe(UplinkReport(tick * 200 * MS, tick * 25_000))  # 1000 kbit/s
-        assert budget.capacity_kbps(tick * 200 * MS) == 3000
-    for tick in range(5, 20):
-        budget.observe(UplinkReport(tick * 200 * MS, tick * 25_000))
-    assert budget.capacity_kbps(0) == pytest.approx(1000 / 0.92, rel=1e-9)
+def test_the_oracle_never_asks_for_padding_and_bounds_nothing():
+    budget = OracleBudget(Falling(), BudgetConfig())
+    assert budget.padding_bytes(0) == 0
+    assert budget.flight_limit_bytes(0) == math.inf
 
 
-def test_the_sender_budget_neither_ratchets_down_nor_sees_free_capacity():
-    budget = SenderBudget(BudgetConfig(start_kbps=3000))
-    total, allowed = 0, 3000 * 0.92
-    for tick in range(500):
-        budget.observe(UplinkReport(tick * 100 * MS, total))
-        allowed = budget.capacity_kbps(0) * 0.92
-        total += round(allowed * 1000 / 8 / 10)
-    assert allowed == pytest.approx(3000 * 0.92, rel=0.01)
+def test_every_mode_of_the_configuration_makes_its_budget():
+    modes = get_args(BudgetConfig.model_fields["mode"].annotation)
+    assert set(modes) == set(BUDGETS)
+    for mode in modes:
+        policy = load_config(None, {"policy.budget.mode": mode}).policy
+        assert mode in type(make_budget(policy, UnlimitedCapacity())).__name__.lower()
 
 
 def test_the_policy_applies_the_safety_factor_before_it_allocates():

@@ -8,7 +8,7 @@ import pytest
 
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
-from tams_app.records import Allocation, Phase, PhaseChange, UplinkReport
+from tams_app.records import Allocation, Phase, PhaseChange, Reception, UplinkReport
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.listener import Listener
 from tams_app.session.policy_loop import PolicyLoop
@@ -24,7 +24,7 @@ class Encoders:
         self.capacity = ConstantCapacity(6000.0)
         self.targets: list[dict[str, int]] = []
         self.protected: list[dict[str, int]] = []
-        self.sent_bytes = 0
+        self.receptions: tuple[Reception, ...] = ()
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
@@ -33,7 +33,7 @@ class Encoders:
         self.protected.append(target_kbps)
 
     def report(self, now_ns: int) -> UplinkReport:
-        return UplinkReport(now_ns, self.sent_bytes)
+        return UplinkReport(now_ns, 0, receptions=self.receptions)
 
 
 class Heard(Listener):
@@ -129,15 +129,15 @@ def test_the_encoders_have_the_targets_before_anything_else_hears_of_them(
     assert heard.capacities_ns == [clock.now_ns()]
 
 
-def test_the_sender_budget_follows_the_bytes_that_the_encoders_sent(clock, encoders, heard):
+def test_the_budget_hears_what_the_video_reports(clock, encoders, heard):
     config = load_config(None, {"policy.budget.mode": "sender"})
     loop = PolicyLoop(config, clock, encoders, heard, (heard,))
-    for _ in range(100):
+    encoders.receptions = (Reception("eih", 0.5, None, 0),)
+    for _ in range(22):
         loop.step_if_due()
         clock.advance_ns(50 * NS_PER_MS)
-        encoders.sent_bytes += 6250  # 1000 kbit/s
-    sent_kbps = 1000 / config.policy.budget.safety_factor
-    assert heard.allocations[-1].capacity_kbps == pytest.approx(sent_kbps)
+    assert heard.allocations[0].capacity_kbps == config.policy.budget.start_kbps
+    assert heard.allocations[-1].capacity_kbps < config.policy.budget.start_kbps
 
 
 def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period(

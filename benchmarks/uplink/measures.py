@@ -1,0 +1,90 @@
+"""What a run of the model comes to: use of the link, queue, loss, and how soon it follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.uplink.cases import Case
+from benchmarks.uplink.model import Model, Trace, departed_bytes
+from tams_app.config import load_config
+from tams_app.policy.budget import make_budget
+from tams_app.records import PacketFate, PacketRecord
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+Measures = dict[str, float | None]
+_SETTLED_NS = 100 * NS_PER_MS  # a queue that has gone for this long is gone
+
+
+def run(case: Case, mode: str, delay_target_ms: float | None = None) -> Measures:
+    """One run of `case` under the budget `mode`, measured from its first instant."""
+    policy = load_config(
+        None, {"policy.budget.mode": mode, "policy.budget.delay_target_ms": delay_target_ms}
+    ).policy
+    budget = make_budget(policy, case.capacity)
+    trace = Model(case.setting, case.capacity, budget, policy).run()
+    return measure(case, trace)
+
+
+def measure(case: Case, trace: Trace) -> Measures:
+    """Fractions, kbit/s and milliseconds; times count from the case's change of capacity."""
+    start_ns = Model.START_NS
+    end_ns = start_ns + round(case.setting.seconds * NS_PER_S)
+    carried = case.capacity.mean_kbps(start_ns, end_ns) * (end_ns - start_ns) / 8e6  # bytes
+    own = departed_bytes(trace.packets, start_ns, end_ns) / carried
+    others = departed_bytes(trace.others, start_ns, end_ns) / carried
+    waits = sorted(_wait_ms(r) for r in trace.packets if r.departed_ns)
+    standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
+    overflown = sum(r.fate is PacketFate.OVERFLOW for r in trace.packets)
+    lost = sum(r.fate is not PacketFate.DELIVERED for r in trace.packets)
+    measures: Measures = {
+        "utilisation": own + others,
+        "own_share": own,
+        "queue_p50_ms": _percentile(waits, 0.5),
+        "queue_p95_ms": _percentile(waits, 0.95),
+        "queue_max_ms": waits[-1],
+        "standing_p95_ms": _percentile(standing, 0.95),
+        "overflow_fraction": overflown / len(trace.packets),
+        "loss_fraction": lost / len(trace.packets),
+        "padding_fraction": trace.padding_bytes / carried,
+        "skipped_fraction": trace.skipped / trace.frames,
+        "target_kbps_mean": sum(kbps for _, kbps in trace.targets) / len(trace.targets),
+    }
+    if case.change_s is not None:
+        change_ns = start_ns + round(case.change_s * NS_PER_S)
+        kbps = case.capacity.rate_kbps(change_ns)
+        after = [(t_ns, target) for t_ns, target in trace.targets if t_ns >= change_ns]
+        risen = next((t for t, target in after if target >= 0.8 * kbps), None)
+        below = next((t for t, target in after if target <= kbps), None)
+        measures["start_ms" if case.change_s == 0 else "risen_ms"] = _since(risen, change_ns)
+        measures["below_ms"] = _since(below, change_ns)
+        measures["drained_ms"] = _since(_drained_ns(trace.packets, change_ns), change_ns)
+    return measures
+
+
+def _wait_ms(record: PacketRecord) -> float:
+    return (record.departed_ns - record.entered_ns) / NS_PER_MS
+
+
+def _percentile(ordered: Sequence[float], share: float) -> float:
+    return ordered[min(len(ordered) - 1, int(len(ordered) * share))]
+
+
+def _since(t_ns: int | None, change_ns: int) -> float | None:
+    return None if t_ns is None else (t_ns - change_ns) / NS_PER_MS
+
+
+def _drained_ns(packets: Sequence[PacketRecord], change_ns: int) -> int | None:
+    """From when on no packet of the next two seconds waits 50 ms."""
+    late = [
+        r.entered_ns
+        for r in packets
+        if change_ns <= r.entered_ns < change_ns + 2 * NS_PER_S and _wait_ms(r) >= 50
+    ]
+    if not late:
+        return change_ns
+    first = late[0]
+    for t_ns in late:  # a later queue is another one
+        if t_ns > first + _SETTLED_NS:
+            break
+        first = t_ns
+    return first

@@ -1,0 +1,246 @@
+"""The capacity from per-packet feedback."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tams_app.config import BudgetConfig
+from tams_app.policy.budget import FeedbackBudget
+from tams_app.records import PacketArrival, UplinkReport
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.policy.uplink_model import Uplink
+
+pytestmark = pytest.mark.untimed
+
+FLOORS_KBPS = 450.0
+START_KBPS = FLOORS_KBPS / 0.92
+RUNS = settings(max_examples=15, deadline=None)
+
+
+def fresh(**keys: float) -> FeedbackBudget:
+    return FeedbackBudget(BudgetConfig(mode="feedback", **keys), FLOORS_KBPS)
+
+
+def estimates(uplink: Uplink, seconds: float, **keys: float) -> list[float]:
+    return [kbps for _, kbps in uplink.run(fresh(**keys), seconds)]
+
+
+def between(uplink: Uplink, start_s: float, end_s: float) -> list[float]:
+    return [kbps for t_s, kbps in uplink.run(fresh(), end_s) if t_s >= start_s]
+
+
+def steady(kbps: float) -> Uplink:
+    return Uplink(lambda _t: kbps)
+
+
+def outage(kbps: float, start_s: float, end_s: float) -> Uplink:
+    return Uplink(lambda t_s: 0.0 if start_s <= t_s < end_s else kbps)
+
+
+packets = st.builds(
+    PacketArrival,
+    st.sampled_from(("eih", "gt", "gs")),
+    st.integers(0, 5 * NS_PER_S),
+    st.integers(1, 1500),
+    st.none() | st.integers(-NS_PER_S, 20 * NS_PER_S),
+)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, NS_PER_S), st.integers(0, 10**7), st.lists(packets))),
+    st.floats(1, 1e5),
+    st.floats(5, 150),
+)
+def test_the_estimate_is_finite_and_between_nothing_and_the_maximum(told, max_kbps, target_ms):
+    budget = fresh(max_kbps=max_kbps, delay_target_ms=target_ms)
+    now_ns, sent_bytes = 0, 0
+    for elapsed_ns, size_bytes, arrivals in told:
+        now_ns, sent_bytes = now_ns + elapsed_ns, sent_bytes + size_bytes
+        budget.observe(UplinkReport(now_ns, sent_bytes, tuple(arrivals)))
+        assert 0 <= budget.capacity_kbps(now_ns) <= max_kbps
+        assert 0 < budget.flight_limit_bytes(now_ns) < math.inf
+        assert 0 <= budget.padding_bytes(now_ns) <= max_kbps * 50 / 8 + 1
+
+
+@pytest.mark.parametrize("kbps", [3000, 6000, 12_000])
+def test_it_starts_at_the_floors_and_is_within_a_second_at_what_the_link_carries(kbps):
+    first, *_, last = estimates(steady(kbps), 1.05)
+    assert first == pytest.approx(START_KBPS)
+    assert last > 0.8 * kbps
+
+
+@RUNS
+@given(st.sampled_from((3000, 6000, 12_000)), st.sampled_from((0, 8)), st.integers(0, 99))
+def test_on_a_steady_link_it_stays_near_what_the_link_carries(kbps, jitter_ms, seed):
+    uplink = replace(steady(kbps), jitter_ms=jitter_ms, random=Random(seed))
+    settled = between(uplink, 5, 20)
+    assert 0.9 * kbps < sum(settled) / len(settled) < 1.05 * kbps
+
+
+@RUNS
+@given(st.integers(-(10**15), 10**15))
+def test_the_offset_of_the_receivers_clock_changes_nothing(offset_ns):
+    offset_ns = offset_ns // 250_000 * 250_000
+    away = replace(steady(6000), clock_offset_ns=offset_ns, jitter_ms=8, random=Random(1))
+    here = replace(steady(6000), jitter_ms=8, random=Random(1))
+    assert estimates(away, 5) == estimates(here, 5)
+
+
+@RUNS
+@given(st.integers(0, 10**6))
+def test_how_arrivals_are_split_into_reports_of_one_instant_changes_nothing(seed):
+    random = Random(seed)
+
+    def split(report):
+        cut = random.randint(0, len(report.arrivals))
+        parts = report.arrivals[:cut], report.arrivals[cut:]
+        return [replace(report, arrivals=part) for part in parts]
+
+    assert estimates(replace(steady(6000), reports=split), 6) == estimates(steady(6000), 6)
+
+
+@RUNS
+@given(st.integers(1, 60), st.integers(1, 5))
+def test_what_is_told_again_changes_nothing(later, times):
+    told: list[tuple[PacketArrival, ...]] = []
+
+    def again(report):
+        told.append(report.arrivals)
+        old = told[-1 - later] if len(told) > later else ()
+        return [report, *[replace(report, arrivals=old)] * times]
+
+    assert estimates(replace(steady(6000), reports=again), 6) == estimates(steady(6000), 6)
+
+
+@RUNS
+@given(st.floats(10, 100), st.floats(1, 100))
+def test_a_longer_queue_never_gives_a_higher_estimate(queue_ms, more_ms):
+    def after(added_ms: float) -> float:
+        return estimates(replace(steady(6000), delay_ms=lambda t: 40 + added_ms * (t > 5)), 5.4)[-1]
+
+    assert after(queue_ms + more_ms) <= after(queue_ms) * 1.001
+
+
+def test_a_queue_beyond_the_target_cuts_below_what_is_delivered():
+    before, *_, after = between(Uplink(lambda t: 12_000 if t < 10 else 3000), 9.9, 10.4)
+    assert before > 10_000
+    assert after < 3000
+
+
+@RUNS
+@given(st.floats(0, 0.015), st.integers(0, 99))
+def test_independent_loss_below_two_per_cent_does_not_cut(share, seed):
+    lossy = replace(steady(6000), lost=lambda r: r.random() < share, random=Random(seed))
+    assert min(between(lossy, 5, 15)) > 0.85 * 6000
+
+
+def test_loss_that_comes_with_a_queue_cuts_where_neither_alone_does():
+    def lowest(added_ms: float, share: float) -> float:
+        uplink = replace(
+            steady(6000),
+            delay_ms=lambda t: 40 + added_ms * (t > 8),
+            lost=lambda r: r.random() < share,
+        )
+        return min(between(uplink, 8, 8.7))
+
+    queue, loss = lowest(30, 0), lowest(0, 0.04)
+    assert min(queue, loss) > 0.85 * 6000
+    assert lowest(30, 0.04) < 0.85 * min(queue, loss)
+
+
+def test_silence_decays_to_the_floors():
+    silent = between(outage(6000, 5, 60), 5, 7)
+    assert silent[0] > 5000
+    assert silent[-1] == pytest.approx(START_KBPS)
+    assert all(later <= earlier for earlier, later in pairwise(silent[8:]))
+
+
+@pytest.mark.parametrize("outage_s", [0.3, 1.0, 3.0])
+def test_the_return_of_feedback_recovers_within_a_second(outage_s):
+    back_s = 5 + outage_s + 0.15  # the first packet and its way back
+    estimate = between(outage(6000, 5, 5 + outage_s), back_s, back_s + 1.05)
+    assert max(estimate) > 0.8 * 6000
+
+
+def test_after_silence_no_more_may_be_under_way_than_the_floors_need():
+    budget = fresh()
+    for _ in outage(12_000, 5, 60).run(budget, 7):
+        pass
+    assert budget.flight_limit_bytes(8 * NS_PER_S) < FLOORS_KBPS / 8 * 500  # half a second
+
+
+def test_silence_without_anything_sent_means_nothing():
+    budget = fresh()
+    *_, (t_s, kbps) = steady(6000).run(budget, 5)
+    now_ns = NS_PER_S + round(t_s * NS_PER_S)
+    all_told = UplinkReport(now_ns, 0)
+    for step in range(1, 100):
+        budget.observe(replace(all_told, now_ns=now_ns + step * 50 * NS_PER_MS))
+        late_kbps = budget.capacity_kbps(now_ns + step * 50 * NS_PER_MS)
+    assert late_kbps == kbps
+
+
+@RUNS
+@given(st.floats(0.02, 0.5))
+def test_views_that_send_less_than_they_may_do_not_lower_it(share):
+    limited = replace(steady(6000), share=lambda t: share if t > 5 else 1.0)
+    before, *after = between(limited, 5, 15)
+    assert min(after) >= 0.95 * before
+
+
+@pytest.mark.parametrize("drift", [-1e-4, 1e-4])
+def test_a_slowly_drifting_clock_does_not_matter(drift):
+    drifting = replace(steady(6000), clock_drift=drift)
+    assert min(between(drifting, 5, 30)) > 0.85 * 6000
+
+
+@pytest.mark.parametrize("change_ms", [-20, 20, 60])
+def test_a_route_that_changes_its_length_is_survived(change_ms):
+    changed = replace(steady(6000), delay_ms=lambda t: 40 + change_ms * (t > 8))
+    assert min(between(changed, 12, 20)) > 0.8 * 6000
+
+
+@RUNS
+@given(st.integers(0, 99))
+def test_lost_feedback_is_not_taken_for_a_slower_link(seed):
+    random = Random(seed)
+
+    def some(report):
+        return [replace(report, arrivals=() if random.random() < 0.05 else report.arrivals)]
+
+    settled = between(replace(steady(6000), reports=some), 5, 15)
+    assert sum(settled) / len(settled) > 0.85 * 6000
+
+
+def test_a_packet_told_lost_that_arrives_after_all_is_no_harm():
+    def first_lost(report):
+        lost = tuple(replace(one, arrived_ns=None) for one in report.arrivals[:1])
+        return [replace(report, arrivals=lost), report]
+
+    def at_times(report):
+        return first_lost(report) if report.now_ns % NS_PER_S == 0 else [report]
+
+    once = replace(steady(6000), reports=at_times)
+    assert min(between(once, 5, 10)) > 0.85 * 6000
+
+
+def test_padding_is_asked_for_once():
+    budget = fresh()
+    asked = 0
+    for t_s, _ in steady(6000).run(budget, 1):
+        now_ns = NS_PER_S + round(t_s * NS_PER_S) + 49 * NS_PER_MS
+        asked += budget.padding_bytes(now_ns)
+        assert budget.padding_bytes(now_ns) == 0
+    assert asked > 0
+
+
+def test_what_a_steady_link_has_under_way_is_below_the_limit():
+    budget = fresh()
+    for _ in steady(6000).run(budget, 10):
+        pass
+    assert budget.flight_limit_bytes(11 * NS_PER_S) > 0.92 * 6000 / 8 * (40 + 60 + 50)
