@@ -199,6 +199,12 @@ def test_a_slowly_drifting_clock_does_not_matter(drift):
     assert min(between(drifting, 5, 30)) > 0.85 * 6000
 
 
+@pytest.mark.parametrize("jump_s", [-(2**24) * 0.064, -3, 3, 2**24 * 0.064])
+def test_a_receivers_clock_that_jumps_is_survived(jump_s):
+    jumps = replace(steady(6000), clock_jump_ns=lambda t: round(jump_s * NS_PER_S) * (t > 8))
+    assert min(between(jumps, 10, 20)) > 0.8 * 6000
+
+
 @pytest.mark.parametrize("change_ms", [-20, 20, 60])
 def test_a_route_that_changes_its_length_is_survived(change_ms):
     changed = replace(steady(6000), delay_ms=lambda t: 40 + change_ms * (t > 8))

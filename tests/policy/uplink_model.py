@@ -23,6 +23,7 @@ class Uplink:
     jitter_ms: float = 0.0
     clock_offset_ns: int = 0
     clock_drift: float = 0.0
+    clock_jump_ns: Callable[[float], int] = lambda _t: 0
     queue_ms: float = 150.0
     reports: Callable[[UplinkReport], list[UplinkReport]] = lambda report: [report]
     random: Random = field(default_factory=lambda: Random(1))
@@ -31,6 +32,7 @@ class Uplink:
         """Time [s] and estimate [kbit/s] after each step of 50 ms."""
         free_ns, delivered_ns, sent_bytes, spare = 0, 0, 0, 0.0
         under_way: list[tuple[int, PacketArrival]] = []  # when the sender hears of it
+        dropped: list[PacketArrival] = []  # told of with the next packet that gets through
         for step in range(round(seconds * NS_PER_S / STEP_NS)):
             now_ns = NS_PER_S + step * STEP_NS
             t_s = step * STEP_NS / NS_PER_S
@@ -50,12 +52,16 @@ class Uplink:
                 rate = self.kbps((entered_ns - NS_PER_S) / NS_PER_S)
                 begin_ns = max(entered_ns, free_ns)
                 if not rate or begin_ns - entered_ns > self.queue_ms * NS_PER_MS:
-                    continue  # never told of; it counts as under way
+                    dropped.append(PacketArrival("eih", entered_ns, PACKET_BYTES, None))
+                    continue
                 free_ns = begin_ns + round(PACKET_BYTES * 8e6 / rate)
                 jitter_ms = self.random.uniform(-self.jitter_ms, self.jitter_ms)
                 one_way_ns = round((self.delay_ms(t_s) + jitter_ms) * NS_PER_MS)
                 delivered_ns = max(delivered_ns, free_ns + one_way_ns)
                 by_clock_ns = round(delivered_ns * (1 + self.clock_drift)) // 250_000 * 250_000
-                arrived_ns = None if self.lost(self.random) else by_clock_ns + self.clock_offset_ns
+                offset_ns = self.clock_offset_ns + self.clock_jump_ns(t_s)
+                arrived_ns = None if self.lost(self.random) else by_clock_ns + offset_ns
                 packet = PacketArrival("eih", entered_ns, PACKET_BYTES, arrived_ns)
-                under_way.append((delivered_ns + 60 * NS_PER_MS, packet))
+                heard_ns = delivered_ns + 60 * NS_PER_MS
+                under_way += [(heard_ns, one) for one in (*dropped, packet)]
+                dropped.clear()

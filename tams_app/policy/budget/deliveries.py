@@ -9,7 +9,8 @@ from tams_app.records import PacketArrival
 from tams_app.units import NS_PER_S
 
 _KEPT_NS = 2 * NS_PER_S
-_LOSS_NS = NS_PER_S
+_WINDOW_NS = NS_PER_S
+CLOCK_JUMP_NS = 2 * NS_PER_S  # arrivals further apart are of two clocks, or of two routes
 
 _Key = tuple[str, int, int, int | None, int]
 
@@ -44,14 +45,16 @@ class Deliveries:
         for packet in new:
             self._fates.append((packet.sent_ns, packet.size_bytes, packet.arrived_ns is None))
             if packet.arrived_ns is not None:
+                if self._arrived and abs(packet.arrived_ns - self._arrived[-1][0]) > CLOCK_JUMP_NS:
+                    self._arrived.clear()
                 self._arrived.append((packet.arrived_ns, packet.sent_ns, packet.size_bytes))
         self._trim()
         return new
 
     def _trim(self) -> None:
-        while self._fates and self._fates[0][0] < self.newest_sent_ns - _LOSS_NS:
+        while self._fates and self._fates[0][0] < self.newest_sent_ns - _WINDOW_NS:
             self._fates.popleft()
-        while self._arrived and self._arrived[0][0] < self._arrived[-1][0] - _KEPT_NS:
+        while self._arrived and self._arrived[0][0] < self._arrived[-1][0] - _WINDOW_NS:
             self._arrived.popleft()
         while self._told and self._told[0][1] < self.newest_sent_ns - _KEPT_NS:
             self._seen.discard(self._told.popleft())
@@ -72,13 +75,11 @@ class Deliveries:
         """What arrived in at least the last `window_ns`, from one arrival to another."""
         if not self._arrived:
             return 0.0
-        end_ns = self._arrived[-1][0]
-        total = 0
-        for arrived_ns, _, size_bytes in reversed(self._arrived):
-            if arrived_ns <= end_ns - window_ns:
-                return total * 8e6 / (end_ns - arrived_ns)
-            total += size_bytes
-        return total * 8e6 / window_ns
+        end_ns = max(arrived_ns for arrived_ns, *_ in self._arrived)
+        cut_ns = end_ns - window_ns
+        total = sum(size for arrived_ns, _, size in self._arrived if arrived_ns > cut_ns)
+        earlier = (arrived_ns for arrived_ns, *_ in self._arrived if arrived_ns <= cut_ns)
+        return total * 8e6 / (end_ns - max(earlier, default=cut_ns))
 
     def rate_of_kbps(self, after_ns: int, until_ns: int) -> float:
         """The rate at which arrived what was sent then, from the arrival before it to its last."""

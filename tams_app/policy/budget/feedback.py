@@ -111,8 +111,6 @@ class FeedbackBudget:
     def observe(self, report: UplinkReport) -> None:
         if self._since_ns is None:
             self._since_ns = self._stepped_ns = self._heard_ns = report.now_ns
-        if self._mode is _Mode.SILENT and report.arrivals:
-            self._deliveries.forget_arrivals()
         new = self._deliveries.take(report.arrivals)
         for packet in new:
             if packet.arrived_ns is not None:
@@ -163,6 +161,7 @@ class FeedbackBudget:
             self._judge(now_ns, queue_ns)
         elif self._mode is _Mode.SILENT or self._silent(now_ns):
             self._enter(_Mode.SILENT, now_ns)
+            self._deliveries.forget_arrivals()
             self._disturbed_ns = now_ns
             self._kbps *= 0.5 ** (elapsed_ns / _HALF_LIFE_NS)
         self._kbps = min(max(self._kbps, self._floor_kbps), self._max_kbps)

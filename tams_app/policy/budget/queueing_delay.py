@@ -6,6 +6,7 @@ from collections import deque
 from itertools import pairwise
 from statistics import median
 
+from tams_app.policy.budget.deliveries import CLOCK_JUMP_NS
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _LEVEL_NS = 60 * NS_PER_MS  # longer than a frame period: some packet in it found little jitter
@@ -31,8 +32,10 @@ class QueueingDelay:
 
     def add(self, sent_ns: int, arrived_ns: int) -> None:
         """Take in a packet; one that arrived long before the newest says nothing any more."""
-        if self._newest_ns is None:
+        if self._newest_ns is None or abs(arrived_ns - self._newest_ns) > CLOCK_JUMP_NS:
             self._first_ns = self._newest_ns = arrived_ns
+            self._recent.clear()
+            self._windows.clear()
         elif arrived_ns < self._newest_ns - _LEVEL_NS:
             return
         self._newest_ns = max(arrived_ns, self._newest_ns)
