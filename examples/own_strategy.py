@@ -7,14 +7,17 @@ configuration selects it, for live sessions, studies and virtual trials alike.
 from collections.abc import Mapping
 
 from tams_app.config import PolicyConfig, load_config
-from tams_app.policy.allocation import STRATEGIES, WeightMatrix, allocate, make_strategy
+from tams_app.policy.allocation import STRATEGIES, make_strategy
+from tams_app.policy.strategy import Situation, Weighted
+from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 
 
-class PrimaryFirst:
+class PrimaryFirst(Weighted):
     """80 % for the primary view of the phase, the largest entry of its row of W."""
 
     def __init__(self, policy: PolicyConfig) -> None:
+        super().__init__(policy)
         self._matrix = WeightMatrix(policy.weights.matrix)
 
     def weights(self, phase: Phase) -> Mapping[str, float]:
@@ -30,5 +33,5 @@ budget_kbps = 6000 * 0.92  # network s2, less the safety margin
 for name in ("tams", "primary"):
     strategy = make_strategy(name, policy)
     for phase in Phase:
-        targets = allocate(strategy.weights(phase), budget_kbps, policy.allocation.floor_kbps)
+        targets = strategy.targets(Situation(0, phase, budget_kbps))
         print(f"{name:<8} {phase.name:<12}", *(f"{v} {kbps:>5}" for v, kbps in targets.items()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +17,9 @@ from benchmarks.experiments.ablation_cells import (
 )
 from benchmarks.experiments.ablation_table import Figures
 from benchmarks.experiments.recorded_motion import record_hand
-from benchmarks.experiments.virtual_runs import VirtualRuns, read_encoding_ms, read_summary
+from benchmarks.experiments.virtual_runs import read_encoding_ms, read_summary, run_side_by_side
 from tams_app.config import Config, load_config
-from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
-from tams_app.study.trial_process import LocalPool
 from tams_app.study.unattended import TrialsProgress
 from tams_app.units import NS_PER_S
 
@@ -42,7 +39,7 @@ class Trial:
 def plan(networks: Iterable[str], hands: Mapping[int, Path], full: bool) -> dict[str, Trial]:
     """All trials by their ids."""
     trials: dict[str, Trial] = {}
-    lengths_s = {seed: _length_s(hand) for seed, hand in hands.items()}
+    lengths_s = {seed: length_s(hand) for seed, hand in hands.items()}
     for network in networks:
         cells = list(every() if full else one_at_a_time(product_cell(network)))
         for seed, hand in hands.items():
@@ -64,21 +61,9 @@ def run(
     trials: Mapping[str, Trial], out: Path, processes: int, bar: TrialsProgress
 ) -> dict[str, Figures]:
     """Every trial's figures by its id; TamsError if one fails."""
-    runs = VirtualRuns({name: trial.config for name, trial in trials.items()})
-    waiting, found = list(trials), {}
-    with closing(LocalPool(runs, processes)) as pool:
-        running = 0
-        while waiting or running:
-            while waiting and running < pool.slots:
-                pool.start(runs.job(waiting.pop(0), out))
-                running += 1
-            for job, failure in pool.wait():
-                running -= 1
-                if failure:
-                    raise TamsError(f"{trials[job.trial.id].cell.name} failed: {failure}")
-                found[job.trial.id] = figures(job.folder)
-                bar.trial_ended()
-    return {name: found[name] for name in trials}
+    configs = {name: trial.config for name, trial in trials.items()}
+    run_side_by_side(configs, out, processes, bar.trial_ended)
+    return {name: figures(out / name) for name in trials}
 
 
 def figures(folder: Path) -> dict[str, float | None]:
@@ -105,6 +90,7 @@ def _mean(values: Iterable[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def _length_s(hand: Path) -> float:
+def length_s(hand: Path) -> float:
+    """How long a recorded hand moves [s]."""
     *_, last = (tick.started_ns for tick in read_ticks(hand))
     return (last - next(read_ticks(hand)).started_ns) / NS_PER_S

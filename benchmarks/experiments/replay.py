@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tams_app.policy.allocation import WeightMatrix
+from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog, read_log, read_video
 from tams_app.records import Phase
 from tams_app.summary.tables import Span

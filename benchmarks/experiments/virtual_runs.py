@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,12 @@ import cv2
 import numpy as np
 
 from tams_app.config import Config
+from tams_app.errors import TamsError
 from tams_app.records import Frame
 from tams_app.session.virtual.trial import run_virtual_trial
 from tams_app.study.plan import PlannedTrial
 from tams_app.study.runner import SUMMARY_NAME
-from tams_app.study.trial_process import Job
+from tams_app.study.trial_process import Job, LocalPool
 from tams_app.video.virtual_time.video import VirtualVideo
 
 ENCODING_NAME = "encoding.json"
@@ -51,6 +53,26 @@ class VirtualRuns:
             participant_seed=config.seed,
         )
         return Job(trial, folder)
+
+
+def run_side_by_side(
+    configs: Mapping[str, Config], out: Path, processes: int, ended: Callable[[], None]
+) -> None:
+    """Run every trial into a folder of `out` with its id; TamsError if one fails.
+
+    `ended` is told of each that ends.
+    """
+    runs, waiting, running = VirtualRuns(configs), list(configs), 0
+    with closing(LocalPool(runs, processes)) as pool:
+        while waiting or running:
+            while waiting and running < pool.slots:
+                pool.start(runs.job(waiting.pop(0), out))
+                running += 1
+            for job, failure in pool.wait():
+                running -= 1
+                if failure:
+                    raise TamsError(f"{job.trial.id} failed: {failure}")
+                ended()
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

@@ -84,6 +84,21 @@ class BudgetConfig(Section):
     """`oracle` on a trace: the mean of this long until now."""
 
 
+class TamsPlusConfig(Section):
+    """What strategy `tams+` adds to `tams`; without any of it the two are the same."""
+
+    redistribution: bool = True
+    """A view gets no more than it can use; the others share the rest."""
+    slopes: bool = True
+    """Bits go where they lessen the weighted coding error most, by the encoders' own figures."""
+    hysteresis: bool = True
+    """A phase moves bits only when it has lasted a moment."""
+    lookahead: bool = True
+    """The next phase's views are raised while its dwell time passes."""
+    ladder: bool = True
+    """Below the sum of floors the views of low weight have fewer frames, not worse ones."""
+
+
 class PolicyConfig(Section):
     """The policy loop, and all that decides the bits."""
 
@@ -92,6 +107,7 @@ class PolicyConfig(Section):
     phases: PhasesConfig = PhasesConfig()
     weights: WeightsConfig
     allocation: AllocationConfig = AllocationConfig()
+    tams_plus: TamsPlusConfig = TamsPlusConfig()
     budget: BudgetConfig = BudgetConfig()
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from tams_app.config import Config
 from tams_app.policy.allocation import Policy
+from tams_app.policy.phases import Foreseen
 from tams_app.records import Phase, PhaseChange
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
@@ -35,12 +36,17 @@ class PolicyLoop(Listener):
         self._log = log
         self._listeners = tuple(listeners)
         self._phase = Phase.REACH
+        self._foreseen: Foreseen | None = None
         self._woken = threading.Event()
 
     def on_phase(self, change: PhaseChange) -> None:
         """Step at once for the phase that begins."""
         self._phase = change.phase
         self._woken.set()
+
+    def on_foreseen(self, foreseen: Foreseen | None) -> None:
+        """Remember it for the next step."""
+        self._foreseen = foreseen
 
     def run(self, stop: threading.Event) -> None:
         self.due_ns = self._clock.now_ns()
@@ -60,7 +66,7 @@ class PolicyLoop(Listener):
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
         self._log.uplink(report)
-        allocation = self._policy.step(self._phase, report)
+        allocation = self._policy.step(self._phase, report, self._foreseen)
         self._video.protect(report, allocation.target_kbps)
         self._video.set_targets(allocation.target_kbps)
         for listener in self._listeners:

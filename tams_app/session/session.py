@@ -15,7 +15,7 @@ from hw.arm import Arm
 from hw.boundary import session_boundary
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.policy.allocation import WeightMatrix
+from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Activity, PacketRecord, ServoMode, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.kept_memory import keep_freed_memory

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
-from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
+from tams_app.records import CodedFrame, Frame, Phase, ShownFrame, UplinkReport
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
 from tams_app.video.heard_feedback import HeardFeedback, uplink_report
@@ -46,8 +46,9 @@ class Video(ABC):
             network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms
         )
         self.delay_ns = video_delay_ns(network, self._rule)
-        first = Policy.of(config, self.capacity).step(Phase.REACH, UplinkReport(epoch_ns, 0))
-        self._start_kbps = first.target_kbps
+        policy = Policy.of(config, self.capacity)
+        self._start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
+        self._source_drop_below_kbps = policy.source_drop_below_kbps
         protected = video.views if self._rule.parity else ()
         self._parity = {view: ViewParity(parity_ssrc(video, view)) for view in protected}
         always = video.repair.parity == "on"
@@ -88,7 +89,8 @@ class Video(ABC):
 
     def report(self, now_ns: int) -> UplinkReport:
         """What the senders know of the uplink; each packet's arrival is told once."""
-        return uplink_report(now_ns, self._wire_bytes(), tuple(self._heard.values()))
+        heard = tuple(self._heard.values())
+        return uplink_report(now_ns, self._wire_bytes(), heard, self._take_coded(now_ns))
 
     @abstractmethod
     def poll(self) -> str:
@@ -104,6 +106,10 @@ class Video(ABC):
     @abstractmethod
     def _wire_bytes(self) -> int:
         """IP datagram bytes sent so far, all views together."""
+
+    @abstractmethod
+    def _take_coded(self, now_ns: int) -> tuple[CodedFrame, ...]:
+        """What the encoders made of the frames since the last call."""
 
     def _on_shown(self, shown: ShownFrame) -> None:
         self._log.record(shown)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError, LogError
-from tams_app.policy.allocation import WeightMatrix
+from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState, Plan

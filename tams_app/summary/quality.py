@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.policy.allocation import WeightMatrix
+from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, PacketKind, Phase
 from tams_app.summary.tables import (

@@ -7,7 +7,7 @@ from typing import Any
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.records import DroppedFrame, EncodedFrame, Frame
+from tams_app.records import CodedFrame, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.heard_feedback import HeardFeedback
@@ -146,6 +146,10 @@ class VideoSender:
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
         self._frames.set_target_kbps(kbps)
+
+    def take_coded(self, now_ns: int) -> list[CodedFrame]:
+        """The frames that were encoded up to `now_ns`, each once; from one thread."""
+        return self._frames.take_coded(now_ns)
 
     @property
     def wire_bytes(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from tams_app.config import Config
-from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.records import CodedFrame, Frame, FrameQuality, Image, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
@@ -74,7 +74,7 @@ class TrialVideo(Video):
             config.seed,
             epoch_ns,
             self._start_kbps,
-            config.policy.allocation.source_drop_below_kbps,
+            self._source_drop_below_kbps,
             VideoRecords(log.record, log.record, self._on_shown, log.packets),
             heard=self._heard,
             feedback=self._feedback,
@@ -111,6 +111,9 @@ class TrialVideo(Video):
 
     def _wire_bytes(self) -> int:
         return self._chains.wire_bytes()
+
+    def _take_coded(self, now_ns: int) -> tuple[CodedFrame, ...]:
+        return self._chains.take_coded()
 
     def _on_shown(self, shown: ShownFrame) -> None:
         super()._on_shown(shown)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from tams_app.policy.allocation import WeightMatrix
+from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.results import StudyData
 from tams_app.study.statistics.estimates import (

@@ -75,6 +75,7 @@ class VirtualSender:
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called
         self.set_target_kbps = self._frames.set_target_kbps
+        self.take_coded = self._frames.take_coded
 
     def push(self, frame: Frame) -> None:
         """Encode `frame` now; its packets enter the link when the encoder has had its time."""

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
-from tams_app.records import Frame, ShownFrame
+from tams_app.records import CodedFrame, Frame, ShownFrame
 from tams_app.video.frame_identity import SentFrame
 from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.link import Link
@@ -151,6 +151,13 @@ class VirtualVideo:
     def wire_bytes(self) -> int:
         """IP datagram bytes sent so far, media and repair of all views together."""
         return sum(sender.wire_bytes for sender in self._senders.values())
+
+    def take_coded(self) -> tuple[CodedFrame, ...]:
+        """What all encoders made up to now, each frame once."""
+        now_ns = self._clock.now_ns()
+        return tuple(
+            frame for sender in self._senders.values() for frame in sender.take_coded(now_ns)
+        )
 
     def close(self) -> None:
         """End all chains; may be called twice."""

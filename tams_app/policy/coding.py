@@ -1,0 +1,64 @@
+"""What the encoders' own figures tell of a view: how much more bits would improve it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import median
+
+from tams_app.records import CodedFrame
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+WINDOW_NS = 300 * NS_PER_MS
+_FEWEST = 5  # frames with a QP in that time: fewer tell nothing
+_QP_PER_DOUBLING = 6.0  # of the quantiser's step
+
+
+@dataclass(frozen=True, slots=True)
+class ViewCoding:
+    """Rate and quantisation of one view over the last `WINDOW_NS`."""
+
+    kbps: float  # of coded frames, without headers and repair
+    qp: float  # median
+
+    @property
+    def complexity(self) -> float:
+        """Rate times the quantiser's step: the rate [kbit/s] that QP 0 would take.
+
+        With the rate inverse to the step, and the squared error as its square, the error of a view
+        at rate b is in proportion to (complexity / b)².
+        """
+        return self.kbps_at(0.0)
+
+    def kbps_at(self, qp: float) -> float:
+        """The rate that this content would take at another `qp`."""
+        return self.kbps * float(2.0 ** ((self.qp - qp) / _QP_PER_DOUBLING))
+
+
+class CodingStatistics:
+    """The newest `ViewCoding` of each view, as far as its frames tell it."""
+
+    def __init__(self) -> None:
+        self._frames: dict[str, deque[CodedFrame]] = {}
+
+    def observe(self, now_ns: int, coded: Iterable[CodedFrame]) -> None:
+        """Take in new frames, of each view in their order; forget those of long ago."""
+        for frame in coded:
+            if frame.qp is not None:
+                self._frames.setdefault(frame.view, deque()).append(frame)
+        for frames in self._frames.values():
+            while frames and frames[0].encoded_ns <= now_ns - WINDOW_NS:
+                frames.popleft()
+
+    def view(self, name: str) -> ViewCoding | None:
+        """None while there is too little to tell."""
+        frames = self._frames.get(name)
+        if frames is None or len(frames) < _FEWEST:
+            return None
+        span_ns = frames[-1].encoded_ns - frames[0].encoded_ns
+        size_bytes = sum(frame.size_bytes for frame in frames) - frames[0].size_bytes
+        if span_ns <= 0 or size_bytes <= 0:
+            return None
+        kbps = size_bytes * 8 / 1000 / (span_ns / NS_PER_S)
+        return ViewCoding(kbps, median(frame.qp for frame in frames if frame.qp is not None))

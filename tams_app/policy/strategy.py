@@ -1,0 +1,61 @@
+"""What a strategy is: from the situation at one instant to a target for each view."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from tams_app.config import PolicyConfig
+from tams_app.policy.phases import Foreseen
+from tams_app.policy.sharing import allocate
+from tams_app.records import CodedFrame, Phase
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """All that a strategy may look at; floors and weights it has from the configuration."""
+
+    now_ns: int  # never decreases from one to the next
+    phase: Phase  # inferred last
+    budget_kbps: float  # B: what all views may use together
+    foreseen: Foreseen | None = None
+    coded: tuple[CodedFrame, ...] = ()  # what the encoders made since the situation before
+
+
+class Strategy(Protocol):
+    """The rule that shares the budget among the views."""
+
+    source_drop_below_kbps: float
+    """Whole frames are left out where a target gives each less than this gives each of 30."""
+
+    def targets(self, situation: Situation) -> dict[str, int]:
+        """The target of each configured view [kbit/s]; their sum never exceeds the budget."""
+
+
+class Weighted(ABC):
+    """A strategy that is no more than a share for each view; `allocate` makes targets of them.
+
+    An own one is a subclass with `weights`, entered in `STRATEGIES` (policy/allocation.py) under
+    the name that the configuration's `strategy` then accepts. One that looks at more than the phase
+    overrides `targets`.
+    """
+
+    def __init__(self, policy: PolicyConfig) -> None:
+        self.floor_kbps = policy.allocation.floor_kbps
+        self.source_drop_below_kbps = policy.allocation.source_drop_below_kbps
+
+    @abstractmethod
+    def weights(self, phase: Phase) -> Mapping[str, float]:
+        """The shares in `phase`: W_{p,v} of the paper's section III-C.
+
+        Args:
+            phase: the phase that was inferred last.
+
+        Returns:
+            One non-negative share for each configured view; they sum to 1 (paper, equation 2).
+        """
+
+    def targets(self, situation: Situation) -> dict[str, int]:
+        return allocate(self.weights(situation.phase), situation.budget_kbps, self.floor_kbps)

@@ -1,0 +1,52 @@
+"""The QP that is read from real encoders' bytes."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app import gst
+from tams_app.video.slice_qp import SliceQp
+
+pytestmark = pytest.mark.waiting
+
+_FRAMES = 12
+_WAIT_NS = 20_000_000_000
+
+
+def encoded(settings, profile="high"):
+    """Access units of a moving test picture."""
+    pipeline = gst.parse_pipeline(
+        f"videotestsrc num-buffers={_FRAMES} pattern=ball ! video/x-raw,width=320,height=240 "
+        f"! videoconvert ! video/x-raw,format=I420 ! x264enc tune=zerolatency threads=1 {settings} "
+        f"! video/x-h264,profile={profile},stream-format=byte-stream,alignment=au "
+        "! appsink name=out sync=false"
+    )
+    gst.set_playing(pipeline, "the encoder")
+    sink = pipeline.get_by_name("out")
+    units = []
+    while (sample := sink.emit("try-pull-sample", _WAIT_NS)) is not None:
+        units.append(sample.get_buffer().extract_dup(0, sample.get_buffer().get_size()))
+    gst.shut_down(pipeline)
+    assert len(units) == _FRAMES
+    return units
+
+
+@pytest.mark.parametrize("profile", ["high", "main", "constrained-baseline"])
+@pytest.mark.parametrize("preset", ["ultrafast", "superfast", "medium"])
+def test_it_is_the_one_that_the_encoder_was_told(preset, profile):
+    for told in (18, 31):
+        reader = SliceQp()
+        units = encoded(f"pass=quant quantizer={told} speed-preset={preset} aud=false", profile)
+        read = [reader.read(unit) for unit in units]
+        assert set(read[1:]) == {told}
+
+
+def test_a_stream_that_is_read_from_its_middle_does_not_tell():
+    unit = encoded("pass=quant quantizer=24")[3]
+    assert SliceQp().read(unit) is None
+
+
+@given(st.binary(max_size=200), st.integers(0, 80))
+def test_damaged_bytes_never_raise(noise, cut):
+    for start in (b"", b"\0\0\1\x67", b"\0\0\1\x68", b"\0\0\1\x65"):
+        SliceQp().read(start + noise[cut:])
