@@ -297,7 +297,7 @@ def allocate(
     if budget_kbps < len(targets) * floor:
         typer.echo(
             f"tams: note: {budget_kbps:g} kbit/s are less than the floor of {floor:g} kbit/s for "
-            f"each of {len(targets)} views: the floor is not kept, each view gets the same",
+            f"each of {len(targets)} views: the floor is not kept",
             err=True,
         )
     if as_json:

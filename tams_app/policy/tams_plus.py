@@ -16,6 +16,7 @@ from tams_app.records import Phase
 from tams_app.units import NS_PER_MS
 
 DWELL_NS = 100 * NS_PER_MS  # a phase lasts this long before bits move; Release lasts 8 ms
+_HAVE_WAITED = (Phase.ALIGN, Phase.PRE_RELEASE)  # Algorithm 1 lets these two wait itself
 FORESEEN_SHARE = 0.5  # of the way to the next phase's weights, at most, before it begins
 FINEST_QP = 18.0  # finer is not seen: H.264 is commonly taken as visually lossless from here
 LEAST_SHARE = Fraction(1, 6)  # of the floor, below the sum of floors: 5 of 30 frames a second
@@ -73,7 +74,7 @@ class TamsPlus(Weighted):
 
 
 class SettledPhase:
-    """The last phase that lasted for `dwell_ns`; the first counts at once."""
+    """The last phase that lasted for `dwell_ns`; the first counts at once, as one that waited."""
 
     def __init__(self, dwell_ns: int) -> None:
         self._dwell_ns = dwell_ns
@@ -85,7 +86,8 @@ class SettledPhase:
         """The phase to go by, while `phase` is the one inferred."""
         if phase is not self._newest:
             self._newest, self._since_ns = phase, now_ns
-        if self._settled is None or now_ns - self._since_ns >= self._dwell_ns:
+        lasted = now_ns - self._since_ns >= self._dwell_ns
+        if self._settled is None or lasted or phase in _HAVE_WAITED:
             self._settled = phase
         return self._settled
 

@@ -138,6 +138,13 @@ def test_a_release_of_one_tick_moves_no_bits():
     assert settled == tams(Phase.REACH, 5520)
 
 
+@pytest.mark.parametrize("phase", [Phase.ALIGN, Phase.PRE_RELEASE])
+def test_a_phase_that_algorithm_1_let_wait_moves_bits_at_once(phase):
+    chosen = strategy("hysteresis")
+    chosen.targets(Situation(0, Phase.TRANSPORT, 5520))
+    assert chosen.targets(Situation(900 * MS, phase, 5520)) == tams(phase, 5520)
+
+
 @given(phases, phases, st.floats(0.01, 0.98), st.floats(0.01, 0.98))
 def test_the_foreseen_phase_s_primary_view_is_raised_as_its_timer_runs(phase, next_, one, other):
     chosen = strategy("lookahead")
