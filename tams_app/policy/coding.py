@@ -8,16 +8,17 @@ from dataclasses import dataclass
 from statistics import median
 
 from tams_app.records import CodedFrame
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_S
 
-WINDOW_NS = 300 * NS_PER_MS
-_FEWEST = 5  # frames with a QP in that time: fewer tell nothing
+WINDOW_FRAMES = 9  # .3 s of 30 a second
+OLDEST_NS = NS_PER_S
+_FEWEST = 5  # frames with a QP: fewer tell nothing
 _QP_PER_DOUBLING = 6.0  # of the quantiser's step
 
 
 @dataclass(frozen=True, slots=True)
 class ViewCoding:
-    """Rate and quantisation of one view over the last `WINDOW_NS`."""
+    """Rate and quantisation of one view over its last `WINDOW_FRAMES`."""
 
     kbps: float  # of coded frames, without headers and repair
     qp: float  # median
@@ -43,12 +44,13 @@ class CodingStatistics:
         self._frames: dict[str, deque[CodedFrame]] = {}
 
     def observe(self, now_ns: int, coded: Iterable[CodedFrame]) -> None:
-        """Take in new frames, of each view in their order; forget those of long ago."""
+        """Take in new frames, of each view in their order; forget the old."""
         for frame in coded:
             if frame.qp is not None:
-                self._frames.setdefault(frame.view, deque()).append(frame)
+                kept = self._frames.setdefault(frame.view, deque(maxlen=WINDOW_FRAMES))
+                kept.append(frame)
         for frames in self._frames.values():
-            while frames and frames[0].encoded_ns <= now_ns - WINDOW_NS:
+            while frames and frames[0].encoded_ns <= now_ns - OLDEST_NS:
                 frames.popleft()
 
     def view(self, name: str) -> ViewCoding | None:

@@ -147,7 +147,7 @@ class PhaseTracker:
             phase, dwell_s = Phase.PRE_RELEASE, parameters.pre_release_dwell_s
         else:
             phase, dwell_s = Phase.ALIGN, parameters.align_dwell_s
-        if self.phase is phase or not 0.0 < self._descending_s < dwell_s:
+        if not 0.0 < self._descending_s < dwell_s:
             return None
         return Foreseen(phase, self._descending_s / dwell_s)
 

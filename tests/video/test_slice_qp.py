@@ -41,6 +41,30 @@ def test_it_is_the_one_that_the_encoder_was_told(preset, profile):
         assert set(read[1:]) == {told}
 
 
+def unit(head, bits):
+    """A NAL unit whose header byte is `head`, with emulation prevention."""
+    bits += "1" + "0" * (-(len(bits) + 1) % 8)
+    content = int(bits, 2).to_bytes(len(bits) // 8, "big")
+    while b"\0\0\0" in content:
+        content = content.replace(b"\0\0\0", b"\0\0\3\0", 1)
+    return b"\0\0\1" + bytes([head]) + content
+
+
+def golomb(number):
+    text = f"{number + 1:b}"
+    return "0" * (len(text) - 1) + text
+
+
+def test_bytes_that_were_put_in_to_break_up_zeros_do_not_count():
+    numbers = golomb(0) + golomb(12) + golomb(0) + golomb(12)  # 16 bits for number and order
+    sequence = unit(0x67, f"{66:08b}" + "0" * 16 + numbers + golomb(1) + "0" + golomb(9) * 2 + "1")
+    zeros = golomb(0) * 2
+    picture = unit(0x68, zeros + "00" + golomb(0) + zeros + "000" + golomb(0) * 3 + "000")
+    slice_ = golomb(0) + golomb(5) + golomb(0) + "0" * 32 + "0" + "0" + "0" + golomb(7)
+    assert b"\0\0\3" in unit(0x41, slice_)
+    assert SliceQp().read(sequence + picture + unit(0x41, slice_)) == 26 + 4
+
+
 def test_a_stream_that_is_read_from_its_middle_does_not_tell():
     unit = encoded("pass=quant quantizer=24")[3]
     assert SliceQp().read(unit) is None
