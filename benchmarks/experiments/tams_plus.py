@@ -51,7 +51,11 @@ MEASURES: dict[str, Callable[[Any], float]] = {
     ),
     "primary received, undamaged": lambda told: float(
         np.mean(
-            [one["undamaged_received_ssim"] for one in told["primary_view"]["by_phase"].values()]
+            [
+                score
+                for one in told["primary_view"]["by_phase"].values()
+                if (score := one["undamaged_received_ssim"]) is not None
+            ]
         )
     ),
     "latency p95 [ms]": lambda told: max(
@@ -259,7 +263,15 @@ def main() -> None:
         console.width = TABLE_WIDTH
     if REFERENCE not in options.cells:
         parser.error(f"--cells must have {REFERENCE}, with which the others are compared")
-    report(console, options.json, options.seeds, options.networks, options.cells, options.processes)
+    report(
+        console,
+        options.json,
+        options.seeds,
+        options.networks,
+        options.cells,
+        options.loss,
+        options.processes,
+    )
 
 
 if __name__ == "__main__":
