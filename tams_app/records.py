@@ -301,6 +301,7 @@ class PacketKind(Enum):
     REPAIR = 1
     RTCP = 2
     PARITY = 3
+    PADDING = 4
 
 
 class PacketFate(Enum):
@@ -318,14 +319,14 @@ class PacketRecord:
     view: str
     kind: PacketKind
     # RTP sequence of the media packet carried; REPAIR: the original's; PARITY: that of the first
-    # packet protected; RTCP: 0
+    # packet protected; RTCP, PADDING: 0
     sequence: int
     size_bytes: int
     entered_ns: int
     departed_ns: int  # left the bottleneck; 0 if it overflowed
     delivered_ns: int  # 0 if it was not delivered
     fate: PacketFate
-    rtp_timestamp: int = 0  # 90 kHz, that of its `EncodedFrame`; 0 for RTCP
+    rtp_timestamp: int = 0  # 90 kHz, that of its `EncodedFrame`; 0 for RTCP and padding
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,6 +100,7 @@ KEYS: dict[str, Any] = {
         "residual_loss_fraction": 0.0,
         "resent_fraction": 0.0,
         "parity_fraction": 0.0,
+        "padding_fraction": 0.0,
     },
     "views": {"eih": VIEW_KEYS, "gt": VIEW_KEYS, "gs": VIEW_KEYS},
     "rates": {"steps": [], "shortfall": None},
@@ -285,6 +286,19 @@ def test_loss_counts_overflow_and_comes_before_repair() -> None:
     uplink = summarise(log)["uplink"]
     assert uplink["loss_fraction"] == pytest.approx(5 / 8)
     assert uplink["residual_loss_fraction"] == pytest.approx(1 / 4)
+
+
+def test_padding_is_no_video_but_fills_the_link() -> None:
+    log = Synthetic(2.0).log()
+    before = summarise(log)
+    sent = [one for one in log.packets if one.kind is not PacketKind.RTCP]
+    log.packets = log.packets + [replace(one, kind=PacketKind.PADDING) for one in sent]
+    after = summarise(log)
+    assert after["uplink"]["padding_fraction"] == 1.0
+    assert after["uplink"]["sent_kbps_mean"] == before["uplink"]["sent_kbps_mean"]
+    assert after["uplink"]["loss_fraction"] == before["uplink"]["loss_fraction"]
+    assert after["uplink"]["utilisation"] > 1.8 * before["uplink"]["utilisation"]
+    assert after["views"] == before["views"]
 
 
 def test_a_repair_of_another_lap_of_the_sequence_repairs_nothing() -> None:

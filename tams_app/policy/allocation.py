@@ -112,3 +112,7 @@ class Policy:
         situation = Situation(now_ns, phase, budget_kbps, foreseen, report.coded)
         targets = self._strategy.targets(situation)
         return Allocation(now_ns, phase, capacity_kbps, budget_kbps, targets)
+
+    def padding_bytes(self, now_ns: int) -> int:
+        """Bytes of padding [IP datagrams] to send at once, beside the views."""
+        return self._budget.padding_bytes(now_ns)

@@ -1,4 +1,4 @@
-"""The policy loop: new targets 20 times a second, and at once when a phase begins."""
+"""The policy loop: new targets 20 times a second, and at once when a phase begins; padding."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+_PADDING_NS = 10 * NS_PER_MS  # trains shorter than the queue that a budget looks for
+_NEVER_NS = 1 << 62
 
 
 class PolicyLoop(Listener):
@@ -30,7 +33,9 @@ class PolicyLoop(Listener):
         """`listeners` hear of each allocation once the encoders have it."""
         self._policy = Policy.of(config, video.capacity)
         self._period_ns = round(NS_PER_S / config.policy.rate_hz)
-        self.due_ns = clock.now_ns()  # of the next step, unless a phase begins before
+        self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
+        pads = config.policy.budget.mode == "feedback"
+        self._pad_ns = self._step_ns if pads else _NEVER_NS  # when padding is due next
         self._clock = clock
         self._video = video
         self._log = log
@@ -38,6 +43,11 @@ class PolicyLoop(Listener):
         self._phase = Phase.REACH
         self._foreseen: Foreseen | None = None
         self._woken = threading.Event()
+
+    @property
+    def due_ns(self) -> int:
+        """When there is something to do next, unless a phase begins before."""
+        return min(self._step_ns, self._pad_ns)
 
     def on_phase(self, change: PhaseChange) -> None:
         """Step at once for the phase that begins."""
@@ -49,20 +59,26 @@ class PolicyLoop(Listener):
         self._foreseen = foreseen
 
     def run(self, stop: threading.Event) -> None:
-        self.due_ns = self._clock.now_ns()
+        self._step_ns = self._clock.now_ns()
         while not stop.is_set():
             self.step_if_due()
             self._woken.wait((self.due_ns - self._clock.now_ns()) / NS_PER_S)
 
     def step_if_due(self) -> None:
-        """One allocation, if its time has come or a phase has begun since the last."""
+        """What is due: an allocation, at once where a phase has begun since the last; padding."""
         now_ns = self._clock.now_ns()
         if self._woken.is_set():
             self._woken.clear()
-            self.due_ns = now_ns
-        if now_ns < self.due_ns:
-            return
-        self.due_ns = max(self.due_ns + self._period_ns, now_ns)
+            self._step_ns = now_ns
+        if now_ns >= self._step_ns:
+            self._step_ns = max(self._step_ns + self._period_ns, now_ns)
+            self._step(now_ns)
+        if now_ns >= self._pad_ns:
+            self._pad_ns = now_ns + _PADDING_NS
+            if size_bytes := self._policy.padding_bytes(now_ns):
+                self._video.pad(size_bytes)
+
+    def _step(self, now_ns: int) -> None:
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
         self._log.uplink(report)

@@ -122,7 +122,7 @@ class StatusBoard(Listener):
             packets = list(self._packets)
         bits = dict.fromkeys(self._views, 0)
         for packet in packets:
-            if packet.kind is not PacketKind.RTCP:
+            if packet.kind not in (PacketKind.RTCP, PacketKind.PADDING):
                 bits[packet.view] += packet.size_bytes * 8
         per_kbps = 1000 * WINDOW_NS / NS_PER_S
         targets = self._allocation.target_kbps if self._allocation else {}

@@ -109,6 +109,9 @@ class Uplink(Video):
         for view, kbps in target_kbps.items():
             self._senders[view].set_target_kbps(kbps)
 
+    def pad(self, size_bytes: int) -> None:
+        self._senders[self._config.video.views[0]].pad(size_bytes)
+
     def behind_ns(self) -> int:
         """By how much the encoder that is furthest behind its camera is so."""
         return max(sender.behind_ns for sender in self._senders.values())

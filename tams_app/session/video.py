@@ -87,6 +87,10 @@ class Video(ABC):
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         """The wire rate each view is to meet from now on."""
 
+    @abstractmethod
+    def pad(self, size_bytes: int) -> None:
+        """Send so much padding now, which no view's target pays for."""
+
     def report(self, now_ns: int) -> UplinkReport:
         """What the senders know of the uplink; each packet's arrival is told once."""
         heard = tuple(self._heard.values())

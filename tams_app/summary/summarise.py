@@ -268,6 +268,7 @@ def uplink(
         "residual_loss_fraction": _residual_loss(packets, restored),
         "resent_fraction": _share_of_bytes(packets, PacketKind.REPAIR),
         "parity_fraction": _share_of_bytes(packets, PacketKind.PARITY),
+        "padding_fraction": _share_of_bytes(packets, PacketKind.PADDING),
     }
 
 
@@ -300,7 +301,7 @@ def _utilisation(
 
 
 def _share_of_bytes(packets: PacketTable, kind: PacketKind) -> Number:
-    """Of all video bytes sent, those of `kind`."""
+    """The bytes of `kind` over those of video."""
     of_kind = packets.size_bytes[packets.kind == kind.value]
     return ratio(int(np.sum(of_kind)), int(np.sum(packets.size_bytes[packets.is_video])))
 

@@ -34,8 +34,8 @@ class PacketTable:
 
     @property
     def is_video(self) -> Flags:
-        """Media, resends and parity, not RTCP."""
-        return np.not_equal(self.kind, PacketKind.RTCP.value)
+        """Media, resends and parity, not RTCP or padding."""
+        return ~np.isin(self.kind, (PacketKind.RTCP.value, PacketKind.PADDING.value))
 
     @staticmethod
     def of(log: SessionLog, packets: Sequence[PacketRecord] | None = None) -> PacketTable:

@@ -18,11 +18,17 @@ TRANSPORT_SEQUENCE_URI = f"http://www.ietf.org/id/{_DRAFT}"
 TRANSPORT_SEQUENCE_BYTES = 8
 _TRANSPORT_SEQUENCE = slice(17, 19)
 PARITY_PAYLOAD_TYPE = 98  # ours (`parity`)
+PADDING_PAYLOAD_TYPE = 99  # ours (`padding`)
 SEQUENCES = 1 << 16
 
 _FIRST_SSRC = 0x54410000
 _FIRST_PARITY_SSRC = 0x54420000
-_KINDS = {REPAIR_PAYLOAD_TYPE: PacketKind.REPAIR, PARITY_PAYLOAD_TYPE: PacketKind.PARITY}
+_FIRST_PADDING_SSRC = 0x54430000
+_KINDS = {
+    REPAIR_PAYLOAD_TYPE: PacketKind.REPAIR,
+    PARITY_PAYLOAD_TYPE: PacketKind.PARITY,
+    PADDING_PAYLOAD_TYPE: PacketKind.PADDING,
+}
 _RTP_HEADER = struct.Struct("!BBHII")
 _VERSION = 2
 
@@ -36,6 +42,11 @@ class RtpHeader:
     sequence: int
     timestamp: int
     payload_offset: int
+
+    @property
+    def kind(self) -> PacketKind:
+        """What the packet carries."""
+        return _KINDS.get(self.payload_type, PacketKind.MEDIA)
 
 
 def media_ssrc(config: VideoConfig, view: str) -> int:
@@ -51,6 +62,11 @@ def repair_ssrc(config: VideoConfig, view: str) -> int:
 def parity_ssrc(config: VideoConfig, view: str) -> int:
     """The SSRC of a view's parity stream."""
     return _FIRST_PARITY_SSRC + config.views.index(view)
+
+
+def padding_ssrc(config: VideoConfig, view: str) -> int:
+    """The SSRC of the padding in a view's session."""
+    return _FIRST_PADDING_SSRC + config.views.index(view)
 
 
 def read_rtp(datagram: bytes) -> RtpHeader | None:
@@ -83,15 +99,17 @@ def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
     """Kind, sequence number of the media carried, and RTP timestamp of a datagram of the RTP flow.
 
     A resent packet (RTX) tells the number of the original, a parity packet that of the first packet
-    it protects; both lead the payload. What is no RTP reads as media with number and timestamp 0:
+    it protects; both lead the payload. Padding has neither. What is no RTP reads as media with number and timestamp 0:
     the link carries it all the same.
     """
     header = read_rtp(datagram)
     if header is None:
         return PacketKind.MEDIA, 0, 0
-    kind = _KINDS.get(header.payload_type, PacketKind.MEDIA)
+    kind = header.kind
     if kind is PacketKind.MEDIA:
         return kind, header.sequence, header.timestamp
+    if kind is PacketKind.PADDING:
+        return kind, 0, 0
     start = header.payload_offset
     original = int.from_bytes(datagram[start : start + 2], "big")
     return kind, original, header.timestamp

@@ -11,6 +11,7 @@ from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
 from tams_app.video.packets import (
     MEDIA_PAYLOAD_TYPE,
+    PADDING_PAYLOAD_TYPE,
     PARITY_PAYLOAD_TYPE,
     REPAIR_PAYLOAD_TYPE,
     TRANSPORT_SEQUENCE_BYTES,
@@ -72,6 +73,8 @@ def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
         return f"{common},encoding-name=RTX"
     if payload_type == PARITY_PAYLOAD_TYPE:
         return f"{common},encoding-name=PARITY"
+    if payload_type == PADDING_PAYLOAD_TYPE:
+        return f"{common},encoding-name=PADDING"
     return f"{common},encoding-name=H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true"
 
 

@@ -24,7 +24,7 @@ def restored_packets(packets: Iterable[PacketRecord]) -> list[PacketRecord]:
         frame = (packet.view, packet.rtp_timestamp)
         if packet.kind is PacketKind.PARITY:
             parity[frame].append(packet)
-        elif packet.kind is not PacketKind.RTCP:
+        elif packet.kind in (PacketKind.MEDIA, PacketKind.REPAIR):
             if packet.kind is PacketKind.MEDIA:
                 media[frame][packet.sequence] = packet
             key, at_ns = (*frame, packet.sequence), packet.delivered_ns or _NEVER_NS

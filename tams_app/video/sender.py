@@ -7,11 +7,12 @@ from typing import Any
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.records import CodedFrame, DroppedFrame, EncodedFrame, Frame
+from tams_app.records import IP_UDP_HEADER_BYTES, CodedFrame, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.packets import media_ssrc
+from tams_app.video.packets import media_ssrc, padding_ssrc
+from tams_app.video.padding import Padding
 from tams_app.video.session_feedback import PacketFeedback, ReceptionReports
 from tams_app.video.udp import (
     UdpSocket,
@@ -73,6 +74,8 @@ class VideoSender:
         self._rtx = rtx
         self._parity = parity
         self._packets: list[bytes] = []  # of the frame that is being packetised
+        self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
+        self._padded_bytes = 0
         self._frames = ViewEncoder(
             view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
@@ -118,6 +121,7 @@ class VideoSender:
         self._socket.attach(pipeline.get_by_name("feedback_in"))
         # else a session that sent RTCP before the first frame imposes a random SSRC
         session = pipeline.get_by_name("session")
+        self._rtp_entrance = session.get_static_pad("send_rtp_sink")
         ssrc = media_ssrc(self._config, self.view)
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
         if self._heard is not None and self._feedback:
@@ -136,12 +140,23 @@ class VideoSender:
 
     def push(self, frame: Frame) -> None:
         """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
-        buffer = self._frames.admit(frame, self.wire_bytes)
+        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes)
         if buffer is not None:
             self._admitted_ns = frame.capture_ns
             if self._parity is not None:
                 self._parity.captured(frame.image)
             self._source.emit("push-buffer", buffer)
+
+    def pad(self, size_bytes: int) -> None:
+        """Send so much beside the frames, which the target does not pay for; from one thread.
+
+        Nothing is sent before the first frame has left, nor without feedback, which numbers it.
+        """
+        if not self._feedback or not self.wire_bytes:
+            return
+        for packet in self._padding.packets(size_bytes):
+            self._padded_bytes += len(packet) + IP_UDP_HEADER_BYTES
+            self._rtp_entrance.chain(gst.load().Gst.Buffer.new_wrapped(packet))
 
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
@@ -153,7 +168,7 @@ class VideoSender:
 
     @property
     def wire_bytes(self) -> int:
-        """IP datagram bytes sent so far, media and repair."""
+        """IP datagram bytes sent so far: media, repair and padding."""
         return wire_bytes_sent(self._udpsink, self._link)
 
     @property

@@ -26,12 +26,16 @@ class Encoders:
         self.targets: list[dict[str, int]] = []
         self.protected: list[dict[str, int]] = []
         self.receptions: tuple[Reception, ...] = ()
+        self.padded: list[int] = []
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
 
     def protect(self, report: UplinkReport, target_kbps: dict[str, int]) -> None:
         self.protected.append(target_kbps)
+
+    def pad(self, size_bytes: int) -> None:
+        self.padded.append(size_bytes)
 
     def report(self, now_ns: int) -> UplinkReport:
         return UplinkReport(now_ns, 0, receptions=self.receptions)
@@ -172,3 +176,39 @@ def test_what_the_budget_is_told_is_kept_in_each_step(clock, loop, heard, encode
     encoders.sent_bytes = 700
     loop.step_if_due()
     assert heard.reports == [UplinkReport(clock.now_ns(), 700)]
+
+
+def feedback_loop(clock, encoders, heard):
+    config = load_config(None, {"policy.budget.mode": "feedback"})
+    return PolicyLoop(config, clock, encoders, heard, (heard,))
+
+
+def test_padding_goes_in_trains_of_ten_milliseconds_between_the_allocations(clock, encoders, heard):
+    loop = feedback_loop(clock, encoders, heard)
+    start_ns = clock.now_ns()
+    while clock.now_ns() < start_ns + 500 * NS_PER_MS:
+        loop.step_if_due()
+        assert loop.due_ns - clock.now_ns() <= 10 * NS_PER_MS
+        clock.sleep_until_ns(loop.due_ns)
+    assert len(heard.allocations) == 10
+    assert len(encoders.padded) > 15
+    assert 0 < max(encoders.padded) < 1.2 * max(one.capacity_kbps for one in heard.allocations) * 10
+
+
+def test_a_phase_that_begins_brings_no_padding_forward(clock, encoders, heard):
+    loop = feedback_loop(clock, encoders, heard)
+    loop.step_if_due()
+    due_ns = loop.due_ns
+    loop.on_phase(began(Phase.ALIGN))
+    loop.step_if_due()
+    assert loop.due_ns == due_ns
+    assert [one.phase for one in heard.allocations] == [Phase.REACH, Phase.ALIGN]
+
+
+def test_a_budget_that_sends_no_padding_is_not_asked_for_any(clock, loop, encoders):
+    start_ns = clock.now_ns()
+    loop.step_if_due()
+    assert loop.due_ns == start_ns + 50 * NS_PER_MS
+    clock.sleep_until_ns(loop.due_ns)
+    loop.step_if_due()
+    assert encoders.padded == []

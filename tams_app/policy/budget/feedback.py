@@ -295,7 +295,7 @@ class FeedbackBudget:
         in_mode_ns = self._in_mode_ns(now_ns)
         if self._mode is _Mode.RAMP:
             doublings = max(0.0, in_mode_ns - _RAMP_STEADY_NS) / _RAMP_DOUBLES_NS
-            gain = min(_FULL_GAIN, self._gain * 2.0**doublings)
+            gain: float = min(_FULL_GAIN, self._gain * 2.0**doublings)
         elif self._mode is _Mode.PROBE and in_mode_ns < _PROBE_NS:
             gain = _PROBE_GAIN
         else:

@@ -96,6 +96,9 @@ class TrialVideo(Video):
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self._chains.set_targets(target_kbps)
 
+    def pad(self, size_bytes: int) -> None:
+        self._chains.pad(size_bytes)
+
     def poll(self) -> str:
         return ""  # a chain that fails raises
 

@@ -9,10 +9,9 @@ from random import Random
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import ShownFrame
+from tams_app.records import PacketKind, ShownFrame
 from tams_app.video.frame_identity import SentFrame
 from tams_app.video.packets import (
-    PARITY_PAYLOAD_TYPE,
     SEQUENCES,
     RtpHeader,
     media_ssrc,
@@ -67,10 +66,14 @@ class VirtualReceiver:
         """A packet has come over the link."""
         now_ns = self._shared.clock.now_ns()
         header = read_rtp(packet)
-        parity = header is not None and header.payload_type == PARITY_PAYLOAD_TYPE
-        self._session.received(now_ns, resent, parity)
+        kind = PacketKind.MEDIA if header is None else header.kind
+        kind = PacketKind.REPAIR if resent else kind
+        self._session.received(now_ns, kind)
+        parity = kind is PacketKind.PARITY
         if header is not None and not parity:
-            self._count(now_ns, packet, header, resent)
+            self._count(now_ns, packet, header, kind)
+        if kind is PacketKind.PADDING:
+            return
         restored: list[bytes] = []
         if self._parity is not None:
             restored = self._parity.parity(packet) if parity else self._parity.media(packet)
@@ -110,8 +113,8 @@ class VirtualReceiver:
         self._shared.records.feedback(self.view, feedback, due_ns)
         self._shared.events.post(due_ns, partial(self._return_feedback, feedback))
 
-    def _count(self, now_ns: int, packet: bytes, header: RtpHeader, resent: bool) -> None:
-        if not resent:
+    def _count(self, now_ns: int, packet: bytes, header: RtpHeader, kind: PacketKind) -> None:
+        if kind is PacketKind.MEDIA:
             self._statistics.received(now_ns, header)
         if self._arrivals is not None:
             sequence = transport_sequence(packet)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
+from tams_app.records import PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.pipelines import (
     RECEIVER_REPORTS_NS,
@@ -26,6 +27,7 @@ _HEADERS = 28
 _RECEIVER_REPORT, _REPORT_BLOCK, _SENDER_REPORT = 8, 24, 28
 _SDES, _SHORT_SDES = 52, 40
 _NACK, _NACK_ENTRY, _PLI = 12, 4, 12
+_OF_OUR_OWN = {PacketKind.PARITY, PacketKind.PADDING}  # streams that begin when they are needed
 _NACK_REACH = 16  # an entry asks for a packet and any of the 16 that follow
 _SEQUENCE_SPAN = 1 << 16
 
@@ -60,7 +62,7 @@ class ReceiverSession:
         self._nacks: dict[int, int] = {}  # sequence number -> when asking becomes pointless
         self._rtx = rtx
         self._pli = False
-        self._repaired = self._protected = False
+        self._kinds: set[PacketKind] = set()  # that have come
         self._report_transit_ns: int | None = None
 
     @property
@@ -68,16 +70,15 @@ class ReceiverSession:
         """When `step` must be called [ns]; None before the first packet."""
         return self.timing.next_ns
 
-    def received(self, now_ns: int, repair: bool, parity: bool = False) -> None:
+    def received(self, now_ns: int, kind: PacketKind) -> None:
         """A packet of the RTP flow came."""
         self.timing.start(now_ns)
-        self._repaired |= repair
-        self._protected |= parity
+        self._kinds.add(kind)
 
     def received_report(self, transit_ns: int, size_bytes: int) -> None:
         """A sender report came after `transit_ns`."""
         self._report_transit_ns = transit_ns
-        self.timing.members = 2 + self._rtx + self._protected
+        self.timing.members = 2 + self._rtx + len(self._kinds & _OF_OUR_OWN)
         self.timing.observe(size_bytes)
 
     def ask_again(self, now_ns: int, sequence: int, time_left_ms: int) -> None:
@@ -111,7 +112,7 @@ class ReceiverSession:
         size_bytes = _HEADERS + _RECEIVER_REPORT + (_SDES if regular else _SHORT_SDES)
         size_bytes += _PLI * pli + _nack_bytes(nacks)
         if regular:
-            size_bytes += _REPORT_BLOCK * (1 + self._repaired + self._protected)
+            size_bytes += _REPORT_BLOCK * len(self._kinds | {PacketKind.MEDIA})
         self.timing.observe(size_bytes)
         transit_ns = self._report_transit_ns if regular else None
         arrivals = take_arrivals()
@@ -143,23 +144,21 @@ class SenderSession:
         self._rtx = rtx
         self.round_trip_ns = 0  # 0: not known yet
         self._last_keyframe_ns: int | None = None
-        self._repaired = self._protected = False
+        self._kinds: set[PacketKind] = set()  # that have left
 
     @property
     def next_ns(self) -> int | None:
         """When `step` must be called [ns]; None before the first packet."""
         return self.timing.next_ns
 
-    def sent(self, now_ns: int, repair: bool, parity: bool = False) -> None:
+    def sent(self, now_ns: int, kind: PacketKind) -> None:
         """A packet of the RTP flow left."""
         self.timing.start(now_ns)
-        self._repaired |= repair
-        if parity and not self._protected:
-            self._protected = True
-            self.timing.members += 1
+        self._kinds.add(kind)
+        self.timing.members = 2 + self._rtx + len(self._kinds & _OF_OUR_OWN)
 
     def step(self, now_ns: int) -> list[int]:
-        """Sizes [bytes] of the reports that leave now: the media stream's, RTX's, parity's.
+        """Sizes [bytes] of the reports that leave now: the media stream's, RTX's, our own streams'.
 
         A stream that has sent nothing yet gives the report of a receiver.
         """
@@ -167,8 +166,9 @@ class SenderSession:
             return []
         sizes = [_HEADERS + _SENDER_REPORT + _SDES]
         if self._rtx:
-            sizes.append(sizes[0] if self._repaired else _HEADERS + _RECEIVER_REPORT + _SDES)
-        sizes += [sizes[0]] * self._protected
+            repaired = PacketKind.REPAIR in self._kinds
+            sizes.append(sizes[0] if repaired else _HEADERS + _RECEIVER_REPORT + _SDES)
+        sizes += [sizes[0]] * len(self._kinds & _OF_OUR_OWN)
         for size_bytes in sizes:
             self.timing.observe(size_bytes)
         return sizes

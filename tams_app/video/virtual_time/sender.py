@@ -12,7 +12,8 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
 from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.packets import identify, with_transport_sequence
+from tams_app.video.packets import identify, padding_ssrc, with_transport_sequence
+from tams_app.video.padding import Padding
 from tams_app.video.pipelines import RTX_HISTORY_MS
 from tams_app.video.rtcp import SEQUENCES
 from tams_app.video.view_encoder import ViewEncoder
@@ -49,6 +50,8 @@ class VirtualSender:
     ) -> None:
         self.view = view
         self.wire_bytes = 0
+        self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
+        self._padded_bytes = 0
         self._shared = shared
         self._deliver = deliver
         self._deliver_report = deliver_report
@@ -79,7 +82,7 @@ class VirtualSender:
 
     def push(self, frame: Frame) -> None:
         """Encode `frame` now; its packets enter the link when the encoder has had its time."""
-        buffer = self._frames.admit(frame, self.wire_bytes)
+        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes)
         if buffer is None:
             return
         if self._parity is not None:
@@ -93,6 +96,16 @@ class VirtualSender:
             raise TamsError(f"the sender of view {self.view} failed: {reason}")
         done_ns = self._shared.clock.now_ns() + encoding_ns
         self._shared.events.post(done_ns, partial(self._send, packets))
+
+    def pad(self, size_bytes: int) -> None:
+        """Send so much beside the frames now, as live."""
+        if not self._feedback or not self.wire_bytes:
+            return
+        before = self.wire_bytes
+        packets = self._padding.packets(size_bytes)
+        records = [self._offer(PacketKind.PADDING, packet, 0, 0) for packet in packets]
+        self._padded_bytes += self.wire_bytes - before
+        self._shared.records.packets(records)
 
     def step(self) -> None:
         """Send the reports that are due now."""
@@ -154,7 +167,7 @@ class VirtualSender:
         now_ns = self._shared.clock.now_ns()
         size_bytes = len(packet) + IP_UDP_HEADER_BYTES + resent * _ORIGINAL_SEQUENCE_BYTES
         self.wire_bytes += size_bytes
-        self._session.sent(now_ns, resent, kind is PacketKind.PARITY)
+        self._session.sent(now_ns, kind)
         if self._feedback and kind is not PacketKind.PARITY:  # as live: parity has no number
             packet = with_transport_sequence(packet, self._next_sequence)
             self._untold.append((self._next_sequence, now_ns, size_bytes))

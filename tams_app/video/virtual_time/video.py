@@ -116,6 +116,10 @@ class VirtualVideo:
         for view, kbps in target_kbps.items():
             self._senders[view].set_target_kbps(kbps)
 
+    def pad(self, size_bytes: int) -> None:
+        """Send so much padding now, in the first view's session."""
+        next(iter(self._senders.values())).pad(size_bytes)
+
     def advance_to(self, now_ns: int) -> None:
         """Let everything happen that is due up to `now_ns`, one event after the other.
 
@@ -149,7 +153,7 @@ class VirtualVideo:
         return self.receivers[view].shown
 
     def wire_bytes(self) -> int:
-        """IP datagram bytes sent so far, media and repair of all views together."""
+        """IP datagram bytes sent so far by all views together, padding included."""
         return sum(sender.wire_bytes for sender in self._senders.values())
 
     def take_coded(self) -> tuple[CodedFrame, ...]:

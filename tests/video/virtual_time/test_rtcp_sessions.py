@@ -6,6 +6,7 @@ from random import Random
 
 import pytest
 
+from tams_app.records import PacketKind
 from tams_app.units import NS_PER_MS
 from tams_app.video.virtual_time.rtcp_sessions import (
     Feedback,
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.untimed
 
 def receiver(rtx: bool = True) -> ReceiverSession:
     session = ReceiverSession(Random(1), rtx)
-    session.received(0, repair=False)
+    session.received(0, PacketKind.MEDIA)
     next_feedback(session)
     return session
 
@@ -57,10 +58,14 @@ def test_sizes_are_those_that_rtpsession_sends() -> None:
     session.ask_keyframe((session.next_ns or 0) - 1)
     feedback = next_feedback(session)
     assert feedback.size_bytes in (88, 124)  # early, or with the next regular report
-    session.received(0, repair=True)
+    session.received(0, PacketKind.REPAIR)
     while (feedback := next_feedback(session)).size_bytes < 112:
         pass
     assert feedback.size_bytes == 136
+    session.received(0, PacketKind.PADDING)
+    while (feedback := next_feedback(session)).size_bytes < 136:
+        pass
+    assert feedback.size_bytes == 160
 
 
 def test_one_entry_asks_for_seventeen_packets_also_where_numbers_wrap() -> None:
@@ -110,18 +115,20 @@ def test_feedback_without_a_pli_makes_no_keyframe() -> None:
     assert not session.received(1000, asking(1000, pli=False))
 
 
-def test_a_sender_reports_for_both_streams_with_rtx() -> None:
-    def sizes(rtx: bool, repair: bool) -> list[int]:
+def test_a_sender_reports_for_each_stream() -> None:
+    def sizes(rtx: bool, *sent: PacketKind) -> list[int]:
         session = SenderSession(Random(1), rtx)
-        session.sent(0, repair)
+        for kind in (PacketKind.MEDIA, *sent):
+            session.sent(0, kind)
         while True:
             assert session.next_ns is not None
             if reports := session.step(session.next_ns):
                 return reports
 
-    assert sizes(rtx=False, repair=False) == [108]
-    assert sizes(rtx=True, repair=False) == [108, 88]
-    assert sizes(rtx=True, repair=True) == [108, 108]
+    assert sizes(rtx=False) == [108]
+    assert sizes(rtx=True) == [108, 88]
+    assert sizes(True, PacketKind.REPAIR) == [108, 108]
+    assert sizes(False, PacketKind.PARITY, PacketKind.PADDING) == [108, 108, 108]
 
 
 def test_packets_are_kept_for_their_time_and_no_longer() -> None:
