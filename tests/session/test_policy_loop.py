@@ -27,6 +27,7 @@ class Encoders:
         self.protected: list[dict[str, int]] = []
         self.receptions: tuple[Reception, ...] = ()
         self.padded: list[int] = []
+        self.sent_bytes = 0
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
@@ -38,7 +39,7 @@ class Encoders:
         self.padded.append(size_bytes)
 
     def report(self, now_ns: int) -> UplinkReport:
-        return UplinkReport(now_ns, 0, receptions=self.receptions)
+        return UplinkReport(now_ns, self.sent_bytes, receptions=self.receptions)
 
 
 class Heard(Listener):
