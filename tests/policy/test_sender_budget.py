@@ -67,7 +67,7 @@ def test_it_grows_by_a_hundred_kilobits_a_second_while_the_allowance_is_used():
 
 
 def test_loss_above_a_tenth_cuts_it_once_a_window():
-    assert run(lambda _t, _kbps: Reception("eih", 0.11, None, 0), 3.05)[-1] == pytest.approx(
+    assert run(lambda _t, _kbps: Reception("eih", 0.11, None, 0), 3.1)[-1] == pytest.approx(
         3000 * 0.85**3
     )
 

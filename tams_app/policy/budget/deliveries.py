@@ -10,6 +10,7 @@ from tams_app.units import NS_PER_S
 
 _KEPT_NS = 2 * NS_PER_S
 _WINDOW_NS = NS_PER_S
+_ENOUGH = 30  # packets to tell 2 % from 10 % of loss
 CLOCK_JUMP_NS = 2 * NS_PER_S  # arrivals further apart are of two clocks, or of two routes
 
 _Key = tuple[str, int, int, int | None, int]
@@ -64,8 +65,10 @@ class Deliveries:
         self._arrived.clear()
 
     def loss(self) -> float:
-        """The share of the packets of the last second that are lost."""
-        return sum(lost for *_, lost in self._fates) / len(self._fates) if self._fates else 0.0
+        """The share of the packets of the last second that are lost; 0 if they are too few."""
+        if len(self._fates) < _ENOUGH:
+            return 0.0
+        return sum(lost for *_, lost in self._fates) / len(self._fates)
 
     def told_bytes(self, after_ns: int, until_ns: int) -> int:
         """How much is known, arrived or lost, of what was sent in that part of the last second."""

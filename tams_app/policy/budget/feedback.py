@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
@@ -32,6 +33,7 @@ _PROBE_EVERY_NS = NS_PER_S
 _PROBE_NS = 250 * NS_PER_MS
 _PROBE_GAIN = 0.04  # 10 ms of queue after a probe of a link that has nothing free
 _PROBE_WEIGHT = 0.35
+_DOUBT_NS = 10 * NS_PER_S  # after which jitter may be what hides free capacity
 _RAMP_AGAIN_NS = 400 * NS_PER_MS
 _RAMP_AFTER_BACKLOG_NS = 200 * NS_PER_MS
 _RAMP_STEADY_NS = 195 * NS_PER_MS  # until the first of it is reported
@@ -39,7 +41,7 @@ _RAMP_DOUBLES_NS = 150 * NS_PER_MS
 _RAMP_QUEUE_NS = 10 * NS_PER_MS
 _FULL_GAIN = 1.0  # as in TCP's slow start
 _GAIN_WHEN_UNKNOWN = 0.3  # the link has just changed
-_GAIN_WHEN_FREE = 0.08  # a probe came through
+_GAIN_WHEN_FREE = 0.06  # a probe came through
 
 _SMALLEST_TRAIN_BYTES = 1000
 _LONGEST_TRAIN_NS = 50 * NS_PER_MS
@@ -76,7 +78,7 @@ class FeedbackBudget:
     the views get less than it until the queue has gone. A backlog that stays although less is
     sent is none of ours (a longer route, another flow that fills the queue): the delay of now
     becomes the base. Loss below 2 % counts as the radio's; more of it halves the delay that is
-    tolerated and forbids ramps, and above 10 % it lowers the estimate by itself. Views that send
+    tolerated, and above 10 % it lowers the estimate by itself. Views that send
     less than they may show nothing: only a rate of delivery above the estimate counts then.
 
     Without feedback the estimate halves every 100 ms, down to the floors; small padding keeps
@@ -97,7 +99,8 @@ class FeedbackBudget:
         self._gain = _FULL_GAIN  # of the ramp of now, as it began
         self._next_gain = _GAIN_WHEN_FREE
         self._next_probe_ns = 0
-        self._ramped_ns = self._disturbed_ns = 0  # the last times of a ramp; of backlog or silence
+        self._ramped_ns = self._queued_ns = 0  # the last times of a ramp, of a queue,
+        self._disturbed_ns = 0  # of a backlog or silence
         self._before_backlog_kbps = 0.0
         self._sent: deque[_Sent] = deque()
         self._pending = False  # a report was taken in that the estimate does not know yet
@@ -191,7 +194,9 @@ class FeedbackBudget:
         loss = self._deliveries.loss()
         rate_kbps = self._rate_kbps(_RATE_NS)
         lossy = loss > _INDEPENDENT_LOSS
-        unexplained = lossy and now_ns > self._disturbed_ns + NS_PER_S
+        unexplained = loss > _HEAVY_LOSS and now_ns > self._disturbed_ns + NS_PER_S
+        if queue_ns > _RAMP_QUEUE_NS:
+            self._queued_ns = now_ns
         if self._mode is _Mode.BACKLOG:
             self._drain(now_ns, queue_ns, rate_kbps)
         elif queue_ns > (self._target_ns / 2 if lossy else self._target_ns):
@@ -202,11 +207,11 @@ class FeedbackBudget:
         elif self._mode is _Mode.PROBE:
             self._follow_probe(now_ns)
         elif now_ns >= self._next_probe_ns and self._used():
-            if not unexplained:
-                self._search(now_ns)
-            elif loss > _HEAVY_LOSS:
+            if unexplained:
                 self._kbps *= 1.0 - loss / 2
                 self._next_probe_ns = now_ns + _PROBE_EVERY_NS
+            else:
+                self._search(now_ns)
 
     def _rate_kbps(self, window_ns: int) -> float:
         """The rate at the bottleneck: what is lost by the radio has passed it."""
@@ -253,6 +258,9 @@ class FeedbackBudget:
     # --- looking for more -------------------------------------------------------------------------
 
     def _search(self, now_ns: int) -> None:
+        if now_ns > self._queued_ns + _DOUBT_NS:
+            self._queued_ns = now_ns
+            self._next_gain = max(self._next_gain, _GAIN_WHEN_FREE)
         if self._next_gain > _PROBE_GAIN:
             self._ramp(now_ns, self._next_gain)
         else:
@@ -295,7 +303,7 @@ class FeedbackBudget:
         in_mode_ns = self._in_mode_ns(now_ns)
         if self._mode is _Mode.RAMP:
             doublings = max(0.0, in_mode_ns - _RAMP_STEADY_NS) / _RAMP_DOUBLES_NS
-            gain: float = min(_FULL_GAIN, self._gain * 2.0**doublings)
+            gain = min(_FULL_GAIN, self._gain * math.exp2(doublings))
         elif self._mode is _Mode.PROBE and in_mode_ns < _PROBE_NS:
             gain = _PROBE_GAIN
         else:
