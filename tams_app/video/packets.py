@@ -99,8 +99,8 @@ def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
     """Kind, sequence number of the media carried, and RTP timestamp of a datagram of the RTP flow.
 
     A resent packet (RTX) tells the number of the original, a parity packet that of the first packet
-    it protects; both lead the payload. Padding has neither. What is no RTP reads as media with number and timestamp 0:
-    the link carries it all the same.
+    it protects; both lead the payload. Padding has neither. What is no RTP reads as media with
+    number and timestamp 0: the link carries it all the same.
     """
     header = read_rtp(datagram)
     if header is None:
