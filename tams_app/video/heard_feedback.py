@@ -97,7 +97,7 @@ def uplink_report(
     now_ns: int,
     sent_bytes: int,
     heard: Sequence[HeardFeedback],
-    coded: tuple[CodedFrame, ...],
+    coded: tuple[CodedFrame, ...] = (),
 ) -> UplinkReport:
     """The report of all views, each packet in the order of sending."""
     arrivals = [arrival for one in heard for arrival in one.take_arrivals()]

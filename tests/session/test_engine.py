@@ -73,8 +73,14 @@ class Mirror(Video):
     def set_targets(self, target_kbps):
         self.targets.append(target_kbps)
 
+    def pad(self, size_bytes):
+        """Nothing is probed."""
+
     def _wire_bytes(self):
         return 0
+
+    def _take_coded(self, now_ns):
+        return ()
 
     def poll(self):
         return ""

@@ -109,7 +109,7 @@ def make(
         80.0,
         records or run.records,
         times,
-        parity,
+        parity=parity,
     )
 
 
