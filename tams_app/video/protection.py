@@ -2,7 +2,7 @@
 
 All parity is paid for by the view's own target, so the question is asked view by view: what share
 of the frames is damaged without it and with it, what a damaged frame costs there, and what the
-picture loses by the bits that the parity takes. The answer counts by the view's share of all bits,
+image loses by the bits that the parity takes. The answer counts by the view's share of all bits,
 and must be worth a change. The constants were measured (FINDINGS 5, docs/BENCHMARKS.md).
 """
 
@@ -17,9 +17,9 @@ from tams_app.records import UplinkReport
 from tams_app.video.repair import RepairRule
 
 # SSIM that a damaged frame costs: where nothing moves it is the keyframe, which must make a good
-# picture from the bits of one frame; then what changed of the picture since the frame before.
+# image from the bits of one frame; then what changed of the image since the frame before.
 STILL_DAMAGE, DAMAGE_OF_CHANGE, MOST_DAMAGE = 0.13, 2.0, 0.4
-SSIM_PER_LOG_RATE = 0.06  # of the received picture, where the bits change by a factor of e
+SSIM_PER_LOG_RATE = 0.06  # of the received image, where the bits change by a factor of e
 _MOST_GROUPS = 4
 _WORTH_A_CHANGE = 0.004  # SSIM, by the view's share
 _REMEMBERED_PACKETS = 2000.0
@@ -118,7 +118,7 @@ class Protection:
             view: its name.
             share: of all bits that go to it now, which is the weight it has in the phase.
             packets: media packets of a frame, with the parity that it has now.
-            changed: share of its picture that changes from frame to frame.
+            changed: share of its image that changes from frame to frame.
         """
         loss = self._estimates[view].loss
         sent = packets + self._groups[view]  # what the target pays for, whatever it is

@@ -58,7 +58,7 @@ class VideoSender:
             source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
             on_encoded: called once per frame in the encoder's thread: it must only hand over.
             on_dropped: called once per dropped frame in the thread that pushes.
-            heard: gets what the receiver tells; None if nobody asks.
+            heard: gets what the receiver tells; None: not asked for.
             feedback: whether packets are numbered for feedback on each; the receiver must agree.
             parity: protects the frames, where `RepairRule.parity` lets it.
 

@@ -115,7 +115,7 @@ def test_feedback_costs_the_header_extension_and_nothing_else_on_the_way_out() -
     assert max(with_feedback.values()) <= VideoConfig().mtu_bytes + 28
 
 
-def test_whoever_only_listens_to_reports_changes_no_bit_of_a_run() -> None:
+def test_listening_to_reports_alone_changes_no_bit_of_a_run() -> None:
     listened = told(feedback=False)
     assert listened.digest() == run_whole(LOSSY, 60, VIEWS).digest()
     assert listened.arrivals == ()
