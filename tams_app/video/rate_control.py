@@ -24,7 +24,7 @@ WINDOW_NS = 270 * NS_PER_MS  # to the nearest frame: 8 of 30 a second, 16 of 60
 STEP_FRACTION = 0.10  # a larger change of the target starts a new window
 _PROPORTIONAL = 0.8
 _INTEGRAL = 0.12  # per frame of a window of eight
-_BIAS_MIN, _BIAS_MAX = -0.60, 0.50
+_BIAS_MIN, _BIAS_MAX = -0.60, 0.45  # with the packets' headers no frame reaches one and a half
 _ERROR_MAX = 0.5  # one burst of repair packets must not starve the next eight frames
 # Below this share of the target the frame itself needs no more bits: do not wind up.
 _CONTENT_LIMITED_BELOW = 0.60

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from tams_app.config import VideoConfig
@@ -98,6 +98,7 @@ def test_whatever_the_rates_of_the_camera_the_target_is_met_soon_after_each_chan
 
 
 @given(rate_sequences, st.floats(0.8, 1.0), st.floats(0.0, 0.2), st.integers(0, 99))
+@example([(5.0, 1.0), (55.0, 2.0), (5.0, 1.0)], 1.0, 0.1875, 0)
 def test_no_change_of_the_rate_makes_a_frame_of_more_than_one_and_a_half_intervals(
     rates: list[tuple[float, float]], yields: float, missed: float, seed: int
 ) -> None:
