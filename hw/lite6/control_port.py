@@ -44,13 +44,16 @@ class ControlPort:
         self.connected = True
 
     def write(self, data: bytes) -> int:
-        """Send a request; 0, or -1 if it cannot be sent."""
+        """Send a request; 0, or -1 if it cannot be sent whole: the connection is given up then."""
         if not self.connected:
             return _FAILED
         try:
-            self.com.send(data)
+            sent = self.com.send(data)
         except OSError as error:
             self._lose(error)
+            return _FAILED
+        if sent < len(data):  # what followed would be read as the rest of it
+            self._lose(ConnectionError(f"{sent} of {len(data)} bytes were sent"))
             return _FAILED
         return 0
 

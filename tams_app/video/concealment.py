@@ -13,9 +13,9 @@ from collections.abc import Iterable, Mapping
 from itertools import pairwise
 
 from tams_app.records import PacketKind, PacketRecord
+from tams_app.video.packets import SEQUENCES
 from tams_app.video.restoration import restored_packets
 
-_SEQUENCES = 1 << 16
 _NEVER_NS = 1 << 62
 
 
@@ -81,6 +81,6 @@ def _beside_gaps(video: list[PacketRecord], index_of: Mapping[int, int]) -> set[
     )
     found: set[int] = set()
     for before, after in pairwise(media):
-        if 1 < (after.sequence - before.sequence) % _SEQUENCES < _SEQUENCES // 2:
+        if 1 < (after.sequence - before.sequence) % SEQUENCES < SEQUENCES // 2:
             found |= {index_of[one.rtp_timestamp] for one in (before, after)}
     return found

@@ -8,7 +8,8 @@ from operator import attrgetter
 
 from tams_app.records import CodedFrame, PacketArrival, Reception, UplinkReport
 from tams_app.units import NS_PER_S
-from tams_app.video.rtcp import ARRIVAL_TICK_NS, SEQUENCES, ReportBlock
+from tams_app.video.packets import SEQUENCES
+from tams_app.video.rtcp import ARRIVAL_TICK_NS, ReportBlock
 
 _RTP_CLOCK_HZ = 90_000
 # Both 16 bits of ticks within a message and 24 bits of 64 ms over all are whole multiples of it.

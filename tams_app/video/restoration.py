@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
+from tams_app.video.packets import SEQUENCES
 
-_SEQUENCES = 1 << 16
 _NEVER_NS = 1 << 62
 
 
@@ -35,8 +35,8 @@ def restored_packets(packets: Iterable[PacketRecord]) -> list[PacketRecord]:
             group = [
                 (arrived_ns[(*frame, sequence)], sequence)
                 for sequence in media[frame]
-                if (sequence - one.sequence) % _SEQUENCES % len(several) == 0
-                and (sequence - one.sequence) % _SEQUENCES < _SEQUENCES // 2
+                if (sequence - one.sequence) % SEQUENCES % len(several) == 0
+                and (sequence - one.sequence) % SEQUENCES < SEQUENCES // 2
             ]
             if not group:  # the log does not have them
                 continue

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.packets import SEQUENCES
 
 ARRIVAL_TICK_NS = 250_000  # the unit of arrival times
-SEQUENCES = 1 << 16
 
 _REPORT_TYPES = {200: 28, 201: 8}  # packet type -> where the report blocks begin
 _BLOCK = struct.Struct("!IIIIII")

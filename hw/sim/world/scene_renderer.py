@@ -35,7 +35,7 @@ _OFF = (
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_HAZE,
 )
-_PACK_INVERT = 0x8758  # GL_MESA_pack_invert: read back the top row first
+_TOP_ROW_FIRST = "GL_MESA_pack_invert"  # Mesa alone can read images back that way
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +63,7 @@ class SceneRenderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
         self._drawing.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         _lighten(self._drawing, self._model.tex_type)
+        self._upside_down = not _reads_top_row_first()
         self._whole = mujoco.MjrRect(0, 0, WIDTH_PX, HEIGHT_PX)
         for flag in _OFF:
             self._scene.flags[flag] = 0
@@ -130,14 +131,15 @@ class SceneRenderer:
             self._colour.ctypes.data_as(ctypes.c_void_p),
         )  # fmt: skip
         colour = self._colour[: height * width * 4].reshape(height, width, 4)
-        return np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGBA2BGR), np.uint8)
+        image = cv2.cvtColor(colour, cv2.COLOR_RGBA2BGR)
+        return np.asarray(cv2.flip(image, 0) if self._upside_down else image, np.uint8)
 
     def _read_depth(self, rectangle: mujoco.MjrRect) -> NDArray[np.float32]:
         """How near it is, larger is nearer; valid until the next reading."""
         height, width = rectangle.height, rectangle.width
         depth = self._depth[: height * width].reshape(height, width)
         mujoco.mjr_readPixels(None, depth, rectangle, self._drawing)
-        return depth
+        return np.asarray(cv2.flip(depth, 0), np.float32) if self._upside_down else depth
 
     def _camera(self, view: str) -> mujoco.MjvCamera:
         camera = mujoco.MjvCamera()
@@ -165,8 +167,6 @@ def _open_context() -> Any:
 def _lighten(drawing: mujoco.MjrContext, texture_kinds: NDArray[np.int32]) -> None:
     """Set what MuJoCo leaves dearer than these images need; the OpenGL context is current."""
     gl = import_module("OpenGL.GL")
-    # What is read has the top row first.
-    gl.glPixelStorei(import_module("OpenGL.GL.MESA.pack_invert").GL_PACK_INVERT_MESA, True)
     # Depth without the stencil, which nothing here draws with: half the memory to clear and test.
     depth = gl.glGenRenderbuffers(1)
     gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, drawing.offFBO)
@@ -183,3 +183,12 @@ def _lighten(drawing: mujoco.MjrContext, texture_kinds: NDArray[np.int32]) -> No
         target = targets[mujoco.mjtTexture(kind)]
         gl.glBindTexture(target, texture)
         gl.glTexParameteri(target, gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR_MIPMAP_NEAREST)
+
+
+def _reads_top_row_first() -> bool:
+    """Let what is read have the top row first, where the driver can; whether it does."""
+    gl = import_module("OpenGL.GL")
+    if _TOP_ROW_FIRST not in gl.glGetString(gl.GL_EXTENSIONS).decode().split():
+        return False
+    gl.glPixelStorei(import_module("OpenGL.GL.MESA.pack_invert").GL_PACK_INVERT_MESA, True)
+    return True

@@ -15,7 +15,7 @@ _DECREASE = 0.85
 _HOLD_LOSS = 0.02  # a radio loses less without congestion
 _CUT_LOSS = 0.1
 _USED = 0.9  # share of what was allowed from which a window shows that it can be carried
-_PATIENCE = 5  # windows without a report before silence counts as congestion
+_SILENCE = 5  # windows without a report before it counts as congestion
 _TRIPS = 10  # windows that are remembered for the smallest round trip
 
 
@@ -60,7 +60,7 @@ class SenderBudget:
             if self._silent_windows is None:
                 return
             self._silent_windows += 1
-            if self._silent_windows > _PATIENCE:
+            if self._silent_windows > _SILENCE:
                 self._kbps *= _DECREASE
             return
         self._silent_windows = 0

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from tams_app.units import NS_PER_S
-from tams_app.video.packets import RtpHeader
-from tams_app.video.rtcp import ARRIVAL_TICK_NS, SEQUENCES, ReportBlock
+from tams_app.video.packets import SEQUENCES, RtpHeader
+from tams_app.video.rtcp import ARRIVAL_TICK_NS, ReportBlock
 
 _RTP_CLOCK_HZ = 90_000
 # Without the end of a frame, that many lost packets after so many that came make a message, too.

@@ -12,6 +12,7 @@ from random import Random
 
 from tams_app.records import PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.packets import SEQUENCES
 from tams_app.video.pipelines import (
     RECEIVER_REPORTS_NS,
     SENDER_REPORTS_NS,
@@ -29,7 +30,6 @@ _SDES, _SHORT_SDES = 52, 40
 _NACK, _NACK_ENTRY, _PLI = 12, 4, 12
 _OF_OUR_OWN = {PacketKind.PARITY, PacketKind.PADDING}  # streams that begin when they are needed
 _NACK_REACH = 16  # an entry asks for a packet and any of the 16 that follow
-_SEQUENCE_SPAN = 1 << 16
 
 _KEYFRAME_TIMEOUT_NS = 5 * NS_PER_S
 _ARRIVALS_TIMEOUT_NS = 100 * NS_PER_MS
@@ -219,7 +219,7 @@ class SentPackets:
 def _nack_bytes(nacks: tuple[int, ...]) -> int:
     entries, reach = 0, -1
     first = nacks[0] if nacks else 0
-    for ahead in sorted((sequence - first) % _SEQUENCE_SPAN for sequence in nacks):
+    for ahead in sorted((sequence - first) % SEQUENCES for sequence in nacks):
         if ahead > reach:
             entries += 1
             reach = ahead + _NACK_REACH

@@ -12,10 +12,9 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
 from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.packets import identify, padding_ssrc, with_transport_sequence
+from tams_app.video.packets import SEQUENCES, identify, padding_ssrc, with_transport_sequence
 from tams_app.video.padding import Padding
 from tams_app.video.pipelines import RTX_HISTORY_MS
-from tams_app.video.rtcp import SEQUENCES
 from tams_app.video.view_encoder import ViewEncoder
 from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.chains import EncoderChain

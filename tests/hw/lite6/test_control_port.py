@@ -49,6 +49,13 @@ def test_a_request_arrives_as_it_is(controller: Controller) -> None:
     assert controller.connection.recv(64) == b"request"
 
 
+def test_a_request_that_cannot_be_sent_whole_ends_the_connection(controller: Controller) -> None:
+    controller.port.com.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    assert controller.port.write(bytes(50_000_000)) == FAILED  # the other end reads nothing
+    assert not controller.port.connected
+    assert controller.port.write(b"request") == FAILED
+
+
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=8))
 def test_replies_in_any_pieces_are_read_whole_and_in_order(sizes: list[int]) -> None:
     controller = Controller()

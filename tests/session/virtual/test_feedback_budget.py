@@ -1,4 +1,4 @@
-"""A trial in virtual time whose capacity nobody tells: the budget finds it through the encoders."""
+"""A trial in virtual time of unknown capacity: the budget finds it through the encoders."""
 
 from __future__ import annotations
 

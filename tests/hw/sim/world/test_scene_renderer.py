@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
 from hw.sim.layout import FINGER_TRAVEL_M, draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.world import scene_renderer
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.errors import SetupError
@@ -68,7 +69,8 @@ def drawn_whole(renderer: SceneRenderer, view: str, qpos: Vector) -> Image:
     renderer._draw(renderer._cameras[view], np.ones(renderer._model.ngeom, bool))
     colour = np.empty((HEIGHT_PX, WIDTH_PX, 3), np.uint8)
     mujoco.mjr_readPixels(colour, None, renderer._whole, renderer._drawing)
-    return cv2.cvtColor(colour, cv2.COLOR_RGB2BGR)
+    image = cv2.cvtColor(colour, cv2.COLOR_RGB2BGR)
+    return cv2.flip(image, 0) if renderer._upside_down else image
 
 
 def orange_pixels(image: Image) -> int:
@@ -91,6 +93,21 @@ def test_shortcut_is_pixel_identical_to_drawing_everything(
         images.append(renderer.render(view, qpos))
         assert np.array_equal(images[-1], drawn_whole(renderer, view, qpos))
     assert not np.array_equal(images[0], images[-1])
+
+
+def test_a_driver_that_reads_the_bottom_row_first_gives_the_same_images(
+    renderer: SceneRenderer, ready: Vector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = {view: renderer.render(view, ready) for view in VIEWS}
+    monkeypatch.setattr(scene_renderer, "_TOP_ROW_FIRST", "GL_NO_SUCH_extension")
+    other = SceneRenderer(LAYOUT)
+    try:
+        assert other._upside_down
+        for view, image in usual.items():
+            assert np.array_equal(other.render(view, ready), image)
+    finally:
+        other.close()
+        renderer._context.make_current()
 
 
 @pytest.mark.parametrize("view", VIEWS)
