@@ -28,9 +28,9 @@ _DATA_BYTES = 300_000
 
 # What a session takes, in reference cores: a part that does not depend on the frames, and one for
 # each frame a second of all three views. The line through `python -m benchmarks.threads --fps 5`
-# and `--fps 15` on a quiet machine of speed .97 (.68 and 1.03 cores without the comparison of
+# and `--fps 15` on a quiet machine of speed .97 (.69 and 1.12 cores without the comparison of
 # frames, which takes what is left over), and .2 for the eyes of an operator who sees.
-SESSION_CORES, CORES_PER_FPS = 0.70, 0.036
+SESSION_CORES, CORES_PER_FPS = 0.67, 0.041
 USABLE = 0.85  # of the cores: where nothing is left over, the control loop waits for a core
 
 
