@@ -29,6 +29,7 @@ COLUMNS = {
     "skipped_fraction": ("skipped", 100.0),
 }
 
+WIDTH = 160
 Results = dict[str, dict[str, Measures]]
 
 
@@ -45,6 +46,7 @@ def main() -> None:
     given = [trace_case(path, options.seconds) for path in options.trace]
     chosen = [c for c in (*cases(), *given) if not options.case or options.case in c.name]
     console = Console()
+    console.width = max(console.width, WIDTH)  # also where it is written to a file
     results = measure(chosen, given, options.budget or MODES, console)
     console.print(table(chosen, results))
     if options.json:

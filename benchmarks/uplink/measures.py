@@ -12,7 +12,7 @@ from tams_app.records import PacketFate, PacketRecord
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 Measures = dict[str, float | None]
-_SETTLED_NS = 100 * NS_PER_MS  # a queue that has gone for this long is gone
+_HEARD_NS = 150 * NS_PER_MS  # the least time from an event at the link to a target
 
 
 def run(case: Case, mode: str, delay_target_ms: float | None = None) -> Measures:
@@ -53,7 +53,8 @@ def measure(case: Case, trace: Trace) -> Measures:
         change_ns = start_ns + round(case.change_s * NS_PER_S)
         kbps = case.capacity.rate_kbps(change_ns)
         after = [(t_ns, target) for t_ns, target in trace.targets if t_ns >= change_ns]
-        risen = next((t for t, target in after if target >= 0.8 * kbps), None)
+        late_ns = change_ns + _HEARD_NS  # before it the targets are of the time before the change
+        risen = next((t for t, target in after if t >= late_ns and target >= 0.8 * kbps), None)
         below = next((t for t, target in after if target <= kbps), None)
         measures["start_ms" if case.change_s == 0 else "risen_ms"] = _since(risen, change_ns)
         measures["below_ms"] = _since(below, change_ns)
@@ -73,18 +74,8 @@ def _since(t_ns: int | None, change_ns: int) -> float | None:
     return None if t_ns is None else (t_ns - change_ns) / NS_PER_MS
 
 
-def _drained_ns(packets: Sequence[PacketRecord], change_ns: int) -> int | None:
-    """From when on no packet of the next two seconds waits 50 ms."""
-    late = [
-        r.entered_ns
-        for r in packets
-        if change_ns <= r.entered_ns < change_ns + 2 * NS_PER_S and _wait_ms(r) >= 50
-    ]
-    if not late:
-        return change_ns
-    first = late[0]
-    for t_ns in late:  # a later queue is another one
-        if t_ns > first + _SETTLED_NS:
-            break
-        first = t_ns
-    return first
+def _drained_ns(packets: Sequence[PacketRecord], change_ns: int) -> int:
+    """When the last packet entered, of those of the next second, that waits 50 ms."""
+    end_ns = change_ns + NS_PER_S
+    late = (r.entered_ns for r in packets if _wait_ms(r) >= 50)
+    return max((t_ns for t_ns in late if change_ns <= t_ns < end_ns), default=change_ns)

@@ -67,6 +67,10 @@ def test_the_estimate_is_finite_and_between_nothing_and_the_maximum(told, max_kb
         assert 0 <= budget.padding_bytes(now_ns) <= max_kbps * 50 / 8 + 1
 
 
+def test_a_link_that_carries_more_than_the_maximum_is_used_up_to_the_maximum():
+    assert max(estimates(steady(30_000), 5, max_kbps=5000)) == 5000
+
+
 @pytest.mark.parametrize("kbps", [3000, 6000, 12_000])
 def test_it_starts_at_the_floors_and_is_within_a_second_at_what_the_link_carries(kbps):
     first, *others = estimates(steady(kbps), 1.05)

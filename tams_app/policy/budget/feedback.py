@@ -191,6 +191,9 @@ class FeedbackBudget:
 
     def _judge(self, now_ns: int, queue_ns: float) -> None:
         """What the newest arrivals say in the present mode."""
+        begun_anew = self._mode is _Mode.RAMP and self._gain == _FULL_GAIN
+        if begun_anew and self._deliveries.newest_sent_ns <= (self._since_ns or 0):
+            return  # what an outage has held up says nothing of the link as it is now
         loss = self._deliveries.loss()
         rate_kbps = self._rate_kbps(_RATE_NS)
         lossy = loss > _INDEPENDENT_LOSS
