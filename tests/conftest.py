@@ -13,7 +13,8 @@ from tests.rerun_budget import RerunBudget
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
 
-# `--hypothesis-profile=steady`: a mutant must die by a test, not by this run's luck.
+# `--hypothesis-profile=steady`: the same examples in every run, so that a change is judged by what
+# it changes, and a mutant dies by a test. `make explore` draws new examples.
 settings.register_profile("steady", derandomize=True, database=None, deadline=None)
 
 GROUPS = ("untimed", "waiting", "timed")
