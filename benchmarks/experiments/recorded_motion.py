@@ -9,15 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from hw.sim.layout import BLOCK_EDGE_M, draw_layout
 from hw.sim.operator.demo import demo_controller
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.writer import DirectRecorder
-from tams_app.records import ArmState, Outcome, SceneTruth
+from tams_app.records import ArmState, Outcome, Pose, SceneTruth
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import ControlLoop, Signals, SteadyVideo
@@ -32,6 +35,9 @@ from tams_app.units import NS_PER_S
 _START_NS = NS_PER_S
 _AFTERWARDS_NS = 2 * NS_PER_S  # the hand rests so long after the block was placed
 _LONGEST_S = 90.0
+_TURN_RAD = (0.45, -0.45)  # from the block's place to the other one, about the arm's base
+_BEYOND_AZIMUTH_RAD = -0.4  # from where the first of them leads clear of the container
+_THERE_M = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +79,57 @@ def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outco
     return outcome
 
 
+def record_carrying(config: Config, path: Path, seconds: float) -> None:
+    """Record the demo's operator carrying the block to and fro on the table for `seconds`.
+
+    Every carry has all phases of the task, and no trial ends by it.
+    """
+    header = session_header(config, _START_NS, 0)
+    clock = VirtualClock(_START_NS)
+    with closing(DirectRecorder(path, header, clock, config.recording.min_free_mb)) as log:
+        recording = _Recording(config, clock, log, Waits(), ToAndFro(config.seed))
+        try:
+            recording.run(seconds)
+        finally:
+            recording.close()
+
+
+class ToAndFro:
+    """The scene as an operator sees it for whom the container is at another place of the table.
+
+    That is where the block does not lie: as soon as it is let go at one, they mean the other.
+    """
+
+    def __init__(self, seed: int) -> None:
+        block = draw_layout(seed).block
+        here = np.array([block.x, block.y])
+        azimuth = np.arctan2(block.y, block.x)
+        turn = _TURN_RAD[0] if azimuth < _BEYOND_AZIMUTH_RAD else _TURN_RAD[1]
+        turned = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        self._places = [turned @ here, here]
+
+    def see(self, truth: SceneTruth) -> SceneTruth:
+        away = np.linalg.norm(truth.block.position[:2] - self._places[0])
+        if away < _THERE_M and truth.fingers_opening > BLOCK_EDGE_M + 0.001:
+            self._places.reverse()
+        where = np.array([*self._places[0], truth.container.position[2]])
+        return replace(truth, container=Pose(where, truth.container.rotation))
+
+
 class _Recording(Listener):
     """The rig of a recording: a robot and a hand, no cameras."""
 
     def __init__(
-        self, config: Config, clock: VirtualClock, log: DirectRecorder, waits: Waits
+        self,
+        config: Config,
+        clock: VirtualClock,
+        log: DirectRecorder,
+        waits: Waits,
+        to_and_fro: ToAndFro | None = None,
     ) -> None:
         self._clock = clock
         self._waits = waits
+        self._to_and_fro = to_and_fro
         self._period_ns = round(NS_PER_S / config.control.rate_hz)
         self._robot = robot = VirtualRobot(config, clock, lambda _level, _text: None)
         self._judge = TrialJudge(config.trial, build.task_geometry())
@@ -98,9 +147,9 @@ class _Recording(Listener):
         robot.arm.connect()
         controller.start()
 
-    def run(self) -> Outcome:
+    def run(self, longest_s: float = _LONGEST_S) -> Outcome:
         """Until the block has lain in the container for a while, or nothing comes of it."""
-        end_ns = _START_NS + round(_LONGEST_S * NS_PER_S)
+        end_ns = _START_NS + round(longest_s * NS_PER_S)
         placed_ns: int | None = None
         while self._clock.now_ns() < end_ns:
             self._clock.advance_ns(self._period_ns)
@@ -117,7 +166,10 @@ class _Recording(Listener):
 
     def _see(self) -> SceneTruth | None:
         since_s = (self._clock.now_ns() - _START_NS) / NS_PER_S
-        return self._robot.truth() if self._waits.sees(since_s) else None
+        if not self._waits.sees(since_s):
+            return None
+        truth = self._robot.truth()
+        return truth if self._to_and_fro is None else self._to_and_fro.see(truth)
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         if output.arming is ArmingState.ENGAGED:

@@ -1,22 +1,41 @@
-"""How well each budget uses an uplink.
+"""How well each budget uses an uplink, and what the operator sees through it.
 
-`python -m benchmarks.uplink --model` runs all cases without encoders, packet by packet, in a few
-minutes, prints the table and with `--json` writes it. `--trace FILE` adds the trace in a file, with
-three settings of the delay target.
+`python -m benchmarks.uplink --trace FILE --budget feedback --strategy tams+ --seconds 60` runs the
+real encoders, jitter buffers and decoders over an emulated link in virtual time, while the rig's
+arm carries a block to and fro; `--rate-kbps N` in place of a trace. Without either, all cases run
+that way, for each budget and repair, which takes an hour. `--model` runs them packet by packet
+without encoders, in a few minutes; there a trace is run with three settings of the delay target.
+`--json` writes the results.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks.uplink.cases import DELAY_TARGETS_MS, MODES, Case, Target, cases, trace_case
+from benchmarks.uplink.cases import (
+    DELAY_TARGETS_MS,
+    MODES,
+    Case,
+    Target,
+    cases,
+    rate_case,
+    trace_case,
+)
+from benchmarks.uplink.encoded import Result, Sender, run_encoded
 from benchmarks.uplink.measures import Measures, run
+from tams_app.config import Network
+from tams_app.errors import TamsError
+from tams_app.study.unattended import TrialsProgress
 
 COLUMNS = {
     "utilisation": ("used", 100.0),
@@ -28,40 +47,119 @@ COLUMNS = {
     "padding_fraction": ("padding", 100.0),
     "skipped_fraction": ("skipped", 100.0),
 }
-
-WIDTH = 160
-Results = dict[str, dict[str, Measures]]
+SEEN: dict[str, Callable[[Result], str]] = {
+    "latency": lambda told: f"{told['latency_ms']['p95']:.0f}",
+    "frozen": lambda told: f"{told['frozen_s']:.1f}",
+    "received": lambda told: f"{told['primary_ssim']['received']:.3f}",
+    "live": lambda told: f"{told['primary_ssim']['live']:.3f}",
+    "worst live": lambda told: f"{told['worst_view_live_ssim']:.3f}",
+}
+SENDERS = (*(Sender(mode) for mode in MODES), Sender("feedback", repair="adaptive"))
+WIDTH = 170
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="benchmarks.uplink", description=__doc__)
-    parser.add_argument("--model", action="store_true", required=True,
-                        help="without encoders, packet by packet")  # fmt: skip
-    parser.add_argument("--trace", type=Path, action="append", default=[], metavar="FILE")
-    parser.add_argument("--seconds", type=float, default=120.0, help="of a trace (default 120)")
-    parser.add_argument("--case", help="only cases with this in their names")
-    parser.add_argument("--budget", choices=MODES, action="append", help="default: all")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    given = [trace_case(path, options.seconds) for path in options.trace]
-    chosen = [c for c in (*cases(), *given) if not options.case or options.case in c.name]
+    options = _options()
     console = Console()
     console.width = max(console.width, WIDTH)  # also where it is written to a file
-    results = measure(chosen, given, options.budget or MODES, console)
-    console.print(table(chosen, results))
+    link = Network(
+        latency_ms=options.latency_ms,
+        jitter_ms=options.jitter_ms,
+        loss=options.loss,
+        loss_burst=options.loss_burst,
+    )
+    given = [trace_case(path, options.seconds, link) for path in options.trace]
+    given += [rate_case(kbps, options.seconds, link) for kbps in options.rate_kbps]
+    chosen = given or [one for one in cases() if not options.case or options.case in one.name]
+    if options.model:
+        modes = (options.budget,) if options.budget else MODES
+        modelled = model(chosen, bool(given), modes, console)
+        console.print(table(chosen, modelled))
+        written: object = modelled
+    else:
+        chosen = [one for one in chosen if one.encoders_can]
+        senders = _senders(options, bool(given))
+        encoded = over_encoders(chosen, senders, options.processes, console)
+        console.print(table(chosen, {c: {s: one["link"] for s, one in row.items()}
+                                     for c, row in encoded.items()}, encoded))  # fmt: skip
+        alone = len(chosen) == len(senders) == 1
+        written = encoded[chosen[0].name][str(senders[0])] if alone else encoded
     if options.json:
-        options.json.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+        options.json.write_text(json.dumps(written, indent=2) + "\n", encoding="utf-8")
 
 
-def measure(
-    chosen: list[Case], given: list[Case], modes: tuple[str, ...], console: Console
-) -> Results:
-    """Each case under each mode; a given trace also at each delay target."""
-    results: Results = {}
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.uplink", description=__doc__)
+    parser.add_argument("--model", action="store_true", help="without encoders, packet by packet")
+    parser.add_argument("--case", help="only cases with this in their names")
+    parser.add_argument("--trace", type=Path, action="append", default=[], metavar="FILE")
+    parser.add_argument("--rate-kbps", type=float, action="append", default=[], metavar="N")
+    link = parser.add_argument_group("the link of --trace and --rate-kbps")
+    link.add_argument("--latency-ms", type=float, default=40.0, help="one way (default 40)")
+    link.add_argument("--jitter-ms", type=float, default=8.0, help="± (default 8)")
+    link.add_argument("--loss", type=float, default=0.0, help="share of packets (default 0)")
+    link.add_argument("--loss-burst", type=float, default=1.0, help="mean length (default 1)")
+    link.add_argument("--seconds", type=float, default=60.0, help="(default 60)")
+    sends = parser.add_argument_group("what sends")
+    sends.add_argument("--budget", choices=MODES)
+    sends.add_argument("--strategy", default="tams")
+    sends.add_argument("--repair", choices=("paper", "adaptive"))
+    sends.add_argument("--delay-target-ms", type=float)
+    sends.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    if (options.trace or options.rate_kbps) and options.case:
+        parser.error("--case chooses from the cases; a trace or a rate is one itself")
+    return options
+
+
+def _senders(options: argparse.Namespace, given: bool) -> list[Sender]:
+    """What is asked for; each budget and repair unless one is named."""
+    chosen = [Sender(options.budget or "feedback")] if given else list(SENDERS)
+    if options.budget:
+        chosen = [one for one in chosen if one.budget == options.budget]
+    if options.repair:
+        chosen = [*dict.fromkeys(replace(one, repair=options.repair) for one in chosen)]
+    return [
+        replace(
+            one,
+            strategy=options.strategy,
+            delay_target_ms=options.delay_target_ms,
+            seed=options.seed,
+        )
+        for one in chosen
+    ]
+
+
+def over_encoders(
+    chosen: Sequence[Case], senders: Sequence[Sender], processes: int, console: Console
+) -> dict[str, dict[str, Result]]:
+    """Each case with each sender."""
+    runs = {
+        f"{number}-{index}": (case, sender)
+        for number, case in enumerate(chosen)
+        for index, sender in enumerate(senders)
+    }
+    with tempfile.TemporaryDirectory(prefix="uplink-") as folder:
+        console.print("recording the hand")
+        with TrialsProgress(console, len(runs)) as bar:
+            found = run_encoded(runs, Path(folder), processes, bar.trial_ended)
+    results: dict[str, dict[str, Result]] = {}
+    for name, (case, sender) in runs.items():
+        results.setdefault(case.name, {})[str(sender)] = found[name]
+    return results
+
+
+def model(
+    chosen: Sequence[Case], delay_targets: bool, modes: Sequence[str], console: Console
+) -> dict[str, dict[str, Measures]]:
+    """Each case under each budget; `delay_targets`: `feedback` with each of them."""
+    results: dict[str, dict[str, Measures]] = {}
     for case in track(chosen, description="cases", console=console, transient=True):
         row = results.setdefault(case.name, {})
         for mode in modes:
-            if mode == "feedback" and case in given:
+            if mode == "feedback" and delay_targets:
                 for target_ms in DELAY_TARGETS_MS:
                     row[f"feedback, {target_ms:g} ms"] = run(case, mode, target_ms)
             else:
@@ -69,16 +167,24 @@ def measure(
     return results
 
 
-def table(chosen: list[Case], results: Results) -> Table:
+def table(
+    chosen: Sequence[Case],
+    results: dict[str, dict[str, Measures]],
+    seen: dict[str, dict[str, Result]] | None = None,
+) -> Table:
     """A line for each run; per cent, milliseconds at the bottleneck, targets of `feedback`."""
+    columns = {key: told for key, told in COLUMNS.items() if not seen or key != "standing_p95_ms"}
     shown = Table("case", "budget", box=None)
-    for title, _ in COLUMNS.values():
+    for title in (*(title for title, _ in columns.values()), *(SEEN if seen else ())):
         shown.add_column(title, justify="right")
     shown.add_column("targets")
     for case in chosen:
         for mode, measures in results[case.name].items():
-            cells = [_cell(measures[key], factor) for key, (_, factor) in COLUMNS.items()]
-            verdicts = [_verdict(t, measures) for t in case.targets] if mode == "feedback" else []
+            cells = [_cell(measures[key], factor) for key, (_, factor) in columns.items()]
+            if seen:
+                cells += [told(seen[case.name][mode]) for told in SEEN.values()]
+            ours = mode.startswith("feedback")
+            verdicts = [_verdict(t, measures) for t in case.targets] if ours else []
             shown.add_row(case.name if mode == next(iter(results[case.name])) else "", mode,
                           *cells, "\n".join(verdicts))  # fmt: skip
     return shown
@@ -95,4 +201,7 @@ def _verdict(target: Target, measures: Measures) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except TamsError as error:
+        sys.exit(str(error))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.uplink.model import Model, Setting
-from tams_app.capacity import Capacity, ConstantCapacity, RateTrace, TraceCapacity
+from benchmarks.uplink.model import Setting
+from tams_app.capacity import Capacity, TraceCapacity
 from tams_app.config import CONFIG_DIRECTORY, Network
-from tams_app.units import NS_PER_S
 from tams_app.video.networks import read_trace
+from tams_app.video.traces import CSV_HEADER, parse_trace
 
 MODES = ("oracle", "sender", "feedback")
 DELAY_TARGETS_MS = (20.0, 40.0, 80.0)
@@ -42,43 +42,52 @@ class Case:
     """One link and one course of events."""
 
     name: str
-    capacity: Capacity
+    rates: str  # the text of a capacity trace
     setting: Setting
     targets: tuple[Target, ...] = ()
     change_s: float | None = None  # when the capacity changes, where that is measured
+
+    @property
+    def encoders_can(self) -> bool:
+        """Whether it has nothing that only the packet-level model can do."""
+        return self.setting == Setting(self.setting.network, self.setting.seconds)
+
+    def capacity(self, start_ns: int) -> Capacity:
+        """What the bottleneck carries from `start_ns` on."""
+        return TraceCapacity(parse_trace(self.rates, self.name), start_ns)
 
 
 def cases() -> Iterator[Case]:
     """All cases but those of traces given by their path."""
     for kbps in (3000, 6000, 12_000):
-        steady = ConstantCapacity(kbps)
+        steady = _rates((0, kbps))
         name = f"steady {kbps // 1000} Mbit/s"
         start = Target("start_ms", at_most=1000)
         yield Case(name, steady, Setting(LINK),
                    (_used(0.90), Target("queue_p95_ms", at_most=20), start), 0.0)  # fmt: skip
-        lossy = replace(Setting(LINK), network=_with(loss=0.003))
+        lossy = Setting(_with(loss=0.003))
         yield Case(f"{name}, .3 % loss", steady, lossy, (_used(0.85),))
-        lossy = replace(Setting(LINK), network=_with(loss=0.01))
+        lossy = Setting(_with(loss=0.01))
         yield Case(f"{name}, 1 % loss", steady, lossy, (_used(0.85),))
     down = Target("below_ms", at_most=250), Target("drained_ms", at_most=700)
-    rates = _rates((0, 12_000), (20, 3000), period=40)
+    rates = _rates((0, 12_000), (20, 3000))
     yield Case("step down 12 → 3", rates, Setting(LINK, 40), down, 20.0)
     up = Target("risen_ms", at_most=2000)
-    rates = _rates((0, 3000), (20, 12_000), period=40)
+    rates = _rates((0, 3000), (20, 12_000))
     yield Case("step up 3 → 12", rates, Setting(LINK, 40), (up,), 20.0)
-    six = ConstantCapacity(6000)
+    six = _rates((0, 6000))
     bursts = _with(loss=0.01, loss_burst=5)
     yield Case("Gilbert-Elliott, 1 %, bursts of 5", six, Setting(bursts), (_used(0.85),))
     for outage_s in (0.3, 1.0, 3.0):
-        rates = _rates((0, 6000), (20, 0), (20 + outage_s, 6000), period=40)
+        rates = _rates((0, 6000), (20, 0), (20 + outage_s, 6000), (40, 6000))
         back = Target("risen_ms", at_most=1000)
         yield Case(f"outage of {outage_s:g} s", rates, Setting(LINK, 40), (back,), 20 + outage_s)
     yield Case("constant flow of 2 Mbit/s", six, Setting(LINK, constant_kbps=(20, 40, 2000)))
     yield Case("TCP-like flow", six, Setting(LINK, tcp=(20, 40)))
     for kbps in (3000, 6000, 12_000):
         wild = Setting(Network(latency_ms=80, jitter_ms=30))
-        yield Case(f"jitter 30 ms, {kbps // 1000} Mbit/s", ConstantCapacity(kbps), wild)
-    yield Case("network s3", ConstantCapacity(3000), Setting(S3), (_used(0.85),))
+        yield Case(f"jitter 30 ms, {kbps // 1000} Mbit/s", _rates((0, kbps)), wild)
+    yield Case("network s3", _rates((0, 3000)), Setting(S3), (_used(0.85),))
     yield Case("clock 100 ppm fast", six, Setting(LINK, drift=1e-4), (_used(0.90),))
     yield Case("clock 100 ppm slow", six, Setting(LINK, drift=-1e-4), (_used(0.90),))
     yield Case("route 40 ms longer", six, Setting(LINK, route_change=(20, 40)), (_used(0.85),))
@@ -91,9 +100,14 @@ def cases() -> Iterator[Case]:
 
 
 def trace_case(path: Path, seconds: float, network: Network = LINK) -> Case:
-    """The trace in a file, from its beginning."""
-    capacity = TraceCapacity(read_trace(path), Model.START_NS)
-    return Case(f"trace {path.stem}", capacity, Setting(network, seconds))
+    """The trace in a file, from its beginning; ConfigError if it is none."""
+    read_trace(path)
+    return Case(f"trace {path.stem}", path.read_text("utf-8-sig"), Setting(network, seconds))
+
+
+def rate_case(kbps: float, seconds: float, network: Network = LINK) -> Case:
+    """A link that carries `kbps` all the time."""
+    return Case(f"steady {kbps:g} kbit/s", _rates((0, kbps)), Setting(network, seconds))
 
 
 def _used(at_least: float) -> Target:
@@ -104,7 +118,7 @@ def _with(**changes: float) -> Network:
     return LINK.model_copy(update=changes)
 
 
-def _rates(*rows: tuple[float, float], period: float) -> Capacity:
-    starts_ns = tuple(round(t_s * NS_PER_S) for t_s, _ in rows)
-    rates = RateTrace(starts_ns, tuple(kbps for _, kbps in rows), round(period * NS_PER_S))
-    return TraceCapacity(rates, Model.START_NS)
+def _rates(*rows: tuple[float, float]) -> str:
+    """A trace's text from seconds and kbit/s; it repeats after its last row, as long as before."""
+    lines = (f"{t_s * 1000:g},{kbps:g}" for t_s, kbps in rows)
+    return "\n".join((CSV_HEADER, *lines, ""))

@@ -16,24 +16,27 @@ _HEARD_NS = 150 * NS_PER_MS  # the least time from an event at the link to a tar
 
 
 def run(case: Case, mode: str, delay_target_ms: float | None = None) -> Measures:
-    """One run of `case` under the budget `mode`, measured from its first instant."""
+    """One run of the model under the budget `mode`."""
     policy = load_config(
         None, {"policy.budget.mode": mode, "policy.budget.delay_target_ms": delay_target_ms}
     ).policy
-    budget = make_budget(policy, case.capacity)
-    trace = Model(case.setting, case.capacity, budget, policy).run()
-    return measure(case, trace)
+    capacity = case.capacity(Model.START_NS)
+    trace = Model(case.setting, capacity, make_budget(policy, capacity), policy).run()
+    standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
+    return {**measure(case, trace, Model.START_NS), "standing_p95_ms": _percentile(standing, 0.95)}
 
 
-def measure(case: Case, trace: Trace) -> Measures:
-    """Fractions, kbit/s and milliseconds; times count from the case's change of capacity."""
-    start_ns = Model.START_NS
+def measure(case: Case, trace: Trace, start_ns: int) -> Measures:
+    """What happened at the link from `start_ns` on: fractions, kbit/s and milliseconds.
+
+    Times count from the case's change of capacity.
+    """
     end_ns = start_ns + round(case.setting.seconds * NS_PER_S)
-    carried = case.capacity.mean_kbps(start_ns, end_ns) * (end_ns - start_ns) / 8e6  # bytes
+    capacity = case.capacity(start_ns)
+    carried = capacity.mean_kbps(start_ns, end_ns) * (end_ns - start_ns) / 8e6  # bytes
     own = departed_bytes(trace.packets, start_ns, end_ns) / carried
     others = departed_bytes(trace.others, start_ns, end_ns) / carried
     waits = sorted(_wait_ms(r) for r in trace.packets if r.departed_ns)
-    standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
     overflown = sum(r.fate is PacketFate.OVERFLOW for r in trace.packets)
     lost = sum(r.fate is not PacketFate.DELIVERED for r in trace.packets)
     measures: Measures = {
@@ -42,7 +45,6 @@ def measure(case: Case, trace: Trace) -> Measures:
         "queue_p50_ms": _percentile(waits, 0.5),
         "queue_p95_ms": _percentile(waits, 0.95),
         "queue_max_ms": waits[-1],
-        "standing_p95_ms": _percentile(standing, 0.95),
         "overflow_fraction": overflown / len(trace.packets),
         "loss_fraction": lost / len(trace.packets),
         "padding_fraction": trace.padding_bytes / carried,
@@ -51,7 +53,7 @@ def measure(case: Case, trace: Trace) -> Measures:
     }
     if case.change_s is not None:
         change_ns = start_ns + round(case.change_s * NS_PER_S)
-        kbps = case.capacity.rate_kbps(change_ns)
+        kbps = capacity.rate_kbps(change_ns)
         after = [(t_ns, target) for t_ns, target in trace.targets if t_ns >= change_ns]
         late_ns = change_ns + _HEARD_NS  # before it the targets are of the time before the change
         risen = next((t for t, target in after if t >= late_ns and target >= 0.8 * kbps), None)
