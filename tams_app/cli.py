@@ -119,7 +119,7 @@ def run(
     ] = False,
     strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
     network: Annotated[str | None, typer.Option(help="s1, s2, s3, none or a trace file.")] = None,
-    budget: Annotated[str | None, typer.Option(help="oracle or sender.")] = None,
+    budget: Annotated[str | None, typer.Option(help="feedback, sender or oracle.")] = None,
     seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
     seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
     fps: Annotated[

@@ -76,6 +76,7 @@ def configure(cell: Cell, network: str, seed: int, hand: Path, seconds: float) -
         {
             **cell.settings(),
             "network": network,
+            "policy.budget.mode": "oracle",
             "seed": seed,
             "seconds": seconds,
             "headless": True,

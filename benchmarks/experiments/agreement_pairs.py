@@ -65,6 +65,7 @@ def measure_seed(folder: Path, given: Mapping[str, Any]) -> Pair:
         None,
         {
             **given,
+            "policy.budget.mode": "oracle",
             "rig.hand_trajectory": str(hand),
             "seconds": span.end_ns / NS_PER_S + _START_UP_S,
         },

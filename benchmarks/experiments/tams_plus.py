@@ -147,6 +147,7 @@ def plan(
                     {
                         **settings(cell),
                         **keys,
+                        "policy.budget.mode": "oracle",
                         "seed": seed,
                         "seconds": seconds,
                         "headless": True,

@@ -65,10 +65,13 @@ class AllocationConfig(Section):
         return self
 
 
+BudgetMode = Literal["oracle", "sender", "feedback"]
+
+
 class BudgetConfig(Section):
     """Where the uplink capacity comes from."""
 
-    mode: Literal["oracle", "sender", "feedback"] = "oracle"
+    mode: BudgetMode = "feedback"
     """Capacity from the emulated link itself, from receiver reports, or from each packet's fate."""
     safety_factor: Annotated[float, Field(gt=0, le=1)] = 0.92
     """Share of the capacity that is given to the views."""

@@ -17,7 +17,7 @@ from tams_app.config.motion import (
     check_rotation,
 )
 from tams_app.config.section import NonNegative, Positive, Section, Triple
-from tams_app.config.streaming import Network, PolicyConfig, VideoConfig
+from tams_app.config.streaming import BudgetMode, Network, PolicyConfig, VideoConfig
 from tams_app.records import Phase
 
 OperatorKind = Literal["auto", "seeing", "scripted"]
@@ -97,6 +97,8 @@ class StudyConfig(Section):
     """Strategies that are compared, each once."""
     networks: Annotated[tuple[str, ...], Field(min_length=1)] = ("s1", "s2", "s3")
     """Networks on which they are compared, each once."""
+    budget: BudgetMode = "oracle"
+    """Takes the place of policy.budget.mode; `oracle` as in the paper, whose capacity is known."""
     reference: str = "equal"
     """The strategy that the others are compared with."""
     proposed: str = "tams"

@@ -84,12 +84,14 @@ class PlannedTrial(Section):
         return self.last is not None and self.last.state is AttemptState.DONE
 
     def configure(self, config: Config) -> Config:
-        """The study's configuration with this trial's name, seed, strategy and network."""
+        """The study's configuration with its budget and this trial's name, seed and condition."""
+        budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
         changes = {
             "name": self.id,
             "seed": self.seed,
             "strategy": self.strategy,
             "network": self.network,
+            "policy": config.policy.model_copy(update={"budget": budget}),
         }
         return config.model_copy(update=changes)
 

@@ -126,7 +126,7 @@ def test_a_longer_queue_that_is_not_ours_lowers_the_estimate_further():
         grown = replace(steady(6000), delay_ms=lambda t: 40 + added_ms * (t > 5))
         return min(between(grown, 5, 7.5))
 
-    unmoved, short, longer, long = map(lowest, (10, 40, 60, 160))
+    unmoved, short, longer, long = map(lowest, (10, 50, 60, 160))
     assert unmoved > 0.95 * 6000
     assert unmoved > short > longer > long
     assert long == pytest.approx(START_KBPS)

@@ -158,4 +158,5 @@ def test_a_trial_s_configuration_is_the_study_s_with_its_condition(tmp_path: Pat
         trial.network,
         trial.seed,
     )
-    assert config.policy == load_config().policy
+    assert load_config().policy.budget.mode == "feedback"
+    assert config.policy == load_config(None, {"policy.budget.mode": "oracle"}).policy

@@ -279,7 +279,10 @@ class FeedbackBudget:
             self._kbps = max(self._kbps, rate_kbps)
             return
         self._kbps = rate_kbps if ended and rate_kbps < self._kbps else self._kbps
-        self._next_gain = max(_PROBE_GAIN, self._next_gain / 2)
+        if self._gain == _FULL_GAIN and self._kbps < 2 * self._floor_kbps:
+            self._next_gain = _GAIN_WHEN_UNKNOWN  # so soon, jitter may have ended it
+        else:
+            self._next_gain = max(_PROBE_GAIN, self._next_gain / 2)
         steady = self._next_gain == _PROBE_GAIN
         self._next_probe_ns = now_ns + (_PROBE_EVERY_NS if steady else _RAMP_AGAIN_NS)
         self._enter(_Mode.CRUISE, now_ns)
