@@ -32,7 +32,7 @@ from tams_app.study.unattended import TrialsProgress
 
 RESULTS = Path(__file__).parent / "results" / "tams_plus.json"
 SEEDS, NETWORKS, PROCESSES = 12, ("s1", "s2", "s3"), 2
-PARTS = ("redistribution", "slopes", "hysteresis", "lookahead", "ladder")
+PARTS = ("redistribution", "lookahead", "ladder")
 REFERENCE, ALL = "tams", "tams+"
 CELLS = (REFERENCE, *PARTS, ALL)
 _LATER_S = 5.0  # a replay may end so long after its recording

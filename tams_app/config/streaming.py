@@ -92,10 +92,6 @@ class TamsPlusConfig(Section):
 
     redistribution: bool = True
     """A view gets no more than it can use; the others share the rest."""
-    slopes: bool = True
-    """Bits go where they lessen the weighted coding error most, by the encoders' own figures."""
-    hysteresis: bool = True
-    """A phase moves bits only when it has lasted a moment."""
     lookahead: bool = True
     """The next phase's views are raised while its dwell time passes."""
     ladder: bool = True

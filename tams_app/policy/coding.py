@@ -1,4 +1,4 @@
-"""What the encoders' own figures tell of a view: how much more bits would improve it."""
+"""What the encoders' own figures tell of a view: how many bits it can use."""
 
 from __future__ import annotations
 
@@ -23,17 +23,8 @@ class ViewCoding:
     kbps: float  # of coded frames, without headers and repair
     qp: float  # median
 
-    @property
-    def complexity(self) -> float:
-        """Rate times the quantiser's step: the rate [kbit/s] that QP 0 would take.
-
-        With the rate inverse to the step, and the squared error as its square, the error of a view
-        at rate b is in proportion to (complexity / b)².
-        """
-        return self.kbps_at(0.0)
-
     def kbps_at(self, qp: float) -> float:
-        """The rate that this content would take at another `qp`."""
+        """The rate of this content at another `qp`, taken as inverse to the quantiser's step."""
         return self.kbps * float(2.0 ** ((self.qp - qp) / _QP_PER_DOUBLING))
 
 

@@ -1,7 +1,5 @@
 """What `tams+` adds to `tams`, part by part."""
 
-import math
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,13 +8,13 @@ from tams_app.config import load_config
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.phases import Foreseen
 from tams_app.policy.strategy import Situation
-from tams_app.policy.tams_plus import DWELL_NS, FINEST_QP, FORESEEN_SHARE
+from tams_app.policy.tams_plus import FINEST_QP, FORESEEN_SHARE
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import CodedFrame, Phase
 
 pytestmark = pytest.mark.untimed
 
-PARTS = ("redistribution", "slopes", "hysteresis", "lookahead", "ladder")
+PARTS = ("redistribution", "lookahead", "ladder")
 VIEWS = ("eih", "gt", "gs")
 MATRIX = WeightMatrix(load_config().policy.weights.matrix)
 MS = 1_000_000
@@ -68,13 +66,13 @@ def test_streams_that_do_not_tell_their_qp_leave_it_tams(phase, budget, kbps):
 
 
 def test_figures_of_long_ago_count_no_more():
-    chosen = strategy("slopes", "redistribution")
+    chosen = strategy("redistribution")
     old = coded(dict.fromkeys(VIEWS, 1000), {"eih": 40, "gt": 20, "gs": 10})
     assert chosen.targets(Situation(0, Phase.REACH, 5520, None, old)) != tams(Phase.REACH, 5520)
     assert chosen.targets(Situation(1000 * MS, Phase.REACH, 5520)) == tams(Phase.REACH, 5520)
 
 
-@pytest.mark.parametrize("parts", [("redistribution",), ("slopes",), PARTS])
+@pytest.mark.parametrize("parts", [("redistribution",), PARTS])
 @given(phases, budgets, rates, qps)
 def test_the_sum_and_the_floors_hold_and_the_primary_view_never_pays(
     parts, phase, budget, kbps, qp
@@ -86,7 +84,7 @@ def test_the_sum_and_the_floors_hold_and_the_primary_view_never_pays(
     assert targets[primary] >= tams(phase, budget)[primary]
 
 
-@pytest.mark.parametrize("parts", [("redistribution",), ("slopes",), PARTS])
+@pytest.mark.parametrize("parts", [("redistribution",), PARTS])
 @given(phases, st.floats(0, 20_000), st.floats(0, 20_000), rates, qps)
 def test_more_budget_never_means_less_for_any_view(parts, phase, one, other, kbps, qp):
     less, more = (
@@ -111,38 +109,6 @@ def test_bits_that_no_view_can_use_are_left_to_the_link():
     targets = strategy("redistribution").targets(Situation(0, Phase.ALIGN, 20_000, None, frames))
     assert targets["gt"] == pytest.approx(1000, rel=0.02)
     assert targets["eih"] == tams(Phase.ALIGN, 20_000)["eih"]
-
-
-@pytest.mark.parametrize("per_doubling", [2.0, 4.0, 6.0, 9.0])
-def test_where_no_bound_holds_targets_settle_where_w_times_lambda_is_the_same(per_doubling):
-    chosen, weights = strategy("slopes"), MATRIX.row(Phase.ALIGN)
-    at_1000 = {"eih": 33.0, "gt": 27.0, "gs": 24.0}  # QP at 1000 kbit/s
-    targets, now_ns = tams(Phase.ALIGN, 5520), 0
-    for _ in range(200):
-        now_ns += 1000 * MS
-        qp = {v: at_1000[v] - per_doubling * math.log2(kbps / 1000) for v, kbps in targets.items()}
-        situation = Situation(now_ns, Phase.ALIGN, 5520, None, coded(targets, qp, now_ns))
-        targets = chosen.targets(situation)
-    if targets["eih"] > tams(Phase.ALIGN, 5520)["eih"] and min(targets.values()) > 150:
-        slopes = [math.log2(weights[view]) + qp[view] / 3 for view in VIEWS]
-        assert max(slopes) - min(slopes) < 0.05
-    assert sum(targets.values()) > 5517
-
-
-def test_a_release_of_one_tick_moves_no_bits():
-    chosen = strategy("hysteresis")
-    before = chosen.targets(Situation(0, Phase.TRANSPORT, 5520))
-    assert chosen.targets(Situation(900 * MS, Phase.RELEASE, 5520)) == before
-    assert chosen.targets(Situation(908 * MS, Phase.REACH, 5520)) == before
-    settled = chosen.targets(Situation(908 * MS + DWELL_NS, Phase.REACH, 5520))
-    assert settled == tams(Phase.REACH, 5520)
-
-
-@pytest.mark.parametrize("phase", [Phase.ALIGN, Phase.PRE_RELEASE])
-def test_a_phase_that_algorithm_1_let_wait_moves_bits_at_once(phase):
-    chosen = strategy("hysteresis")
-    chosen.targets(Situation(0, Phase.TRANSPORT, 5520))
-    assert chosen.targets(Situation(900 * MS, phase, 5520)) == tams(phase, 5520)
 
 
 @given(phases, phases, st.floats(0.01, 0.98), st.floats(0.01, 0.98))
