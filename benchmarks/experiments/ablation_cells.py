@@ -77,6 +77,7 @@ def configure(cell: Cell, network: str, seed: int, hand: Path, seconds: float) -
             **cell.settings(),
             "network": network,
             "policy.budget.mode": "oracle",
+            "video.repair.mode": "paper",
             "seed": seed,
             "seconds": seconds,
             "headless": True,

@@ -66,6 +66,7 @@ def measure_seed(folder: Path, given: Mapping[str, Any]) -> Pair:
         {
             **given,
             "policy.budget.mode": "oracle",
+            "video.repair.mode": "paper",
             "rig.hand_trajectory": str(hand),
             "seconds": span.end_ns / NS_PER_S + _START_UP_S,
         },

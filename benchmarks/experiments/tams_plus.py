@@ -148,6 +148,7 @@ def plan(
                         **settings(cell),
                         **keys,
                         "policy.budget.mode": "oracle",
+                        "video.repair.mode": "paper",
                         "seed": seed,
                         "seconds": seconds,
                         "headless": True,

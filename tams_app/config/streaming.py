@@ -126,10 +126,13 @@ class QualityConfig(Section):
 _LARGEST_PROTECTED_BYTES = 1465  # with 7 of parity, and 28 of IP and UDP: 1500
 
 
+RepairMode = Literal["paper", "adaptive"]
+
+
 class RepairConfig(Section):
     """How lost packets are repaired (`video/repair.py` has the rule)."""
 
-    mode: Literal["paper", "adaptive"] = "paper"
+    mode: RepairMode = "adaptive"
     """`paper`: resending where it takes at most 200 ms, no parity. `adaptive`: resending of what
     comes within `video.latency_bound_ms`, parity where not all does."""
     rtx: Literal["auto", "on", "off"] = "auto"

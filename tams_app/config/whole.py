@@ -17,7 +17,7 @@ from tams_app.config.motion import (
     check_rotation,
 )
 from tams_app.config.section import NonNegative, Positive, Section, Triple
-from tams_app.config.streaming import BudgetMode, Network, PolicyConfig, VideoConfig
+from tams_app.config.streaming import BudgetMode, Network, PolicyConfig, RepairMode, VideoConfig
 from tams_app.records import Phase
 
 OperatorKind = Literal["auto", "seeing", "scripted"]
@@ -99,6 +99,8 @@ class StudyConfig(Section):
     """Networks on which they are compared, each once."""
     budget: BudgetMode = "oracle"
     """Takes the place of policy.budget.mode; `oracle` as in the paper, whose capacity is known."""
+    repair: RepairMode = "paper"
+    """Takes the place of video.repair.mode."""
     reference: str = "equal"
     """The strategy that the others are compared with."""
     proposed: str = "tams"

@@ -84,14 +84,19 @@ class PlannedTrial(Section):
         return self.last is not None and self.last.state is AttemptState.DONE
 
     def configure(self, config: Config) -> Config:
-        """The study's configuration with its budget and this trial's name, seed and condition."""
+        """The study's configuration with this trial's name, seed and condition.
+
+        Budget and repair are those of the section `study`.
+        """
         budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
+        repair = config.video.repair.model_copy(update={"mode": config.study.repair})
         changes = {
             "name": self.id,
             "seed": self.seed,
             "strategy": self.strategy,
             "network": self.network,
             "policy": config.policy.model_copy(update={"budget": budget}),
+            "video": config.video.model_copy(update={"repair": repair}),
         }
         return config.model_copy(update=changes)
 

@@ -45,7 +45,7 @@ class RepairRule:
         return math.floor(min(self.latency_ms + rarer_ms, self.longest_wait_ms))
 
 
-_AS_THE_RULE_SAYS = RepairConfig()
+_AS_THE_RULE_SAYS = RepairConfig(mode="paper")
 
 
 def repair_rule(

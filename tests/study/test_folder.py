@@ -158,5 +158,7 @@ def test_a_trial_s_configuration_is_the_study_s_with_its_condition(tmp_path: Pat
         trial.network,
         trial.seed,
     )
-    assert load_config().policy.budget.mode == "feedback"
-    assert config.policy == load_config(None, {"policy.budget.mode": "oracle"}).policy
+    default = load_config()
+    assert (default.policy.budget.mode, default.video.repair.mode) == ("feedback", "adaptive")
+    paper = load_config(None, {"policy.budget.mode": "oracle", "video.repair.mode": "paper"})
+    assert (config.policy, config.video) == (paper.policy, paper.video)

@@ -32,9 +32,9 @@ def test_the_paper_networks_get_their_rule(network: Network, rule: RepairRule) -
 @pytest.mark.parametrize(
     ("latency_ms", "wanted", "rule"),
     [
-        (40, RepairConfig(rtx="off"), RepairRule(False, 36, 300.0)),
-        (80, RepairConfig(rtx="on"), RepairRule(True, 228, 300.0)),
-        (40, RepairConfig(pli=False), RepairRule(True, 132, 300.0, pli=False)),
+        (40, RepairConfig(mode="paper", rtx="off"), RepairRule(False, 36, 300.0)),
+        (80, RepairConfig(mode="paper", rtx="on"), RepairRule(True, 228, 300.0)),
+        (40, RepairConfig(mode="paper", pli=False), RepairRule(True, 132, 300.0, pli=False)),
     ],
 )
 def test_repair_can_be_switched_whatever_the_rule_says(
@@ -99,7 +99,7 @@ def test_parity_can_be_switched_on_and_off_and_the_paper_has_none() -> None:
     near, far = Network(latency_ms=15), Network(latency_ms=80)
     assert repair_rule(near, 300.0, RepairConfig(mode="adaptive", parity="on")).parity
     assert not repair_rule(far, 300.0, RepairConfig(mode="adaptive", parity="off")).parity
-    assert not repair_rule(far, 300.0, RepairConfig(parity="on")).parity
+    assert not repair_rule(far, 300.0, RepairConfig(mode="paper", parity="on")).parity
 
 
 def test_the_first_loss_asks_at_once_and_the_next_waits_its_turn() -> None:

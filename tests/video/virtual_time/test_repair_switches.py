@@ -11,9 +11,9 @@ from tests.video.virtual_time.runs import NETWORKS, Run, shared_run
 
 pytestmark = pytest.mark.untimed
 
-RTX_OFF = RepairConfig(rtx="off")
-NO_REPAIR = RepairConfig(rtx="off", pli=False)
-RTX_ON = RepairConfig(rtx="on")
+RTX_OFF = RepairConfig(mode="paper", rtx="off")
+NO_REPAIR = RepairConfig(mode="paper", rtx="off", pli=False)
+RTX_ON = RepairConfig(mode="paper", rtx="on")
 
 
 def run(wanted: RepairConfig) -> Run:
@@ -28,7 +28,7 @@ def test_without_pli_no_keyframe_is_asked_for(wanted: RepairConfig) -> None:
     assert (sum(frame.keyframe for frame in found.encoded) > 1) == wanted.pli
 
 
-@pytest.mark.parametrize("wanted", [RepairConfig(), RTX_ON])
+@pytest.mark.parametrize("wanted", [RepairConfig(mode="paper"), RTX_ON])
 def test_rtx_resends_where_it_is_forced_though_the_network_is_slow(wanted: RepairConfig) -> None:
     resent = [packet for packet in run(wanted).packets if packet.kind is PacketKind.REPAIR]
     assert bool(resent) == (wanted.rtx == "on")
