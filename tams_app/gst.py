@@ -39,8 +39,6 @@ _STREAMING = {
     "avdec_h264": "gstreamer1.0-libav",
 }
 ELEMENT_PACKAGES = _STREAMING | {
-    "nvh264dec": _BAD,
-    "vah264dec": _BAD,
     "v4l2src": _GOOD,
     "jpegdec": _GOOD,
     "videoscale": _BASE,
@@ -52,7 +50,6 @@ ELEMENT_PACKAGES = _STREAMING | {
     "qtdemux": _GOOD,
 }
 STREAMING_ELEMENTS = tuple(_STREAMING)
-DECODERS_BY_PREFERENCE = ("nvh264dec", "vah264dec", "avdec_h264")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,28 +110,6 @@ def require_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> None:
         raise SetupError(f"GStreamer lacks {', '.join(missing)}; install {packages}")
 
 
-def choose_decoder(name: str) -> str:
-    """The H.264 decoder element to use: `name`, or for `auto` the best one this machine has.
-
-    SetupError if it is not there or decodes something else.
-    """
-    gst = load().Gst
-    candidates = DECODERS_BY_PREFERENCE if name == "auto" else (name,)
-    h264 = gst.Caps.from_string("video/x-h264")
-    for candidate in candidates:
-        factory = gst.ElementFactory.find(candidate)
-        if factory is None:
-            continue
-        is_decoder = factory.list_is_type(gst.ELEMENT_FACTORY_TYPE_DECODER)
-        if is_decoder and factory.can_sink_any_caps(h264):
-            return candidate
-        raise SetupError(f"video.decoder: {candidate} does not decode H.264; use auto")
-    package = ELEMENT_PACKAGES.get(name, ELEMENT_PACKAGES["avdec_h264"])
-    raise SetupError(
-        f"GStreamer has no decoder {name}; install {package} or set video.decoder: auto"
-    )
-
-
 def parse_pipeline(description: str) -> Any:
     """A pipeline from its launch description; SetupError if it cannot be built."""
     modules = load()
@@ -175,6 +150,11 @@ def shut_down(pipeline: Any) -> None:
     pipeline.set_state(gst.State.NULL)
     pipeline.get_state(gst.CLOCK_TIME_NONE)
     pipeline.get_bus().set_flushing(True)
+
+
+def set_from_text(element: Any, name: str, value: str) -> None:
+    """Set a property to a value as gst-launch takes it, of whatever type it is."""
+    load().Gst.util_set_object_arg(element, name, value)
 
 
 def raw_buffer(data: bytes | NDArray[np.uint8], pts_ns: int, duration_ns: int) -> Any:

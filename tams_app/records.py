@@ -356,7 +356,7 @@ class CodedFrame:
     view: str
     encoded_ns: int
     size_bytes: int  # of H.264, without packet headers
-    qp: int | None  # of its first slice; None if the stream does not tell
+    qp: int | None  # of its first slice; None if it was not asked for, or not told
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,26 +44,6 @@ def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyP
         gst.require_elements(["x264enc", "nosuchenc"])
 
 
-def test_auto_takes_the_first_decoder_this_machine_has() -> None:
-    present = [name for name in gst.DECODERS_BY_PREFERENCE if not gst.missing_elements([name])]
-    assert gst.choose_decoder("auto") == present[0]
-
-
-def test_a_decoder_asked_for_by_name_is_taken() -> None:
-    assert gst.choose_decoder("avdec_h264") == "avdec_h264"
-
-
-@pytest.mark.parametrize("name", ["x264enc", "avdec_mpeg2video", "videoconvert"])
-def test_an_element_that_does_not_decode_h264_is_refused(name: str) -> None:
-    with pytest.raises(SetupError, match=r"does not decode H\.264"):
-        gst.choose_decoder(name)
-
-
-def test_an_unknown_decoder_is_refused_with_what_to_do() -> None:
-    with pytest.raises(SetupError, match=r"no decoder nosuchdec; install .* video\.decoder: auto"):
-        gst.choose_decoder("nosuchdec")
-
-
 def test_a_pipeline_that_cannot_be_built_is_a_setup_error() -> None:
     with pytest.raises(SetupError, match="nosuchelement"):
         gst.parse_pipeline("fakesrc ! nosuchelement ! fakesink")

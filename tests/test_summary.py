@@ -64,6 +64,7 @@ KEYS: dict[str, Any] = {
     "strategy": "",
     "network": "",
     "budget_mode": "",
+    "codecs": {"encoder": "x264enc", "decoder": "avdec_h264"},
     "duration_s": 0.0,
     "complete": True,
     "missing": [],
@@ -222,6 +223,13 @@ def test_the_scheduler_is_what_was_learned_after_the_start() -> None:
     log = SessionLog(header(), START_NS)
     log.facts["scheduler"] = "fifo"
     assert summarise(log)["control"]["scheduler"] == "fifo"
+
+
+def test_the_codecs_are_what_was_learned_after_the_start() -> None:
+    log = SessionLog(header(), START_NS)
+    assert summarise(log)["codecs"] == {"encoder": None, "decoder": None}
+    log.facts.update(encoder="x264enc", decoder="avdec_h264")
+    assert summarise(log)["codecs"] == {"encoder": "x264enc", "decoder": "avdec_h264"}
 
 
 def test_each_round_trip_counts_once_and_only_when_acknowledged() -> None:

@@ -63,9 +63,9 @@ class _UlpfecDecoderChain(chains.DecoderChain):
     """The decoder's chain with ULPFEC's two elements around the jitter buffer."""
 
     def __init__(
-        self, view: str, decoder: str, rule: RepairRule, frames: ViewDecoder, clock: SteppedClock
+        self, view: str, rule: RepairRule, frames: ViewDecoder, clock: SteppedClock
     ) -> None:
-        inner = pipelines.decoder_chain(rule, decoder)
+        inner = pipelines.decoder_chain(rule)
         jitterbuffer, rest = inner.split(" ! ", 1)
         rest = rest.replace('"<97>"', f'"<97, {_ULPFEC_PAYLOAD_TYPE}>"')
         fec = f"rtpulpfecdec name=fec pt={_ULPFEC_PAYLOAD_TYPE}"
@@ -77,7 +77,7 @@ class _UlpfecDecoderChain(chains.DecoderChain):
             patch.object(pipelines, "decoder_chain", lambda *_: description),
             patch.object(pipelines, "rtp_caps", lambda: caps),
         ):
-            super().__init__(view, decoder, rule, frames, clock)
+            super().__init__(view, rule, frames, clock)
         storage_element = self.pipeline.get_by_name("storage")
         fec_element = self.pipeline.get_by_name("fec")
         fec_element.set_property("storage", storage_element.get_property("internal-storage"))

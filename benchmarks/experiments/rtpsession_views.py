@@ -81,7 +81,6 @@ class RtpSessionView:
                 config,
                 view,
                 rule,
-                gst.choose_decoder(config.decoder),
                 rtp_in=_SOURCE.format("rtp_in", f'"{pipelines.received_caps(heard is not None)}"'),
                 reports_in=_SOURCE.format("reports_in", pipelines.RTCP_CAPS),
                 feedback_out=_SINK.format("feedback_out"),

@@ -23,6 +23,7 @@ from tams_app.recording import SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.codecs import AVDEC
 from tams_app.video.colour import bgr_of
 
 _ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
@@ -63,17 +64,16 @@ def phase_segments(
     return found
 
 
-def decode(units: Iterator[EncodedFrame], config: VideoConfig, decoder: str) -> Iterator[Frame]:
+def decode(units: Iterator[EncodedFrame], config: VideoConfig) -> Iterator[Frame]:
     """The frames of one view's access units; LogError if the decoder gives up.
 
     Each carries its capture time as PTS, by which a frame is known again.
     """
-    gst.require_elements((*_ELEMENTS, decoder))
-    threads = " max-threads=1" if decoder == "avdec_h264" else ""
+    gst.require_elements((*_ELEMENTS, AVDEC.element))
     pipeline = gst.parse_pipeline(
         "appsrc name=units format=time max-bytes=0 "
         "caps=video/x-h264,stream-format=byte-stream,alignment=au "
-        f"! h264parse ! {decoder}{threads} ! videoconvert n-threads=1 ! video/x-raw,format=I420 "
+        f"! h264parse ! {AVDEC.launch} "
         "! appsink name=frames sync=false max-buffers=0"
     )
     entry, decoded = pipeline.get_by_name("units"), pipeline.get_by_name("frames")
@@ -195,8 +195,7 @@ class RecordedSession:
                 if frame.view == view:
                     yield frame
             return
-        decoder = gst.choose_decoder(self.video.decoder)
-        yield from decode(read_video(self.folder / LOG_NAME, view), self.video, decoder)
+        yield from decode(read_video(self.folder / LOG_NAME, view), self.video)
 
 
 def open_session(given: Path, views: Sequence[str]) -> RecordedSession:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tams_app.config.section import Fraction, NonNegative, Port, Positive, Section
 from tams_app.records import Phase
@@ -144,6 +144,11 @@ class RepairConfig(Section):
     """Whether a keyframe is asked for where a packet stays lost."""
 
 
+def _renamed_decoder(word: object) -> object:
+    """Logs and studies of version 0.1 name the element."""
+    return "avdec" if word == "avdec_h264" else word
+
+
 class VideoConfig(Section):
     """The same settings for all views and strategies."""
 
@@ -156,7 +161,7 @@ class VideoConfig(Section):
     fps: Annotated[int, Field(ge=5, le=60)] = 30
     """Frames per second that each camera is asked for."""
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
-    """x264's speed preset."""
+    """x264's speed preset; other encoders have their own."""
     vbv_ms: Annotated[float, Field(ge=1, le=36)] = 33.0
     """Length of the encoder's rate buffer at 30 frames a second: 33 is one frame, at any rate. With
     more than 36 x264 no longer holds each frame to it."""
@@ -164,8 +169,13 @@ class VideoConfig(Section):
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200
     """Payload of an RTP packet at most."""
-    decoder: str = "avdec_h264"
-    """Element that decodes: `auto`, or any H.264 decoder of GStreamer."""
+    encoder: Literal["auto", "x264", "nvh264", "vah264", "v4l2h264"] = "x264"
+    """What encodes in a live session: the processor, or hardware where it works here; if not, the
+    processor, and the session says so. `auto`: the first that works, hardware before x264."""
+    decoder: Annotated[
+        Literal["auto", "avdec", "nvh264dec", "vah264dec"], BeforeValidator(_renamed_decoder)
+    ] = "avdec"
+    """What decodes in a live session, in the same way."""
     bind_host: str = "127.0.0.1"
     """Address that the video flows are bound to."""
     first_port: Port = 0

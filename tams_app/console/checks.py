@@ -23,6 +23,7 @@ from tams_app.console.doctor import Check, Finding
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
+from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.udp import requested_ports
 
 RENDER_TIMEOUT_S = 60
@@ -68,7 +69,6 @@ def configuration(config: Config) -> Iterator[Finding]:
     names: dict[str, Callable[[], object]] = {
         "Strategy and network": lambda: check_names(config),
         "Ready pose": lambda: check_ready_pose(config),
-        "Video decoder": lambda: gst.choose_decoder(config.video.decoder),
     }
     for what, look in names.items():
         try:
@@ -77,6 +77,16 @@ def configuration(config: Config) -> Iterator[Finding]:
             yield Finding(what, False, "", str(error))
         else:
             yield Finding(what, True)
+
+
+def codecs(config: Config) -> Iterator[Finding]:
+    """Whether the encoder and decoder that are asked for work; if not, software stands in."""
+    if gst.missing_elements():
+        return  # named above
+    found = choose_codecs(config.video)
+    names = f"{found.encoder.element}, {found.decoder.element}"
+    fix = "; ".join(found.remarks)
+    yield Finding("Video codecs", not found.remarks, names, fix, essential=False)
 
 
 def rendering(config: Config) -> Iterator[Finding]:
@@ -264,6 +274,7 @@ CHECKS: tuple[Check, ...] = (
     libraries,
     gstreamer,
     configuration,
+    codecs,
     rendering,
     shared_memory,
     ports,

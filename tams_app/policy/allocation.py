@@ -83,6 +83,7 @@ class Policy:
         self._budget = budget
         self._safety_factor = config.budget.safety_factor
         self.source_drop_below_kbps = strategy.source_drop_below_kbps
+        self.reads_qp = strategy.reads_qp
 
     @staticmethod
     def of(config: Config, capacity: Capacity) -> Policy:

@@ -29,6 +29,8 @@ class Strategy(Protocol):
 
     source_drop_below_kbps: float
     """Whole frames are left out where a target gives each less than this gives each of 30."""
+    reads_qp: bool
+    """Whether `Situation.coded` tells each frame's QP, which has to be read from its bytes."""
 
     def targets(self, situation: Situation) -> dict[str, int]:
         """The target of each configured view [kbit/s]; their sum never exceeds the budget."""
@@ -45,6 +47,7 @@ class Weighted(ABC):
     def __init__(self, policy: PolicyConfig) -> None:
         self.floor_kbps = policy.allocation.floor_kbps
         self.source_drop_below_kbps = policy.allocation.source_drop_below_kbps
+        self.reads_qp = False
 
     @abstractmethod
     def weights(self, phase: Phase) -> Mapping[str, float]:

@@ -26,6 +26,7 @@ class TamsPlus(Weighted):
         self._parts = policy.tams_plus
         self._matrix = WeightMatrix(policy.weights.matrix)
         self._coding = CodingStatistics()
+        self.reads_qp = self._parts.redistribution
         if self._parts.ladder:
             # a view below the floor has fewer frames instead of worse ones
             self.source_drop_below_kbps = self.floor_kbps

@@ -39,6 +39,7 @@ class Engine:
         """`ended` is told that the trial is over; `listeners` hear everything last."""
         self._clock = clock
         self._log = log
+        self._codecs = video.codecs
         self.stops = StopWatch(log.record)
         self.trial = TrialObserver(
             config.trial, clock, devices.arm, devices.truth, log.record, ended
@@ -61,4 +62,6 @@ class Engine:
     def begin(self, scheduler: str) -> None:
         """Log the start; `scheduler` says what runs the control loop."""
         self._log.fact("scheduler", scheduler)
+        self._log.fact("encoder", self._codecs.encoder.element)
+        self._log.fact("decoder", self._codecs.decoder.element)
         self._log.on_phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))

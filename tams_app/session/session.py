@@ -36,6 +36,7 @@ from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Capture, Uplink
 from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tams_app.video.networks import resolve_network
 
@@ -160,8 +161,19 @@ class Session:
         self._stack.callback(self._quality.close)
         self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
         network, failed = resolve_network(config, config.network), self._on_worker_failure
+        codecs = choose_codecs(config.video)
+        for remark in codecs.remarks:
+            self.note("warning", remark)
         self._video = Uplink(
-            config, network, self._clock, log, self._quality, helper_logs, self._on_packets, failed
+            config,
+            network,
+            self._clock,
+            log,
+            self._quality,
+            helper_logs,
+            self._on_packets,
+            failed,
+            codecs=codecs,
         )
         self._stack.callback(self._video.close)
         self._video.start()

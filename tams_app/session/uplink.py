@@ -13,6 +13,7 @@ from tams_app.records import CodedFrame, Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Quality, Video
+from tams_app.video.codecs import SOFTWARE, Codecs
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.relay_client import RelayClient
 from tams_app.video.sender import VideoSender
@@ -35,10 +36,11 @@ class Uplink(Video):
         on_packets: Callable[[list[PacketRecord]], None],
         on_failure: Callable[[str, BaseException], None],
         epoch_ns: int | None = None,
+        codecs: Codecs = SOFTWARE,
     ) -> None:
         """A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process."""
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
-        super().__init__(config, network, self._epoch_ns, log, quality)
+        super().__init__(config, network, self._epoch_ns, log, quality, codecs)
         self._config = config
         self._network = network
         self._clock = clock
@@ -65,6 +67,8 @@ class Uplink(Video):
                 self._heard.get(view),
                 self._feedback,
                 self._parity.get(view),
+                self.codecs.encoder,
+                self._reads_qp,
             )
             self._senders[view] = sender
             receiver = VideoReceiver(
@@ -75,6 +79,7 @@ class Uplink(Video):
                 sender.sent.find,
                 self._on_shown,
                 self._feedback,
+                self.codecs.decoder,
             )
             self.receivers[view] = receiver
             exits[view] = ViewPorts(

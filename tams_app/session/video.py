@@ -11,6 +11,7 @@ from tams_app.policy.allocation import Policy
 from tams_app.records import CodedFrame, Frame, Phase, ShownFrame, UplinkReport
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
+from tams_app.video.codecs import SOFTWARE, Codecs
 from tams_app.video.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import media_ssrc, parity_ssrc
@@ -33,7 +34,13 @@ class Video(ABC):
     """All views of one session, from the camera's frame to the operator's screen."""
 
     def __init__(
-        self, config: Config, network: Network, epoch_ns: int, log: SessionRecords, quality: Quality
+        self,
+        config: Config,
+        network: Network,
+        epoch_ns: int,
+        log: SessionRecords,
+        quality: Quality,
+        codecs: Codecs = SOFTWARE,
     ) -> None:
         """A capacity trace of `network` begins at `epoch_ns`."""
         video = config.video
@@ -49,6 +56,8 @@ class Video(ABC):
         policy = Policy.of(config, self.capacity)
         self._start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
         self._source_drop_below_kbps = policy.source_drop_below_kbps
+        self._reads_qp = policy.reads_qp
+        self.codecs = codecs
         protected = video.views if self._rule.parity else ()
         self._parity = {view: ViewParity(parity_ssrc(video, view)) for view in protected}
         always = video.repair.parity == "on"

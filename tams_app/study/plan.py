@@ -86,17 +86,19 @@ class PlannedTrial(Section):
     def configure(self, config: Config) -> Config:
         """The study's configuration with this trial's name, seed and condition.
 
-        Budget and repair are those of the section `study`.
+        Budget and repair are those of the section `study`; the codecs are always x264 and avdec,
+        whatever hardware each machine has.
         """
         budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
         repair = config.video.repair.model_copy(update={"mode": config.study.repair})
+        software = {"encoder": "x264", "decoder": "avdec", "repair": repair}
         changes = {
             "name": self.id,
             "seed": self.seed,
             "strategy": self.strategy,
             "network": self.network,
             "policy": config.policy.model_copy(update={"budget": budget}),
-            "video": config.video.model_copy(update={"repair": repair}),
+            "video": config.video.model_copy(update=software),
         }
         return config.model_copy(update=changes)
 

@@ -56,6 +56,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "strategy": header.strategy,
         "network": header.network,
         "budget_mode": header.budget_mode,
+        "codecs": {name: log.facts.get(name) for name in ("encoder", "decoder")},
         "duration_s": round((log.ended_ns - header.started_ns) / NS_PER_S, 3),
         "complete": log.complete,
         "missing": _missing(log),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
+from tams_app.video.codecs import AVDEC, X264, Decoder, Encoder
 from tams_app.video.packets import (
     MEDIA_PAYLOAD_TYPE,
     PADDING_PAYLOAD_TYPE,
@@ -84,43 +85,38 @@ def rtx_ssrcs(config: VideoConfig, view: str) -> str:
     return f"application/x-rtp-ssrc-map,{media}=(uint){repair};"
 
 
-def encoder_chain(config: VideoConfig, view: str, encoder_kbps: int, feedback: bool = False) -> str:
-    """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's.
-
-    The converter only hands the frames on: it works where an encoder wants another format.
-
-    threads=1: anything else is not deterministic. aud=false saves a fifth of the packets.
-    """
+def encoder_chain(
+    config: VideoConfig,
+    view: str,
+    encoder_kbps: int,
+    feedback: bool = False,
+    encoder: Encoder = X264,
+) -> str:
+    """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's."""
     extension = f"! application/x-rtp,{_TRANSPORT_SEQUENCE} " if feedback else ""
     # the payloader does not count what an extension takes
     mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
     return (
-        "videoconvert name=converter n-threads=1 ! video/x-raw,format=I420 "
-        f"! x264enc name=encoder tune=zerolatency threads=1 speed-preset={config.preset} "
-        f"bitrate={encoder_kbps} vbv-buf-capacity={round(config.vbv_ms)} "
-        f"key-int-max={config.keyframe_interval} aud=false "
-        "! video/x-h264,profile=high,stream-format=byte-stream,alignment=au ! h264parse "
+        f"{encoder.launch(config, encoder_kbps)} ! h264parse "
         f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, view)} "
         f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
         f"timestamp-offset=0 seqnum-offset=0 {extension}"
     )
 
 
-def decoder_chain(rule: RepairRule, decoder: str) -> str:
-    """RTP packets in, I420 frames out; the converter is for decoders that give something else.
+def decoder_chain(rule: RepairRule, decoder: Decoder = AVDEC) -> str:
+    """RTP packets in, I420 frames out.
 
     mode=none keeps PTS an exact linear function of the RTP timestamp (see frame_identity); its
     deadlines then count from running time 0 unless `ts-offset` is set to the first arrival.
     rtx-next-seqnum=false: else a packet not yet sent is asked for, and given up when `latency` is
     less than a frame. rtx-delay=0: the link does not reorder, so a gap is a loss.
     """
-    threads = " max-threads=1" if decoder == "avdec_h264" else ""
     return (
         f"rtpjitterbuffer name=jitterbuffer mode=none latency={rule.latency_ms} do-lost=true "
         f"do-retransmission={'true' if rule.rtx else 'false'} rtx-next-seqnum=false rtx-delay=0 "
         f'! rtpptdemux name=ptdemux ignored-payload-types="<{REPAIR_PAYLOAD_TYPE}>" '
-        "! rtph264depay name=depayloader request-keyframe=true ! h264parse "
-        f"! {decoder} name=decoder{threads} ! videoconvert n-threads=1 ! video/x-raw,format=I420"
+        f"! rtph264depay name=depayloader request-keyframe=true ! h264parse ! {decoder.launch}"
     )
 
 
@@ -134,11 +130,12 @@ def session_sender(
     reports_out: str,
     feedback_in: str,
     feedback: bool = False,
+    encoder: Encoder = X264,
 ) -> str:
     """A sender with its rtpsession; frames enter by the appsrc `frames`.
 
     `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
-    `feedback_in`: of the source of the receiver's RTCP (live: UDP); `feedback`: see
+    `feedback_in`: of the source of the receiver's RTCP (live: UDP); `feedback`, `encoder`: see
     `encoder_chain`.
 
     max-buffers=4: with two the first frames are lost while x264 starts.
@@ -148,7 +145,8 @@ def session_sender(
         f"{_SENDING} update-ntp64-header-ext=false "
         "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
         f'leaky-type=downstream caps="{raw_caps(config)}" '
-        f"! {encoder_chain(config, view, encoder_kbps, feedback)} {history}! session.send_rtp_sink "
+        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder)} {history}"
+        "! session.send_rtp_sink "
         f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
         f"{feedback_in} ! session.recv_rtcp_sink"
     )
@@ -158,11 +156,11 @@ def session_receiver(
     config: VideoConfig,
     view: str,
     rule: RepairRule,
-    decoder: str,
     *,
     rtp_in: str,
     reports_in: str,
     feedback_out: str,
+    decoder: Decoder = AVDEC,
 ) -> str:
     """A receiver with its rtpsession; frames leave by the appsink `frames`.
 

@@ -11,6 +11,7 @@ from tams_app.errors import TamsError
 from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
+from tams_app.video.codecs import AVDEC, Decoder
 from tams_app.video.frame_identity import SentFrame
 from tams_app.video.packets import media_ssrc, parity_ssrc
 from tams_app.video.parity import ParityDecoder
@@ -34,28 +35,30 @@ class VideoReceiver:
         identify: Callable[[int], SentFrame | None],
         on_shown: Callable[[ShownFrame], None],
         feedback: bool = False,
+        decoder: Decoder = AVDEC,
     ) -> None:
         """Bind the ports for RTP and for the sender's RTCP.
 
         Args:
             view: the view's name, one of `config.views`.
-            config: size and rate of the frames, decoder, ports.
+            config: size and rate of the frames, ports.
             rule: how lost packets are repaired; the sender's `rtx` must agree.
             clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
             identify: which capture an RTP timestamp stands for (`VideoSender.sent`).
             on_shown: called once per frame in the decoder's thread: it must only hand over.
             feedback: whether it tells the sender when each packet came; the sender must agree.
+            decoder: one that works here (`codec_choice`).
 
         Raises:
             ConfigError: a port is taken.
-            SetupError: GStreamer lacks an element or the decoder.
+            SetupError: GStreamer lacks an element.
         """
         gst.require_elements()
         self.view = view
         self._config = config
         self._rule = rule
         self._feedback = feedback
-        self._decoder = gst.choose_decoder(config.decoder)
+        self._decoder = decoder
         self._frames = ViewDecoder(view, config, rule, clock, identify, on_shown)
         self.mailbox = self._frames.mailbox
         self._failure = ""
@@ -87,12 +90,12 @@ class VideoReceiver:
                 self._config,
                 self.view,
                 self._rule,
-                self._decoder,
                 rtp_in=udp_source("rtp_in", pipelines.received_caps(self._feedback)),
                 reports_in=udp_source("reports_in", pipelines.RTCP_CAPS),
                 feedback_out=udp_sink(
                     "feedback_out", self._config.bind_host, link.host, link.feedback
                 ),
+                decoder=self._decoder,
             )
         )
         self._pipeline = pipeline

@@ -10,6 +10,7 @@ from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, CodedFrame, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
+from tams_app.video.codecs import X264, Encoder
 from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.packets import media_ssrc, padding_ssrc
 from tams_app.video.padding import Padding
@@ -46,6 +47,8 @@ class VideoSender:
         heard: HeardFeedback | None = None,
         feedback: bool = False,
         parity: ViewParity | None = None,
+        encoder: Encoder = X264,
+        reads_qp: bool = False,
     ) -> None:
         """Bind the port for feedback.
 
@@ -61,6 +64,8 @@ class VideoSender:
             heard: gets what the receiver tells; None: not asked for.
             feedback: whether packets are numbered for feedback on each; the receiver must agree.
             parity: protects the frames, where `RepairRule.parity` lets it.
+            encoder: one that works here (`codec_choice`).
+            reads_qp: whether `take_coded` tells each frame's QP.
 
         Raises:
             ConfigError: the port is taken.
@@ -72,12 +77,21 @@ class VideoSender:
         self._admitted_ns = self._encoded_ns = 0  # capture times
         self._config = config
         self._rtx = rtx
+        self._encoder = encoder
         self._parity = parity
         self._packets: list[bytes] = []  # of the frame that is being packetised
         self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
         self._padded_bytes = 0
         self._frames = ViewEncoder(
-            view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
+            view,
+            config,
+            clock,
+            start_kbps,
+            source_drop_below_kbps,
+            self._encoded,
+            on_dropped,
+            encoder,
+            reads_qp,
         )
         self._clock = clock
         self._heard = heard
@@ -112,6 +126,7 @@ class VideoSender:
                 ),
                 feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
                 feedback=self._feedback,
+                encoder=self._encoder,
             )
         )
         self._pipeline = pipeline

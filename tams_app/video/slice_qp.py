@@ -2,7 +2,7 @@
 
 The quantisation parameter (QP, 0 to 51) with which a picture's first slice begins: pic_init_qp of
 its picture parameter set plus slice_qp_delta (ITU-T H.264, 7.3.2 and 7.3.3). Progressive pictures
-of I and P slices, as every encoder here makes them; anything else has no answer.
+of I and P slices, as x264 makes them here; anything else has no answer.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ _SLICE, _IDR_SLICE, _SPS, _PPS = 1, 5, 7, 8
 _HEADER_BYTES = 64  # of a NAL unit: what is read here lies far within
 _WITH_CHROMA_FORMAT = (100, 110, 122, 244, 44, 83, 86, 118, 128)
 _P, _I = 0, 2
+_QPS = range(52)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ class SliceQp:
 
     def __init__(self) -> None:
         self._sequence: _Sequence | None = None
-        self._picture: _Picture | None = None
+        self._pictures: dict[int, _Picture | None] = {}  # by the sets' numbers
 
     def read(self, data: bytes) -> int | None:
         """The QP of an Annex B access unit; None if it does not tell."""
@@ -47,16 +48,39 @@ class SliceQp:
                 if kind == _SPS:
                     self._sequence = _sequence(bits)
                 elif kind == _PPS:
-                    self._picture = _picture(bits)
+                    number = bits.ue()
+                    self._pictures[number] = _picture(bits)
                 elif kind in (_SLICE, _IDR_SLICE):
-                    if self._sequence is None or self._picture is None:
+                    if self._sequence is None:
                         return None
-                    return _slice_qp(
-                        bits, kind == _IDR_SLICE, reference, self._sequence, self._picture
-                    )
+                    return self._slice_qp(bits, kind == _IDR_SLICE, reference, self._sequence)
         except IndexError:  # the unit ends within its header
             pass
         return None
+
+    def _slice_qp(self, bits: _Bits, idr: bool, reference: bool, sequence: _Sequence) -> int | None:
+        bits.ue()
+        kind = bits.ue() % 5
+        picture = self._pictures.get(bits.ue())
+        if kind not in (_P, _I) or picture is None:
+            return None
+        bits.u(sequence.frame_num_bits)
+        if idr:
+            bits.ue()
+        if sequence.order_type == 0:
+            bits.u(sequence.order_bits)
+            if picture.orders_fields:
+                bits.se()
+        if picture.redundant:
+            bits.ue()
+        if kind == _P:
+            _skip_references(bits, picture)
+        if reference:
+            _skip_marking(bits, idr)
+        if picture.cabac and kind == _P:
+            bits.ue()
+        qp = picture.init_qp + bits.se()
+        return qp if qp in _QPS else None
 
 
 class _Bits:
@@ -123,7 +147,7 @@ def _sequence(bits: _Bits) -> _Sequence | None:
 
 
 def _picture(bits: _Bits) -> _Picture | None:
-    bits.ue(), bits.ue()
+    bits.ue()
     cabac, orders_fields = bool(bits.u(1)), bool(bits.u(1))
     if bits.ue():
         return None  # slice groups
@@ -135,32 +159,6 @@ def _picture(bits: _Bits) -> _Picture | None:
     bits.se(), bits.se()
     bits.u(2)
     return _Picture(cabac, orders_fields, references, weighted, init_qp, bool(bits.u(1)))
-
-
-def _slice_qp(
-    bits: _Bits, idr: bool, reference: bool, sequence: _Sequence, picture: _Picture
-) -> int | None:
-    bits.ue()
-    kind = bits.ue() % 5
-    if kind not in (_P, _I):
-        return None
-    bits.ue()
-    bits.u(sequence.frame_num_bits)
-    if idr:
-        bits.ue()
-    if sequence.order_type == 0:
-        bits.u(sequence.order_bits)
-        if picture.orders_fields:
-            bits.se()
-    if picture.redundant:
-        bits.ue()
-    if kind == _P:
-        _skip_references(bits, picture)
-    if reference:
-        _skip_marking(bits, idr)
-    if picture.cabac and kind == _P:
-        bits.ue()
-    return picture.init_qp + bits.se()
 
 
 def _skip_references(bits: _Bits, picture: _Picture) -> None:

@@ -15,10 +15,11 @@ from tams_app.errors import TamsError
 from tams_app.records import CodedFrame, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
+from tams_app.video.codecs import X264, Encoder
 from tams_app.video.colour import i420_of
 from tams_app.video.frame_identity import SentFrame, SentFrames, rtp_timestamp
 from tams_app.video.frame_interval import FrameIntervals, FrameTime
-from tams_app.video.rate_control import EncoderServo, SourceDrop
+from tams_app.video.rate_control import EncoderServo, Overdraft, SourceDrop
 from tams_app.video.slice_qp import SliceQp
 
 _CODED_KEPT = 64  # frames: two seconds, of which each step of the policy takes the newest
@@ -30,7 +31,8 @@ class ViewEncoder:
     `admit` from one thread, `take_coded` from one, `set_target_kbps` from any. `on_encoded` runs in
     the encoder's thread once per frame, `on_dropped` in the thread that admits: both must only hand
     over.
-    `start_kbps`: target until the first is set. `sent`: what the stream's timestamps stand for.
+    `start_kbps`: target until the first is set. `reads_qp`: whether frames' QP is told. `sent`:
+    what the stream's timestamps stand for.
     """
 
     def __init__(
@@ -42,6 +44,8 @@ class ViewEncoder:
         source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
+        encoder: Encoder = X264,
+        reads_qp: bool = False,
     ) -> None:
         self.view = view
         self.failure = ""
@@ -50,9 +54,12 @@ class ViewEncoder:
         self._on_encoded = on_encoded
         self._on_dropped = on_dropped
         self._target_kbps = start_kbps
-        self._slice_qp = SliceQp()
+        self._codec = encoder
+        self._slice_qp = SliceQp() if reads_qp else None
         self._coded: deque[CodedFrame] = deque(maxlen=_CODED_KEPT)
         self._source_drop = SourceDrop(source_drop_below_kbps)
+        exact = encoder.holds_each_frame and encoder.adjustable
+        self._overdraft = None if exact else Overdraft()
         first_ns = NS_PER_S // config.fps
         self._intervals = FrameIntervals(first_ns)
         self._servo = EncoderServo(config.mtu_bytes)
@@ -77,11 +84,15 @@ class ViewEncoder:
         """
         pushed_ns, target_kbps = self._clock.now_ns(), self._target_kbps
         time = self._intervals.step(frame.capture_ns)
-        if not self._source_drop.keep(target_kbps, time.usual_ns):
+        kept = self._source_drop.keep(target_kbps, time.usual_ns)
+        if self._overdraft is not None:
+            kept = self._overdraft.keep(wire_bytes, target_kbps, time) and kept
+        if not kept:
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns))
             return None
         frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
-        self._set_encoder_rate(wire_bytes, frame_kbps, time)
+        if self._codec.adjustable:
+            self._set_encoder_rate(wire_bytes, frame_kbps, time)
         pts_ns = self.sent.add(SentFrame(frame.index, frame.capture_ns, pushed_ns))
         return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
 
@@ -95,7 +106,8 @@ class ViewEncoder:
     def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
         encoder_kbps = self._servo.step(wire_bytes, frame_kbps, time)
         if encoder_kbps != self.encoder_kbps:
-            self._encoder.set_property("bitrate", encoder_kbps)
+            codec = self._codec
+            gst.set_from_text(self._encoder, codec.rate_property, codec.rate_text(encoder_kbps))
             self.encoder_kbps = encoder_kbps
 
     # --- in the encoder's thread ------------------------------------------------------------
@@ -110,7 +122,7 @@ class ViewEncoder:
 
     def _hand_over(self, pad: Any, buffer: Any, Gst: Any) -> None:
         encoded_ns = self._clock.now_ns()
-        # x264enc shifts PTS by 1000 h and says so in its segment
+        # x264enc, for one, shifts PTS by 1000 h and says so in its segment
         segment = pad.get_sticky_event(Gst.EventType.SEGMENT, 0).parse_segment()
         running_ns = segment.to_running_time(Gst.Format.TIME, buffer.pts)
         timestamp = rtp_timestamp(running_ns)
@@ -119,7 +131,7 @@ class ViewEncoder:
             raise TamsError(f"the encoder returned timestamp {timestamp}, which was never pushed")
         keyframe = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
         data = buffer.extract_dup(0, buffer.get_size())
-        qp = self._slice_qp.read(data)
+        qp = self._slice_qp.read(data) if self._slice_qp is not None else None
         self._coded.append(CodedFrame(self.view, encoded_ns, len(data), qp))
         self._on_encoded(
             EncodedFrame(

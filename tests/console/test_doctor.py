@@ -8,6 +8,7 @@ import platform
 import socket
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
+from tams_app.video.codecs import ENCODERS
 
 pytestmark = pytest.mark.waiting
 
@@ -157,8 +159,6 @@ def test_the_configuration_as_shipped_is_in_order() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "what"),
     [
-        ("video__decoder", "no_such_decoder", "Video decoder"),
-        ("video__decoder", "videoconvert", "Video decoder"),
         ("network", "s9", "Strategy and network"),
         ("strategy", "clever", "Strategy and network"),
     ],
@@ -168,6 +168,19 @@ def test_a_name_that_run_would_refuse_is_found(key: str, value: str, what: str) 
     assert finding.what == what
     assert finding.essential
     assert value in finding.fix
+
+
+def test_codecs_that_are_asked_for_and_not_here_are_absent_with_what_stands_in(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    none = replace(ENCODERS["nvh264"], element="nosuchenc")
+    monkeypatch.setitem(ENCODERS, "nvh264", none)
+    (finding,) = checks.codecs(config(video__encoder="nvh264"))
+    assert (finding.ok, finding.essential) == (False, False)
+    assert finding.detail == "x264enc, avdec_h264"
+    assert "nosuchenc is not on this machine" in finding.fix
+    (finding,) = checks.codecs(config())
+    assert finding.ok
 
 
 def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(

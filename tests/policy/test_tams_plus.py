@@ -48,6 +48,12 @@ def coded(kbps, qp, now_ns=0):
     )
 
 
+def test_no_strategy_but_this_one_has_the_qp_read_and_only_for_the_part_that_uses_it():
+    for name in ("equal", "static", "tams"):
+        assert not make_strategy(name, load_config().policy).reads_qp
+    assert {part for part in PARTS if strategy(part).reads_qp} == {"redistribution"}
+
+
 @given(phases, st.floats(0, 20_000), rates, qps)
 def test_without_its_parts_it_is_tams(phase, budget, kbps, qp):
     situation = Situation(0, phase, budget, Foreseen(Phase.ALIGN, 0.9), coded(kbps, qp))

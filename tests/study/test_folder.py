@@ -161,4 +161,15 @@ def test_a_trial_s_configuration_is_the_study_s_with_its_condition(tmp_path: Pat
     default = load_config()
     assert (default.policy.budget.mode, default.video.repair.mode) == ("feedback", "adaptive")
     paper = load_config(None, {"policy.budget.mode": "oracle", "video.repair.mode": "paper"})
-    assert (config.policy, config.video) == (paper.policy, paper.video)
+    assert config.policy == paper.policy
+    assert config.video.repair == paper.video.repair
+
+
+def test_a_study_is_encoded_and_decoded_in_software_whatever_its_machine_has(
+    tmp_path: Path,
+) -> None:
+    study = make_study(tmp_path)
+    video = study.config().video.model_copy(update={"encoder": "auto", "decoder": "auto"})
+    given = study.config().model_copy(update={"video": video})
+    video = study.load().trials[0].configure(given).video
+    assert (video.encoder, video.decoder) == ("x264", "avdec")

@@ -14,6 +14,7 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
+from tams_app.video.codecs import X264, Encoder
 from tams_app.video.colour import bgr_of
 from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.packets import media_ssrc, parity_ssrc
@@ -40,6 +41,7 @@ class Stream:
         kbps: float,
         camera_hz: float | None = None,
         feedback: bool = False,
+        encoder: Encoder = X264,
     ) -> None:
         self.clock = MonotonicClock()
         self.encoded: list[EncodedFrame] = []
@@ -50,7 +52,7 @@ class Stream:
         self.parity = ViewParity(parity_ssrc(config, "eih")) if rule.parity else None
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
-            self.encoded.append, self.dropped.append, self.heard, feedback, self.parity,
+            self.encoded.append, self.dropped.append, self.heard, feedback, self.parity, encoder,
         )  # fmt: skip
         self.receiver = VideoReceiver(
             "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback
@@ -110,9 +112,10 @@ def stream(
     fps: int = 60,
     camera_hz: float | None = None,
     feedback: bool = False,
+    encoder: Encoder = X264,
 ) -> Iterator[Stream]:
     """`camera_hz`: frames a second that the camera gives, if not the `fps` that it is asked for."""
-    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz, feedback)
+    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz, feedback, encoder)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances

@@ -67,7 +67,7 @@ def encoder() -> Iterator[Any]:
 
 
 def test_encoder_and_decoder_chains_join_without_udp(encoder: Any) -> None:
-    decoder = app_ended(pipelines.decoder_chain(RULE, "avdec_h264"), pipelines.rtp_caps())
+    decoder = app_ended(pipelines.decoder_chain(RULE), pipelines.rtp_caps())
     sent: list[int] = []
     shown: list[int] = []
     times: RtpTimes | None = None

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from tams_app.config import VideoConfig
-from tams_app.errors import ConfigError, SetupError
+from tams_app.errors import ConfigError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.frame_identity import SentFrames
 from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
@@ -197,12 +197,6 @@ def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:
             )
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_again:
             free_again.bind(("127.0.0.1", reports - 1))
-
-
-def test_an_unknown_decoder_is_refused_before_anything_is_bound() -> None:
-    config = VideoConfig(decoder="nosuchdec")
-    with pytest.raises(SetupError, match="no decoder nosuchdec"):
-        VideoReceiver("eih", config, PATIENT, CLOCK, NOTHING_SENT, lambda shown: None)
 
 
 def test_an_exception_of_the_consumer_is_told_to_the_owner() -> None:

@@ -13,11 +13,11 @@ _FRAMES = 12
 _WAIT_NS = 20_000_000_000
 
 
-def encoded(settings, profile="high"):
+def encoded(settings="", profile="high", by="x264enc tune=zerolatency threads=1"):
     """Access units of a moving test picture."""
     pipeline = gst.parse_pipeline(
         f"videotestsrc num-buffers={_FRAMES} pattern=ball ! video/x-raw,width=320,height=240 "
-        f"! videoconvert ! video/x-raw,format=I420 ! x264enc tune=zerolatency threads=1 {settings} "
+        f"! videoconvert ! video/x-raw,format=I420 ! {by} {settings} "
         f"! video/x-h264,profile={profile},stream-format=byte-stream,alignment=au "
         "! appsink name=out sync=false"
     )
@@ -39,6 +39,27 @@ def test_it_is_the_one_that_the_encoder_was_told(preset, profile):
         units = encoded(f"pass=quant quantizer={told} speed-preset={preset} aud=false", profile)
         read = [reader.read(unit) for unit in units]
         assert set(read[1:]) == {told}
+
+
+@pytest.mark.parametrize("settings", ["cabac=false", "dct8x8=true", "interlaced=true"])
+def test_other_streams_of_x264_tell_a_qp_or_nothing(settings):
+    reader = SliceQp()
+    read = [reader.read(unit) for unit in encoded(f"bitrate=300 {settings}")]
+    assert all(qp is None or qp in range(52) for qp in read)
+
+
+def test_b_frames_do_not_tell():
+    reader = SliceQp()
+    settings = "bitrate=300 bframes=2 b-adapt=false rc-lookahead=4 tune=0"
+    read = [reader.read(unit) for unit in encoded(settings)]
+    assert None in read
+    assert any(qp is not None for qp in read)
+
+
+def test_another_encoder_s_stream_tells_its_qp():
+    reader = SliceQp()
+    read = [reader.read(unit) for unit in encoded(profile="constrained-baseline", by="openh264enc")]
+    assert all(qp in range(52) for qp in read)
 
 
 def unit(head, bits):

@@ -79,6 +79,7 @@ class TrialVideo(Video):
             heard=self._heard,
             feedback=self._feedback,
             parity=self._parity,
+            reads_qp=self._reads_qp,
         )
 
     def advance_to(self, now_ns: int) -> None:

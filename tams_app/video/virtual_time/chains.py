@@ -1,7 +1,8 @@
 """The ends of a chain in virtual time: a pad of our own pushes in, an appsink hands out.
 
 A push returns when the encoder has encoded, or when the jitter buffer has taken the packet; what
-the jitter buffer's own threads do with it is awaited by `wait_idle`.
+the jitter buffer's own threads do with it is awaited by `wait_idle`. The codecs are x264 and avdec
+whatever the configuration says: others answer from threads of their own.
 """
 
 from __future__ import annotations
@@ -112,13 +113,12 @@ class DecoderChain(Chain):
     def __init__(
         self,
         view: str,
-        decoder: str,
         rule: RepairRule,
         frames: ViewDecoder,
         clock: SteppedClock,
     ) -> None:
         Gst = gst.load().Gst
-        description = f"{pipelines.decoder_chain(rule, decoder)} ! {pipelines.SHOWN_FRAMES}"
+        description = f"{pipelines.decoder_chain(rule)} ! {pipelines.SHOWN_FRAMES}"
         what = f"the receiver of view {view}"
         super().__init__(description, "jitterbuffer", pipelines.rtp_caps(), clock, what)
         self._clock = clock

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import partial
 from random import Random
 
-from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import PacketKind, ShownFrame
@@ -55,9 +54,7 @@ class VirtualReceiver:
         self._session = ReceiverSession(Random(f"{seed}/{view}/receiver-rtcp"), rule.rtx)
         done_clock = LaterClock(shared.clock, shared.times.decoding_ns)
         self.decoder = ViewDecoder(view, config, rule, done_clock, identify, self._decoded.append)
-        self._chain = DecoderChain(
-            view, gst.choose_decoder(config.decoder), rule, self.decoder, shared.clock
-        )
+        self._chain = DecoderChain(view, rule, self.decoder, shared.clock)
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called
         self.arrive_report = self._session.received_report

@@ -46,6 +46,7 @@ class VirtualSender:
         heard: HeardFeedback | None,
         feedback: bool,
         parity: ViewParity | None,
+        reads_qp: bool,
     ) -> None:
         self.view = view
         self.wire_bytes = 0
@@ -71,6 +72,7 @@ class VirtualSender:
             source_drop_below_kbps,
             records.encoded,
             records.dropped,
+            reads_qp=reads_qp,
         )
         self.sent = self._frames.sent
         self._chain = EncoderChain(view, config, self._frames, shared.clock, feedback)

@@ -48,11 +48,13 @@ class VirtualVideo:
         heard: Mapping[str, HeardFeedback] | None = None,
         feedback: bool = False,
         parity: Mapping[str, ViewParity] = MappingProxyType({}),
+        reads_qp: bool = False,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
 
         `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
-        `parity`: of the views that `rule` lets be protected.
+        `parity`: of the views that `rule` lets be protected. `reads_qp`: whether `take_coded`
+        tells each frame's QP.
         """
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
@@ -90,6 +92,7 @@ class VirtualVideo:
                 heard.get(view) if heard else None,
                 feedback,
                 parity.get(view),
+                reads_qp,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self.receivers.values(),

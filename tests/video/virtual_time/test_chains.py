@@ -41,7 +41,7 @@ class Ends:
             "eih", config, rule, self.clock, self.frames.sent.find, self.shown.append
         )
         self.encoder = EncoderChain("eih", config, self.frames, self.clock)
-        self.decoder = DecoderChain("eih", "avdec_h264", rule, self.images, self.clock)
+        self.decoder = DecoderChain("eih", rule, self.images, self.clock)
         self.waiter = IdleWaiter()
         self.encoder.start()
         self.decoder.start()
