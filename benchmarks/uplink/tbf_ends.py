@@ -132,6 +132,7 @@ class _Senders(Video):
                 _ignore,
                 self._heard.get(view),
                 self._feedback,
+                self._parity.get(view),
             )
             for view in config.video.views
         }
