@@ -59,7 +59,9 @@ class Video(ABC):
         self._reads_qp = policy.reads_qp
         self.codecs = codecs
         protected = video.views if self._rule.parity else ()
-        self._parity = {view: ViewParity(parity_ssrc(video, view)) for view in protected}
+        self._parity = {
+            view: ViewParity(parity_ssrc(video, view), self._feedback) for view in protected
+        }
         always = video.repair.parity == "on"
         self._protection = Protection(protected, network, self._rule, video.fps, always)
         self._log = log

@@ -17,6 +17,7 @@ _DRAFT = "draft-holmer-rmcat-transport-wide-cc-extensions-01"
 TRANSPORT_SEQUENCE_URI = f"http://www.ietf.org/id/{_DRAFT}"
 TRANSPORT_SEQUENCE_BYTES = 8
 _TRANSPORT_SEQUENCE = slice(17, 19)
+_NUMBERED = b"\xbe\xde\x00\x01\x11\x00\x00\x00"  # profile, one word, extension 1 of two bytes
 PARITY_PAYLOAD_TYPE = 98  # ours (`parity`)
 PADDING_PAYLOAD_TYPE = 99  # ours (`padding`)
 SEQUENCES = 1 << 16
@@ -31,6 +32,7 @@ _KINDS = {
 }
 _RTP_HEADER = struct.Struct("!BBHII")
 _VERSION = 2
+_VERSION_BITS, _EXTENDED, _MARKER = 0x80, 0x10, 0x80
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +84,21 @@ def read_rtp(datagram: bytes) -> RtpHeader | None:
     if offset > len(datagram):
         return None
     return RtpHeader(second & 0x7F, bool(second & 0x80), sequence, timestamp, offset)
+
+
+def rtp_header(
+    payload_type: int,
+    sequence: int,
+    timestamp: int,
+    ssrc: int,
+    *,
+    marker: bool = False,
+    numbered: bool = False,
+) -> bytes:
+    """The header of a packet of ours; `numbered`: with room for the transport-wide number."""
+    first, second = _VERSION_BITS | _EXTENDED * numbered, payload_type | _MARKER * marker
+    header = _RTP_HEADER.pack(first, second, sequence, timestamp, ssrc)
+    return header + _NUMBERED * numbered
 
 
 def transport_sequence(packet: bytes) -> int:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import struct
-
 from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.video.packets import (
     PADDING_PAYLOAD_TYPE,
     RTP_HEADER_BYTES,
     SEQUENCES,
     TRANSPORT_SEQUENCE_BYTES,
+    rtp_header,
 )
 
-_RTP = struct.Struct("!BBHII")
-_VERSION, _EXTENDED, _MARKER = 0x80, 0x10, 0x80
-# as the payloader writes it: profile, length in words, extension 1 of two bytes, number, padding
-_TRANSPORT_SEQUENCE = b"\xbe\xde\x00\x01\x11\x00\x00\x00"
 _HEADER_BYTES = IP_UDP_HEADER_BYTES + RTP_HEADER_BYTES + TRANSPORT_SEQUENCE_BYTES
 
 
@@ -40,7 +35,8 @@ class Padding:
         ]
 
     def _packet(self, size_bytes: int, *, last: bool) -> bytes:
-        second = PADDING_PAYLOAD_TYPE | _MARKER * last
-        header = _RTP.pack(_VERSION | _EXTENDED, second, self._sequence, 0, self._ssrc)
+        header = rtp_header(
+            PADDING_PAYLOAD_TYPE, self._sequence, 0, self._ssrc, marker=last, numbered=True
+        )
         self._sequence = (self._sequence + 1) % SEQUENCES
-        return header + _TRANSPORT_SEQUENCE + bytes(max(0, size_bytes - _HEADER_BYTES))
+        return header + bytes(max(0, size_bytes - _HEADER_BYTES))

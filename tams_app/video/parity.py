@@ -14,10 +14,14 @@ from collections.abc import Sequence
 from functools import reduce
 from operator import xor
 
-from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, PARITY_PAYLOAD_TYPE, SEQUENCES, read_rtp
+from tams_app.video.packets import (
+    MEDIA_PAYLOAD_TYPE,
+    PARITY_PAYLOAD_TYPE,
+    SEQUENCES,
+    read_rtp,
+    rtp_header,
+)
 
-_RTP = struct.Struct("!BBHII")
-_VERSION, _MARKER = 0x80, 0x80
 # first sequence number, packets, distance between their numbers, markers, lengths
 _GROUP = struct.Struct("!HBBBH")
 HEADER_BYTES = _GROUP.size  # what a parity packet is longer than the longest that it protects
@@ -29,8 +33,10 @@ _KEPT_WAITING = 64
 class ParityEncoder:
     """Makes the parity packets of one view."""
 
-    def __init__(self, ssrc: int) -> None:
+    def __init__(self, ssrc: int, numbered: bool = False) -> None:
+        """`numbered`: its packets have room for the session's number, by which they are told of."""
         self._ssrc = ssrc
+        self._numbered = numbered
         self._sequence = 0
 
     def protect(self, packets: Sequence[bytes], groups: int) -> list[bytes]:
@@ -41,15 +47,19 @@ class ParityEncoder:
             groups: how many parity packets are wanted; fewer come of a frame of fewer packets.
 
         Returns:
-            The parity packets; none of a frame that is no RTP, or too long for a group.
+            The parity packets, of which the last is marked as a frame's end is, so that the
+            receiver tells of them at once; none of a frame that is no RTP, or too long for a group.
         """
         groups = min(groups, len(packets))
         if groups == 0 or -(-len(packets) // groups) > _MOST_PACKETS or groups > _MOST_PACKETS:
             return []
         order = [(len(packets) + turn) % groups for turn in range(groups)]
-        return [one for group in order if (one := self._parity(packets[group::groups], groups))]
+        made = (
+            self._parity(packets[group::groups], groups, last=group == order[-1]) for group in order
+        )
+        return [one for one in made if one]
 
-    def _parity(self, packets: Sequence[bytes], distance: int) -> bytes:
+    def _parity(self, packets: Sequence[bytes], distance: int, *, last: bool) -> bytes:
         headers = [read_rtp(packet) for packet in packets]
         if any(header is None for header in headers):
             return b""
@@ -60,8 +70,13 @@ class ParityEncoder:
         length = reduce(xor, map(len, payloads))
         markers = reduce(xor, (header.marker for header in known))
         group = _GROUP.pack(known[0].sequence, len(packets), distance, markers, length)
-        header = _RTP.pack(
-            _VERSION, PARITY_PAYLOAD_TYPE, self._sequence, known[0].timestamp, self._ssrc
+        header = rtp_header(
+            PARITY_PAYLOAD_TYPE,
+            self._sequence,
+            known[0].timestamp,
+            self._ssrc,
+            marker=last,
+            numbered=self._numbered,
         )
         self._sequence = (self._sequence + 1) % SEQUENCES
         return header + group + _xor(payloads)
@@ -88,14 +103,14 @@ class ParityDecoder:
 
     def parity(self, packet: bytes) -> list[bytes]:
         """A parity packet came: the packet that it restores, if exactly one of its group misses."""
-        header = read_rtp(packet)
-        if header is None or header.payload_type != PARITY_PAYLOAD_TYPE:
+        told = read_rtp(packet)
+        if told is None or told.payload_type != PARITY_PAYLOAD_TYPE:
             return []
-        body = header.payload_offset + _GROUP.size
+        body = told.payload_offset + _GROUP.size
         if len(packet) < body:
             return []
-        first, count, distance, markers, length = _GROUP.unpack_from(packet, header.payload_offset)
-        keys = [(header.timestamp, (first + n * distance) % SEQUENCES) for n in range(count)]
+        first, count, distance, markers, length = _GROUP.unpack_from(packet, told.payload_offset)
+        keys = [(told.timestamp, (first + n * distance) % SEQUENCES) for n in range(count)]
         missing = [key for key in keys if key not in self._media]
         if len(missing) > 1:
             for key in missing:
@@ -115,8 +130,10 @@ class ParityDecoder:
         if length > len(payload):  # no packet of ours
             return []
         timestamp, sequence = missing[0]
-        second = MEDIA_PAYLOAD_TYPE | _MARKER * (markers & 1)
-        restored = _RTP.pack(_VERSION, second, sequence, timestamp, self._ssrc) + payload[:length]
+        header = rtp_header(
+            MEDIA_PAYLOAD_TYPE, sequence, timestamp, self._ssrc, marker=bool(markers & 1)
+        )
+        restored = header + payload[:length]
         _keep(self._media, missing[0], restored, _KEPT_PACKETS)
         return [restored]
 

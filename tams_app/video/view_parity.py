@@ -25,11 +25,12 @@ class ViewParity:
         changed_share: of the picture since the frame before, smoothed over a second.
     """
 
-    def __init__(self, ssrc: int) -> None:
+    def __init__(self, ssrc: int, numbered: bool = False) -> None:
+        """`numbered`: for the receiver's feedback (`ParityEncoder`)."""
         self.groups = 0
         self.packets_per_frame = 1.0
         self.changed_share = 0.0
-        self._encoder = ParityEncoder(ssrc)
+        self._encoder = ParityEncoder(ssrc, numbered)
         self._last: NDArray[np.int16] | None = None
 
     def captured(self, image: Image) -> None:

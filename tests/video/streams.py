@@ -49,7 +49,7 @@ class Stream:
         self.shown: list[ShownFrame] = []
         self.heard = HeardFeedback("eih", media_ssrc(config, "eih"))
         self._arrived = threading.Condition()
-        self.parity = ViewParity(parity_ssrc(config, "eih")) if rule.parity else None
+        self.parity = ViewParity(parity_ssrc(config, "eih"), feedback) if rule.parity else None
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
             self.encoded.append, self.dropped.append, self.heard, feedback, self.parity, encoder,

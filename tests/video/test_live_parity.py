@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 
 import pytest
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
-from tams_app.video.packets import identify
+from tams_app.video.packets import identify, transport_sequence
 from tams_app.video.repair import RepairRule
 from tests.video.lossy_link import LossyLink
 from tests.video.streams import checksum, decoded_checksums, stream
@@ -55,3 +56,25 @@ def test_an_unprotected_view_sends_no_parity_and_loses_nothing_by_being_able_to(
         joined.push(range(30))
         assert joined.wait_until(lambda: len(joined.shown) == 30)
     assert {identify(datagram)[0] for datagram in link.rtp} == {PacketKind.MEDIA}
+
+
+def test_parity_is_numbered_and_told_of_like_any_packet() -> None:
+    link = LossyLink(lambda ordinal, datagram: ordinal % 10 != 7)
+    told = []
+    with stream(link, PROTECTED, feedback=True) as joined:
+        assert joined.parity is not None
+        joined.parity.groups = 2
+        joined.push(range(FRAMES))
+        assert joined.wait_until(lambda: len(joined.shown) >= FRAMES - 5)
+        deadline = time.monotonic() + 5
+        while len(told) < len(link.rtp) - 10 and time.monotonic() < deadline:
+            told += joined.heard.take_arrivals()
+            time.sleep(0.05)
+    kinds = [identify(datagram)[0] for datagram in link.rtp]
+    assert kinds.count(PacketKind.PARITY) >= 2 * FRAMES - 5
+    assert [transport_sequence(datagram) for datagram in link.rtp] == list(range(len(link.rtp)))
+    assert len(told) >= len(link.rtp) - 10
+    sizes = [len(datagram) + IP_UDP_HEADER_BYTES for datagram in link.rtp[: len(told)]]
+    assert [arrival.size_bytes for arrival in told] == sizes
+    lost = [place for place, arrival in enumerate(told) if arrival.arrived_ns is None]
+    assert lost == list(range(7, len(told), 10))

@@ -8,7 +8,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, PARITY_PAYLOAD_TYPE, read_rtp
+from tams_app.video.packets import (
+    MEDIA_PAYLOAD_TYPE,
+    PARITY_PAYLOAD_TYPE,
+    read_rtp,
+    transport_sequence,
+    with_transport_sequence,
+)
 from tams_app.video.parity import HEADER_BYTES, ParityDecoder, ParityEncoder
 
 pytestmark = pytest.mark.untimed
@@ -140,3 +146,15 @@ def test_a_parity_packet_whose_lengths_do_not_add_up_restores_nothing() -> None:
     forged[lengths] = struct.pack("!H", 1 << 12)
     assert received(ParityDecoder(MEDIA_SSRC), [packets[0], bytes(forged)]) == []
     assert received(ParityDecoder(MEDIA_SSRC), [packets[0], parity]) == [packets[1]]
+
+
+@given(frames(), st.integers(1, 6))
+def test_numbered_packets_restore_the_same_and_the_last_one_ends_the_frame(
+    packets: list[bytes], groups: int
+) -> None:
+    parity = ParityEncoder(PARITY_SSRC, numbered=True).protect(packets, groups)
+    numbered = [with_transport_sequence(one, 54321) for one in parity]
+    assert [transport_sequence(one) for one in numbered] == [54321] * len(parity)
+    headers = [header for one in numbered if (header := read_rtp(one)) is not None]
+    assert [header.marker for header in headers] == [False] * (len(parity) - 1) + [True]
+    assert received(ParityDecoder(MEDIA_SSRC), packets[1:] + numbered) == packets[:1]

@@ -67,7 +67,7 @@ class VirtualReceiver:
         kind = PacketKind.REPAIR if resent else kind
         self._session.received(now_ns, kind)
         parity = kind is PacketKind.PARITY
-        if header is not None and not parity:
+        if header is not None:
             self._count(now_ns, packet, header, kind)
         if kind is PacketKind.PADDING:
             return

@@ -169,7 +169,7 @@ class VirtualSender:
         size_bytes = len(packet) + IP_UDP_HEADER_BYTES + resent * _ORIGINAL_SEQUENCE_BYTES
         self.wire_bytes += size_bytes
         self._session.sent(now_ns, kind)
-        if self._feedback and kind is not PacketKind.PARITY:  # as live: parity has no number
+        if self._feedback:
             packet = with_transport_sequence(packet, self._next_sequence)
             self._untold.append((self._next_sequence, now_ns, size_bytes))
             self._next_sequence = (self._next_sequence + 1) % SEQUENCES

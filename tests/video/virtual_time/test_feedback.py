@@ -12,9 +12,10 @@ from tams_app.config import Network, VideoConfig
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord, Reception
 from tams_app.units import NS_PER_MS
 from tams_app.video.heard_feedback import HeardFeedback, uplink_report
-from tams_app.video.packets import media_ssrc
+from tams_app.video.packets import media_ssrc, parity_ssrc
 from tams_app.video.repair import repair_rule
 from tams_app.video.rtcp import ARRIVAL_TICK_NS
+from tams_app.video.view_parity import ViewParity
 from tams_app.video.virtual_time.video import VirtualVideo
 from tests.video.streams import jitter_counts
 from tests.video.virtual_time.runs import NETWORKS, START_NS, Run, drive, run_whole
@@ -28,14 +29,18 @@ LOSSY = Network(latency_ms=20, jitter_ms=4, loss=0.03, rate_kbps=4000)
 class Told(Run):
     """A run, and what the senders heard in it."""
 
-    def __init__(self, network: Network, frames: int, feedback: bool) -> None:
+    def __init__(self, network: Network, frames: int, feedback: bool, groups: int = 0) -> None:
         super().__init__()
         config = VideoConfig(views=VIEWS)
         heard = {view: HeardFeedback(view, media_ssrc(config, view)) for view in VIEWS}
+        rule = repair_rule(network, config.pli_min_interval_ms)
+        parity = {view: ViewParity(parity_ssrc(config, view), feedback) for view in VIEWS}
+        for one in parity.values():
+            one.groups = groups
         video = VirtualVideo(
             config,
             network,
-            repair_rule(network, config.pli_min_interval_ms),
+            rule,
             1,
             START_NS,
             dict.fromkeys(VIEWS, 900.0),
@@ -43,6 +48,7 @@ class Told(Run):
             self.records,
             heard=heard,
             feedback=feedback,
+            parity=parity if groups else {},
         )
         with closing(video):
             drive(video, VIEWS, range(frames))
@@ -62,14 +68,16 @@ class Told(Run):
 
 
 @cache
-def told(feedback: bool = True) -> Told:
-    return Told(LOSSY, 60, feedback)
+def told(feedback: bool = True, groups: int = 0) -> Told:
+    return Told(LOSSY, 60, feedback, groups)
 
 
-def test_every_packet_is_told_of_once_media_and_repair_alike() -> None:
-    run = told()
+@pytest.mark.parametrize("groups", [0, 2])
+def test_every_packet_is_told_of_once_media_repair_and_parity_alike(groups: int) -> None:
+    run = told(groups=groups)
     rtp = [packet for packet in run.packets if packet.kind is not PacketKind.RTCP]
     assert any(packet.kind is PacketKind.REPAIR for packet in rtp)
+    assert any(packet.kind is PacketKind.PARITY for packet in rtp) == bool(groups)
     assert len(rtp) * 0.95 < len(run.arrivals) <= len(rtp)
     assert all(before.sent_ns <= after.sent_ns for before, after in pairwise(run.arrivals))
     for view in VIEWS:
