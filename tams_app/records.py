@@ -260,6 +260,7 @@ class DroppedFrame:
     view: str
     index: int
     capture_ns: int
+    under_way: bool = False  # because too much was on its way over the link, instead
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ import pytest
 from tams_app.recording import FrameShown, Gap, Recorder, SessionLog, read_log
 from tams_app.records import (
     Allocation,
+    DroppedFrame,
     LinkCapacity,
     Outcome,
     PacketFate,
@@ -49,6 +50,7 @@ VIEW_KEYS: dict[str, Any] = {
     "frame_interval_ms": {"p50": 0.0, "p95": 0.0},
     "frames_captured": 0,
     "frames_sent": 0,
+    "frames_left_out": 0,
     "frames_shown": 0,
     "latency_ms": {"p50": 0, "p95": 0, "p99": 0},
     "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
@@ -429,6 +431,18 @@ def test_frames_dropped_at_the_source_count_as_frames_without_bytes() -> None:
     log = Synthetic(5.0).log()
     log.packets = [one for one in log.packets if (one.rtp_timestamp // 3000) % 2 == 0]
     assert summarise(log)["views"]["gs"]["tracking_error"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_frames_left_out_because_of_what_is_under_way_are_counted_by_view() -> None:
+    log = Synthetic(4.0).log()
+    log.dropped = [
+        DroppedFrame("gs", 3, START_NS),
+        DroppedFrame("gs", 4, START_NS, under_way=True),
+        DroppedFrame("gt", 4, START_NS, under_way=True),
+        DroppedFrame("gs", 5, START_NS, under_way=True),
+    ]
+    views = summarise(log)["views"]
+    assert [views[view]["frames_left_out"] for view in ("eih", "gt", "gs")] == [0, 1, 2]
 
 
 def test_latency_is_from_capture_to_the_mailbox() -> None:

@@ -90,11 +90,11 @@ def read_encoding_ms(folder: Path) -> float:
 def _time_encoding() -> list[float]:
     """Note what each push into an encoder costs from now on: it returns once it has encoded."""
     costs: list[float] = []
-    push: Callable[[VirtualVideo, Frame], None] = VirtualVideo.push
+    push: Callable[[VirtualVideo, Frame, bool], None] = VirtualVideo.push
 
-    def timed(video: VirtualVideo, frame: Frame) -> None:
+    def timed(video: VirtualVideo, frame: Frame, left_out: bool) -> None:
         began_s = time.process_time()
-        push(video, frame)
+        push(video, frame, left_out)
         costs.append((time.process_time() - began_s) * 1e3)
 
     VirtualVideo.push = timed  # type: ignore[method-assign, assignment]

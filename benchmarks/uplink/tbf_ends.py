@@ -117,7 +117,7 @@ class _Senders(Video):
     """The sending half of a session's video."""
 
     def __init__(self, config: Config, clock: Clock, log: SessionRecords) -> None:
-        super().__init__(config, _UNKNOWN, clock.now_ns(), log, _NoQuality())
+        super().__init__(config, _UNKNOWN, clock, clock.now_ns(), log, _NoQuality())
         self.arrivals: list[PacketArrival] = []
         self._config = config.video
         self._senders = {
@@ -133,6 +133,7 @@ class _Senders(Video):
                 self._heard.get(view),
                 self._feedback,
                 self._parity.get(view),
+                may_resend=self.may_resend,
             )
             for view in config.video.views
         }
@@ -163,8 +164,8 @@ class _Senders(Video):
         for sender in self._senders.values():
             sender.close()
 
-    def _send(self, frame: Frame) -> None:
-        self._senders[frame.view].push(frame)
+    def _send(self, frame: Frame, left_out: bool) -> None:
+        self._senders[frame.view].push(frame, left_out)
 
     def _wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())

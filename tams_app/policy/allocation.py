@@ -117,3 +117,7 @@ class Policy:
     def padding_bytes(self, now_ns: int) -> int:
         """Bytes of padding [IP datagrams] to send at once, beside the views."""
         return self._budget.padding_bytes(now_ns)
+
+    def flight_limit_bytes(self, now_ns: int) -> float:
+        """How many bytes may be under way without having been told of."""
+        return self._budget.flight_limit_bytes(now_ns)

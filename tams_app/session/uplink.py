@@ -40,10 +40,9 @@ class Uplink(Video):
     ) -> None:
         """A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process."""
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
-        super().__init__(config, network, self._epoch_ns, log, quality, codecs)
+        super().__init__(config, network, clock, self._epoch_ns, log, quality, codecs)
         self._config = config
         self._network = network
-        self._clock = clock
         self._logs = logs
         self._on_packets = on_packets
         self._on_failure = on_failure
@@ -69,6 +68,7 @@ class Uplink(Video):
                 self._parity.get(view),
                 self.codecs.encoder,
                 self._reads_qp,
+                self.may_resend,
             )
             self._senders[view] = sender
             receiver = VideoReceiver(
@@ -135,8 +135,8 @@ class Uplink(Video):
             for sender in self._senders.values():
                 stack.callback(sender.close)
 
-    def _send(self, frame: Frame) -> None:
-        self._senders[frame.view].push(frame)
+    def _send(self, frame: Frame, left_out: bool) -> None:
+        self._senders[frame.view].push(frame, left_out)
 
     def _wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())

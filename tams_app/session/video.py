@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Protocol
@@ -9,9 +10,11 @@ from typing import Protocol
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
 from tams_app.records import CodedFrame, Frame, Phase, ShownFrame, UplinkReport
+from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
 from tams_app.video.codecs import SOFTWARE, Codecs
+from tams_app.video.flight import FlightBound
 from tams_app.video.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import media_ssrc, parity_ssrc
@@ -37,6 +40,7 @@ class Video(ABC):
         self,
         config: Config,
         network: Network,
+        clock: Clock,
         epoch_ns: int,
         log: SessionRecords,
         quality: Quality,
@@ -64,6 +68,9 @@ class Video(ABC):
         }
         always = video.repair.parity == "on"
         self._protection = Protection(protected, network, self._rule, video.fps, always)
+        self._flight = FlightBound(video.views) if self._feedback else None
+        self._flight_lock = threading.Lock()  # cameras, policy and senders ask
+        self._clock = clock
         self._log = log
         self._quality = quality
 
@@ -83,7 +90,7 @@ class Video(ABC):
         """Send a captured frame; each view from one thread."""
         self._log.capture(frame)
         self._quality.captured(frame)
-        self._send(frame)
+        self._send(frame, self._exceeds_flight(frame.view))
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         """Age of the frame shown of `view`; None before the first."""
@@ -97,6 +104,19 @@ class Video(ABC):
     @abstractmethod
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         """The wire rate each view is to meet from now on."""
+
+    def bound_flight(self, limit_bytes: float, target_kbps: Mapping[str, float]) -> None:
+        """So much may be under way from now on; where it is exceeded, frames are left out."""
+        if self._flight is not None:
+            with self._flight_lock:
+                self._flight.set(limit_bytes, target_kbps)
+
+    def may_resend(self, size_bytes: int) -> bool:
+        """Whether a packet may be sent again without exceeding what may be under way."""
+        if self._flight is None:
+            return True
+        with self._flight_lock:
+            return self._flight.admits_resend(size_bytes)
 
     @abstractmethod
     def pad(self, size_bytes: int) -> None:
@@ -115,8 +135,16 @@ class Video(ABC):
     def close(self) -> None:
         """Stop everything that was started; may be called twice."""
 
+    def _exceeds_flight(self, view: str) -> bool:
+        if self._flight is None:
+            return False
+        told_ns = max(heard.newest_sent_ns for heard in self._heard.values())
+        sent_bytes = self._wire_bytes()
+        with self._flight_lock:
+            return self._flight.exceeded(view, self._clock.now_ns(), sent_bytes, told_ns)
+
     @abstractmethod
-    def _send(self, frame: Frame) -> None: ...
+    def _send(self, frame: Frame, left_out: bool) -> None: ...
 
     @abstractmethod
     def _wire_bytes(self) -> int:

@@ -113,6 +113,7 @@ def _view(
         **view_rate(log, frames, span),
         "frames_captured": len(frames.index),
         "frames_sent": sum(frame.view == view for frame in log.sent),
+        "frames_left_out": sum(one.view == view and one.under_way for one in log.dropped),
         "frames_shown": int(np.sum(shown)),
         "latency_ms": percentiles(latency_ms, ("p50", "p95", "p99")),
         "freezes": _freezes(frames, span),

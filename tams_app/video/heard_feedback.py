@@ -35,6 +35,11 @@ class HeardFeedback:
         self._block: ReportBlock | None = None
         self._reported: ReportBlock | None = None
 
+    @property
+    def newest_sent_ns(self) -> int:
+        """When the newest packet left that was told of; 0 before the first."""
+        return self._newest[0]
+
     def told(
         self, now_ns: int, packets: Iterable[tuple[int, int, int]], arrived_ns: Mapping[int, int]
     ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from tams_app import gst
@@ -49,6 +50,7 @@ class VideoSender:
         parity: ViewParity | None = None,
         encoder: Encoder = X264,
         reads_qp: bool = False,
+        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     ) -> None:
         """Bind the port for feedback.
 
@@ -66,6 +68,7 @@ class VideoSender:
             parity: protects the frames, where `RepairRule.parity` lets it.
             encoder: one that works here (`codec_choice`).
             reads_qp: whether `take_coded` tells each frame's QP.
+            may_resend: asked with its size before a packet is sent again, where `feedback`.
 
         Raises:
             ConfigError: the port is taken.
@@ -96,6 +99,7 @@ class VideoSender:
         self._clock = clock
         self._heard = heard
         self._feedback = feedback
+        self._may_resend = partial(may_resend, config.mtu_bytes)
         self._listener: PacketFeedback | ReceptionReports | None = None
         self.sent = self._frames.sent
         self._failure = ""
@@ -140,7 +144,7 @@ class VideoSender:
         ssrc = media_ssrc(self._config, self.view)
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
         if self._heard is not None and self._feedback:
-            self._listener = PacketFeedback(session, self._heard, self._clock)
+            self._listener = PacketFeedback(session, self._heard, self._clock, self._may_resend)
         elif self._heard is not None:
             self._listener = ReceptionReports(session, self._heard)
         if self._resender is not None:
@@ -153,9 +157,9 @@ class VideoSender:
         self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the sender of view {self.view}")
 
-    def push(self, frame: Frame) -> None:
-        """Encode and send `frame`, or drop it at the source if its target cannot pay for it."""
-        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes)
+    def push(self, frame: Frame, left_out: bool = False) -> None:
+        """Encode and send `frame`; not if `left_out`, nor if its target cannot pay for it."""
+        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes, left_out)
         if buffer is not None:
             self._admitted_ns = frame.capture_ns
             if self._parity is not None:

@@ -5,6 +5,7 @@ Python runs once for each datagram or message, never per packet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from tams_app import gst
@@ -44,11 +45,18 @@ class PacketFeedback:
 
     The session tells which packets a message is about, when they left and how large they were.
     When they arrived is read from the message itself: GStreamer 1.22 misreads long gaps (`rtcp`).
-    Both come in one thread, the message first.
+    Both come in one thread, the message first. `may_resend` is asked before a packet is sent again.
     """
 
-    def __init__(self, session: Any, heard: HeardFeedback, clock: Clock) -> None:
+    def __init__(
+        self,
+        session: Any,
+        heard: HeardFeedback,
+        clock: Clock,
+        may_resend: Callable[[], bool] = lambda: True,
+    ) -> None:
         self.failure = ""
+        self._may_resend = may_resend
         self._heard = heard
         self._clock = clock
         self._arrived_ns: dict[int, int] = {}
@@ -69,8 +77,11 @@ class PacketFeedback:
     def _on_event(self, pad: Any, probe: Any) -> Any:
         try:
             structure = probe.get_event().get_structure()
-            if structure is not None and structure.get_name() == "RTPTWCCPackets":
+            name = "" if structure is None else structure.get_name()
+            if name == "RTPTWCCPackets":
                 self._told(structure.get_value("packets"))
+            elif name == "GstRTPRetransmissionRequest" and not self._may_resend():
+                return gst.load().Gst.PadProbeReturn.DROP
         except Exception as error:  # noqa: BLE001 - the owner is told by the shell
             self.failure = repr(error)
         return gst.load().Gst.PadProbeReturn.OK

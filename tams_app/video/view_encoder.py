@@ -77,18 +77,18 @@ class ViewEncoder:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
         self._target_kbps = kbps
 
-    def admit(self, frame: Frame, wire_bytes: int) -> Any | None:
-        """The buffer to encode for `frame`; None if its target cannot pay for it.
+    def admit(self, frame: Frame, wire_bytes: int, left_out: bool = False) -> Any | None:
+        """The buffer to encode for `frame`; None if its target cannot pay for it, or `left_out`.
 
         `wire_bytes`: IP datagram bytes that have left so far, repair packets included.
         """
         pushed_ns, target_kbps = self._clock.now_ns(), self._target_kbps
         time = self._intervals.step(frame.capture_ns)
-        kept = self._source_drop.keep(target_kbps, time.usual_ns)
-        if self._overdraft is not None:
+        kept = not left_out and self._source_drop.keep(target_kbps, time.usual_ns)
+        if self._overdraft is not None and not left_out:
             kept = self._overdraft.keep(wire_bytes, target_kbps, time) and kept
         if not kept:
-            self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns))
+            self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns, left_out))
             return None
         frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
         if self._codec.adjustable:

@@ -62,8 +62,8 @@ class Unseen:
 class Mirror(Video):
     """Every frame is on the screen as soon as it was captured."""
 
-    def __init__(self, log, quality):
-        super().__init__(CONFIG, resolve_network(CONFIG, "s2"), 0, log, quality)
+    def __init__(self, clock, log, quality):
+        super().__init__(CONFIG, resolve_network(CONFIG, "s2"), clock, 0, log, quality)
         self.targets = []
         self._screen = {}
 
@@ -88,7 +88,7 @@ class Mirror(Video):
     def close(self):
         """Nothing to stop."""
 
-    def _send(self, frame):
+    def _send(self, frame, left_out):
         shown_ns = frame.capture_ns
         shown = ShownFrame(frame.view, frame.index, shown_ns, frame.image, frame.capture_ns)
         self._screen[frame.view] = shown
@@ -118,7 +118,7 @@ class Bench:
         self.hand, self.signals = HeldController(), Signals()
         records = SessionRecords(self.clock, self.log, show=self.heard.append)
         self.quality = Unseen()
-        self.video = Mirror(records, self.quality)
+        self.video = Mirror(self.clock, records, self.quality)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
         servo = ServoMode(CONFIG.arm.servo)
         self.gate = ArmGate(self.arm, servo, boundary, records.note)

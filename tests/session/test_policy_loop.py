@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import pytest
@@ -27,10 +28,14 @@ class Encoders:
         self.protected: list[dict[str, int]] = []
         self.receptions: tuple[Reception, ...] = ()
         self.padded: list[int] = []
+        self.limits: list[float] = []
         self.sent_bytes = 0
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
+
+    def bound_flight(self, limit_bytes: float, target_kbps: dict[str, int]) -> None:
+        self.limits.append(limit_bytes)
 
     def protect(self, report: UplinkReport, target_kbps: dict[str, int]) -> None:
         self.protected.append(target_kbps)
@@ -204,6 +209,13 @@ def test_a_phase_that_begins_brings_no_padding_forward(clock, encoders, heard):
     loop.step_if_due()
     assert loop.due_ns == due_ns
     assert [one.phase for one in heard.allocations] == [Phase.REACH, Phase.ALIGN]
+
+
+def test_each_step_tells_the_video_how_much_may_be_under_way(clock, encoders, heard, loop):
+    loop.step_if_due()
+    assert encoders.limits == [math.inf]  # the oracle's
+    feedback_loop(clock, encoders, heard).step_if_due()
+    assert 6000 <= encoders.limits[-1] < 50_000
 
 
 def test_a_budget_that_sends_no_padding_is_not_asked_for_any(clock, loop, encoders):

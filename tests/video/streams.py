@@ -42,6 +42,7 @@ class Stream:
         camera_hz: float | None = None,
         feedback: bool = False,
         encoder: Encoder = X264,
+        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     ) -> None:
         self.clock = MonotonicClock()
         self.encoded: list[EncodedFrame] = []
@@ -53,6 +54,7 @@ class Stream:
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
             self.encoded.append, self.dropped.append, self.heard, feedback, self.parity, encoder,
+            may_resend=may_resend,
         )  # fmt: skip
         self.receiver = VideoReceiver(
             "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback
@@ -113,9 +115,10 @@ def stream(
     camera_hz: float | None = None,
     feedback: bool = False,
     encoder: Encoder = X264,
+    may_resend: Callable[[int], bool] = lambda _size_bytes: True,
 ) -> Iterator[Stream]:
     """`camera_hz`: frames a second that the camera gives, if not the `fps` that it is asked for."""
-    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz, feedback, encoder)
+    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz, feedback, encoder, may_resend)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances

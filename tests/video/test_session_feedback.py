@@ -9,6 +9,7 @@ import pytest
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketArrival
 from tams_app.units import NS_PER_S
+from tams_app.video.flight import FlightBound
 from tams_app.video.packets import REPAIR_PAYLOAD_TYPE, read_rtp, transport_sequence
 from tests.video.lossy_link import Keep, LossyLink
 from tests.video.streams import PATIENT, UNREPAIRED, stream
@@ -56,6 +57,21 @@ def test_every_packet_is_told_of_with_its_size_and_fate_also_resent_ones():
     assert [arrival.size_bytes for arrival in told] == sizes
     fates = {place for place, arrival in enumerate(told) if arrival.arrived_ns is None}
     assert fates == {place for place in lost if place < len(told)}
+
+
+@pytest.mark.parametrize("limit_bytes", [1e9, 1000.0])
+def test_packets_are_sent_again_only_within_the_bound_on_what_is_under_way(limit_bytes):
+    bound = FlightBound(("eih",))
+    bound.set(limit_bytes, {"eih": 6000.0})
+    bound.exceeded("eih", 1, 0, 0)
+    link = LossyLink(lost_in({20, 30, 40, 50, 60}))
+    with stream(
+        link, PATIENT, kbps=6000.0, feedback=True, may_resend=bound.admits_resend
+    ) as joined:
+        joined.push(range(30))
+        time.sleep(0.3)
+        assert joined.sender.poll() == ""
+    assert any(map(is_repair, link.rtp)) == (limit_bytes == 1e9)
 
 
 def test_media_and_resent_packets_are_numbered_together_and_stay_within_the_mtu():

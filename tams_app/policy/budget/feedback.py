@@ -47,6 +47,7 @@ _SMALLEST_TRAIN_BYTES = 1000
 _LONGEST_TRAIN_NS = 50 * NS_PER_MS
 _MIN_FLIGHT_BYTES = 6_000.0  # a frame at the floors
 _FIRST_LOOP_NS = 300 * NS_PER_MS
+_LOOP_UP, _LOOP_DOWN = 0.2, 0.02  # near the longest: jitter is not to leave frames out
 
 
 class _Mode(Enum):
@@ -104,8 +105,8 @@ class FeedbackBudget:
         self._before_backlog_kbps = 0.0
         self._sent: deque[_Sent] = deque()
         self._pending = False  # a report was taken in that the estimate does not know yet
-        self._oldest_news_ns: int | None = None  # when the oldest packet of that report was sent
         self._stepped_ns = self._heard_ns = 0
+        self._news_ns: int | None = None  # when the newest packet was sent that it tells of
         self._loop_ns: float = _FIRST_LOOP_NS  # from sending to hearing of it, without a queue
         self._padding_kbps = 0.0
         self._padded_ns = 0
@@ -120,8 +121,7 @@ class FeedbackBudget:
                 self._delay.add(packet.sent_ns, packet.arrived_ns)
         if new:
             self._heard_ns = report.now_ns
-            oldest_ns = min(packet.sent_ns for packet in new)
-            self._oldest_news_ns = min(oldest_ns, self._oldest_news_ns or oldest_ns)
+            self._news_ns = self._deliveries.newest_sent_ns
         sent = _Sent(report.now_ns, report.sent_bytes, self._padded_bytes, self._allowed_kbps)
         if self._sent and self._sent[-1].t_ns == report.now_ns:
             self._sent.pop()
@@ -147,17 +147,19 @@ class FeedbackBudget:
         return padding
 
     def flight_limit_bytes(self, now_ns: int) -> float:
-        return max(_MIN_FLIGHT_BYTES, self._kbps * (self._loop_ns + self._target_ns) / 8e6)
+        most_kbps = self._kbps + self._padding_kbps  # a ramp is not to stop the views
+        return max(_MIN_FLIGHT_BYTES, most_kbps * (self._loop_ns + self._target_ns) / 8e6)
 
     # --- the estimate -----------------------------------------------------------------------------
 
     def _step(self, now_ns: int) -> None:
         elapsed_ns, self._stepped_ns = now_ns - self._stepped_ns, now_ns
-        oldest_ns, self._oldest_news_ns = self._oldest_news_ns, None
+        news_ns, self._news_ns = self._news_ns, None
         queue_ns = self._delay.queue_ns()
-        if oldest_ns is not None:
-            if not queue_ns:
-                self._loop_ns += 0.05 * (min(now_ns - oldest_ns, NS_PER_S) - self._loop_ns)
+        if news_ns is not None:
+            away_ns = min(now_ns - news_ns, NS_PER_S) - self._loop_ns
+            if not queue_ns or away_ns < 0.0:
+                self._loop_ns += (_LOOP_UP if away_ns > 0.0 else _LOOP_DOWN) * away_ns
             if self._mode is _Mode.SILENT:
                 self._next_gain = _GAIN_WHEN_UNKNOWN
                 self._ramp(now_ns, _FULL_GAIN)

@@ -65,7 +65,7 @@ class TrialVideo(Video):
         video, epoch_ns = config.video, clock.now_ns()
         network = resolve_network(config, config.network)
         self._scores = FrameScores(video.views if video.quality.enabled else (), log.record)
-        super().__init__(config, network, epoch_ns, log, self._scores)
+        super().__init__(config, network, clock, epoch_ns, log, self._scores)
         self._watch = watch
         self._chains = VirtualVideo(
             video,
@@ -80,6 +80,7 @@ class TrialVideo(Video):
             feedback=self._feedback,
             parity=self._parity,
             reads_qp=self._reads_qp,
+            may_resend=self.may_resend,
         )
 
     def advance_to(self, now_ns: int) -> None:
@@ -110,8 +111,8 @@ class TrialVideo(Video):
     def close(self) -> None:
         self._chains.close()
 
-    def _send(self, frame: Frame) -> None:
-        self._chains.push(frame)
+    def _send(self, frame: Frame, left_out: bool) -> None:
+        self._chains.push(frame, left_out)
 
     def _wire_bytes(self) -> int:
         return self._chains.wire_bytes()

@@ -47,6 +47,7 @@ class VirtualSender:
         feedback: bool,
         parity: ViewParity | None,
         reads_qp: bool,
+        may_resend: Callable[[int], bool],
     ) -> None:
         self.view = view
         self.wire_bytes = 0
@@ -57,6 +58,7 @@ class VirtualSender:
         self._deliver_report = deliver_report
         self._heard = heard
         self._feedback = feedback
+        self._may_resend = partial(may_resend, config.mtu_bytes)
         self._next_sequence = 0  # transport-wide
         self._untold: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
         self._parity = parity
@@ -81,9 +83,9 @@ class VirtualSender:
         self.set_target_kbps = self._frames.set_target_kbps
         self.take_coded = self._frames.take_coded
 
-    def push(self, frame: Frame) -> None:
+    def push(self, frame: Frame, left_out: bool = False) -> None:
         """Encode `frame` now; its packets enter the link when the encoder has had its time."""
-        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes)
+        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes, left_out)
         if buffer is None:
             return
         if self._parity is not None:
@@ -157,7 +159,7 @@ class VirtualSender:
 
     def _resend(self, sequence: int) -> PacketRecord | None:
         packet = self._history.find(sequence) if self._history is not None else None
-        if packet is None:
+        if packet is None or (self._feedback and not self._may_resend()):
             return None
         return self._offer(PacketKind.REPAIR, packet, sequence, identify(packet)[2])
 

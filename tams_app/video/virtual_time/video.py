@@ -49,12 +49,14 @@ class VirtualVideo:
         feedback: bool = False,
         parity: Mapping[str, ViewParity] = MappingProxyType({}),
         reads_qp: bool = False,
+        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
 
         `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
         `parity`: of the views that `rule` lets be protected. `reads_qp`: whether `take_coded`
         tells each frame's QP.
+        `may_resend` is asked with its size before a packet is sent again, where `feedback`.
         """
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
@@ -93,6 +95,7 @@ class VirtualVideo:
                 feedback,
                 parity.get(view),
                 reads_qp,
+                may_resend,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self.receivers.values(),
@@ -107,12 +110,12 @@ class VirtualVideo:
         """Virtual time [ns]."""
         return self._clock.now_ns()
 
-    def push(self, frame: Frame) -> None:
+    def push(self, frame: Frame, left_out: bool = False) -> None:
         """Encode a frame at this moment; nothing of it is sent before time advances.
 
-        TamsError if the encoder fails.
+        `left_out`: it is not to be sent. TamsError if the encoder fails.
         """
-        self._senders[frame.view].push(frame)
+        self._senders[frame.view].push(frame, left_out)
 
     def set_targets(self, target_kbps: Mapping[str, float]) -> None:
         """The wire rate each view is to meet from its next frame on."""

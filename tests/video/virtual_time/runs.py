@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -94,6 +95,7 @@ def make(
     seed: int = 1,
     records: VideoRecords | None = None,
     groups: int = 0,
+    may_resend: Callable[[int], bool] | None = None,
 ) -> VirtualVideo:
     config = VideoConfig(views=views)
     parity = {view: ViewParity(parity_ssrc(config, view)) for view in views if groups}
@@ -110,6 +112,8 @@ def make(
         records or run.records,
         times,
         parity=parity,
+        feedback=may_resend is not None,
+        may_resend=may_resend or (lambda _size_bytes: True),
     )
 
 
