@@ -33,6 +33,7 @@ _PROBE_EVERY_NS = NS_PER_S
 _PROBE_NS = 250 * NS_PER_MS
 _PROBE_GAIN = 0.04  # 10 ms of queue after a probe of a link that has nothing free
 _PROBE_WEIGHT = 0.35
+_PROBE_QUEUE_NS = 4 * NS_PER_MS  # a probe without one says what was sent, not what is carried
 _DOUBT_NS = 10 * NS_PER_S  # after which jitter may be what hides free capacity
 _RAMP_AGAIN_NS = 400 * NS_PER_MS
 _RAMP_AFTER_BACKLOG_NS = 200 * NS_PER_MS
@@ -40,7 +41,7 @@ _RAMP_STEADY_NS = 195 * NS_PER_MS  # until the first of it is reported
 _RAMP_DOUBLES_NS = 150 * NS_PER_MS
 _RAMP_QUEUE_NS = 10 * NS_PER_MS
 _FULL_GAIN = 1.0  # as in TCP's slow start
-_GAIN_WHEN_UNKNOWN = 0.3  # the link has just changed
+_GAIN_WHEN_UNKNOWN = 0.15  # the link has just changed
 _GAIN_WHEN_FREE = 0.06  # a probe came through
 
 _SMALLEST_TRAIN_BYTES = 1000
@@ -71,8 +72,9 @@ class FeedbackBudget:
 
     A queue is the only proof that a link is full, so the estimate comes from short moments with
     one. While the views use what they are allowed, a probe adds padding once a second, for a
-    quarter of a second, to 1.04 times the estimate, and what is delivered meanwhile corrects it;
-    where all came through, a ramp goes on from there, doubling its excess until a queue shows. The
+    quarter of a second, to 1.04 times the estimate, and what is delivered meanwhile corrects it,
+    downwards only if it met a queue: else encoders that stay below their targets would lower it.
+    Where all came through, a ramp goes on from there, doubling its excess until a queue shows. The
     safety factor leaves the room in which the queue of a probe runs empty.
 
     A queue beyond the delay target is a backlog: the rate of delivery is the capacity then, and
@@ -210,7 +212,7 @@ class FeedbackBudget:
         elif self._mode is _Mode.RAMP:
             self._follow_ramp(now_ns, unexplained or queue_ns > _RAMP_QUEUE_NS, rate_kbps)
         elif self._mode is _Mode.PROBE:
-            self._follow_probe(now_ns)
+            self._follow_probe(now_ns, queue_ns)
         elif now_ns >= self._next_probe_ns and self._used():
             if unexplained:
                 self._kbps *= 1.0 - loss / 2
@@ -280,7 +282,8 @@ class FeedbackBudget:
         if not ended and self._kbps < self._max_kbps:
             self._kbps = max(self._kbps, rate_kbps)
             return
-        self._kbps = rate_kbps if ended and rate_kbps < self._kbps else self._kbps
+        if ended:  # rare frames leave gaps, which a short window may take for a slow link
+            self._kbps = min(self._kbps, max(rate_kbps, self._rate_kbps(_PROBE_NS)))
         if self._gain == _FULL_GAIN and self._kbps < 2 * self._floor_kbps:
             self._next_gain = _GAIN_WHEN_UNKNOWN  # so soon, jitter may have ended it
         else:
@@ -289,7 +292,7 @@ class FeedbackBudget:
         self._next_probe_ns = now_ns + (_PROBE_EVERY_NS if steady else _RAMP_AGAIN_NS)
         self._enter(_Mode.CRUISE, now_ns)
 
-    def _follow_probe(self, now_ns: int) -> None:
+    def _follow_probe(self, now_ns: int, queue_ns: float) -> None:
         assert self._since_ns is not None
         end_ns = self._since_ns + _PROBE_NS
         if self._deliveries.newest_sent_ns <= end_ns:
@@ -299,11 +302,12 @@ class FeedbackBudget:
         self._next_probe_ns = now_ns + _PROBE_EVERY_NS
         complete = self._complete(now_ns)
         self._enter(_Mode.CRUISE, now_ns)
-        if rate_kbps > (1.0 + 0.7 * _PROBE_GAIN) * self._kbps:
+        queued = queue_ns > _PROBE_QUEUE_NS
+        if rate_kbps > (1.0 + (0.7 if queued else 0.4) * _PROBE_GAIN) * self._kbps:
             self._kbps *= 1.0 + _PROBE_GAIN
             self._next_gain = _GAIN_WHEN_FREE
             self._ramp(now_ns, self._next_gain)
-        elif complete and self._used():
+        elif complete and self._used() and queued:
             self._kbps += _PROBE_WEIGHT * (rate_kbps - self._kbps)
 
     def _padding_rate_kbps(self, now_ns: int) -> float:
