@@ -94,7 +94,8 @@ def applied(heard) -> list[Allocation]:
 
 @pytest.fixture
 def loop(clock, encoders, heard) -> PolicyLoop:
-    return PolicyLoop(load_config(), clock, encoders, heard, (heard,))
+    config = load_config(None, {"policy.budget.mode": "oracle"})
+    return PolicyLoop(config, clock, encoders, heard, (heard,))
 
 
 def step_at(loop, clock, *times_ms):
@@ -124,7 +125,8 @@ def test_a_phase_that_begins_is_answered_at_once_and_the_period_counts_from_ther
 
 
 def test_what_is_foreseen_moves_bits_with_the_next_step(clock, encoders, heard):
-    loop = PolicyLoop(load_config(None, {"strategy": "tams+"}), clock, encoders, heard, (heard,))
+    config = load_config(None, {"strategy": "tams+", "policy.budget.mode": "oracle"})
+    loop = PolicyLoop(config, clock, encoders, heard, (heard,))
     step_at(loop, clock, 0)
     loop.on_foreseen(Foreseen(Phase.ALIGN, 0.9))
     step_at(loop, clock, 50)
