@@ -3,8 +3,9 @@
 `python -m benchmarks.uplink --trace FILE --budget feedback --strategy tams+ --seconds 60` runs the
 real encoders, jitter buffers and decoders over an emulated link in virtual time, while the rig's
 arm carries a block to and fro; `--rate-kbps N` in place of a trace. Without either, all cases run
-that way for up to 25 s, for each budget and repair, which takes an hour. `--model` runs them packet
-by packet without encoders, in a few minutes; there a trace is run with three delay targets.
+that way for up to 25 s with `feedback`, some of them with each budget and repair. `--model` runs
+them packet by packet without encoders, in a few minutes; there a trace is run with three delay
+targets.
 `--json` writes the results.
 """
 
@@ -55,10 +56,7 @@ SEEN: dict[str, Callable[[Result], str]] = {
     "worst live": lambda told: f"{told['worst_view_live_ssim']:.3f}",
 }
 CASE_S = 25.0
-SENDERS = (
-    *(Sender(mode) for mode in MODES),
-    *(Sender(mode, repair="adaptive") for mode in ("oracle", "feedback")),
-)
+COMPARED = (*(Sender(mode) for mode in MODES), Sender("feedback", repair="paper"))
 WIDTH = 170
 
 
@@ -87,12 +85,12 @@ def main() -> None:
             for one in chosen
             if one.encoders_can
         ]
-        senders = _senders(options, bool(given))
-        encoded = over_encoders(chosen, senders, options.processes, console)
+        runs = [(case, sender) for case in chosen for sender in _senders(options, case)]
+        encoded = over_encoders(runs, options.processes, console)
         console.print(table(chosen, {c: {s: one["link"] for s, one in row.items()}
                                      for c, row in encoded.items()}, encoded))  # fmt: skip
-        alone = len(chosen) == len(senders) == 1
-        written = encoded[chosen[0].name][str(senders[0])] if alone else encoded
+        alone = len(runs) == 1
+        written = encoded[chosen[0].name][str(runs[0][1])] if alone else encoded
     if options.json:
         options.json.write_text(json.dumps(written, indent=2) + "\n", encoding="utf-8")
 
@@ -123,14 +121,14 @@ def _options() -> argparse.Namespace:
     return options
 
 
-def _senders(options: argparse.Namespace, given: bool) -> list[Sender]:
-    """What is asked for; each budget and repair unless one is named."""
-    chosen = [Sender(options.budget or "feedback")] if given else list(SENDERS)
-    if options.budget:
-        chosen = [one for one in chosen if one.budget == options.budget]
+def _senders(options: argparse.Namespace, case: Case) -> list[Sender]:
+    """What sends in a case: each budget and repair where they are compared, unless one is named."""
+    chosen = [Sender(options.budget or "feedback")]
+    if case.compared:
+        chosen = [one for one in COMPARED if options.budget in (None, one.budget)]
     if options.repair:
-        chosen = [*dict.fromkeys(replace(one, repair=options.repair) for one in chosen)]
-    return [
+        chosen = [replace(one, repair=options.repair) for one in chosen]
+    changed = (
         replace(
             one,
             strategy=options.strategy,
@@ -138,24 +136,21 @@ def _senders(options: argparse.Namespace, given: bool) -> list[Sender]:
             seed=options.seed,
         )
         for one in chosen
-    ]
+    )
+    return list(dict.fromkeys(changed))
 
 
 def over_encoders(
-    chosen: Sequence[Case], senders: Sequence[Sender], processes: int, console: Console
+    runs: Sequence[tuple[Case, Sender]], processes: int, console: Console
 ) -> dict[str, dict[str, Result]]:
-    """Each case with each sender."""
-    runs = {
-        f"{number}-{index}": (case, sender)
-        for number, case in enumerate(chosen)
-        for index, sender in enumerate(senders)
-    }
+    """The results by case and sender."""
+    named = {f"run-{number}": run for number, run in enumerate(runs)}
     with tempfile.TemporaryDirectory(prefix="uplink-") as folder:
         console.print("recording the hand")
-        with TrialsProgress(console, len(runs)) as bar:
-            found = run_encoded(runs, Path(folder), processes, bar.trial_ended)
+        with TrialsProgress(console, len(named)) as bar:
+            found = run_encoded(named, Path(folder), processes, bar.trial_ended)
     results: dict[str, dict[str, Result]] = {}
-    for name, (case, sender) in runs.items():
+    for name, (case, sender) in named.items():
         results.setdefault(case.name, {})[str(sender)] = found[name]
     return results
 

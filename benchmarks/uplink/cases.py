@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.uplink.model import Setting
@@ -46,6 +46,7 @@ class Case:
     setting: Setting
     targets: tuple[Target, ...] = ()
     change_s: float | None = None  # when the capacity changes, where that is measured
+    compared: bool = False  # over the encoders with every budget and repair, else with `feedback`
 
     @property
     def encoders_can(self) -> bool:
@@ -64,14 +65,15 @@ def cases() -> Iterator[Case]:
         name = f"steady {kbps // 1000} Mbit/s"
         start = Target("start_ms", at_most=1000)
         yield Case(name, steady, Setting(LINK),
-                   (_used(0.90), Target("queue_p95_ms", at_most=20), start), 0.0)  # fmt: skip
+                   (_used(0.90), Target("queue_p95_ms", at_most=20), start), 0.0,
+                   compared=kbps == 6000)  # fmt: skip
         lossy = Setting(_with(loss=0.003))
         yield Case(f"{name}, .3 % loss", steady, lossy, (_used(0.85),))
         lossy = Setting(_with(loss=0.01))
         yield Case(f"{name}, 1 % loss", steady, lossy, (_used(0.85),))
     down = Target("below_ms", at_most=250), Target("drained_ms", at_most=700)
     rates = _rates((0, 12_000), (10, 3000), (30, 3000))
-    yield Case("step down 12 → 3", rates, Setting(LINK, 25), down, 10.0)
+    yield Case("step down 12 → 3", rates, Setting(LINK, 25), down, 10.0, compared=True)
     up = Target("risen_ms", at_most=2000)
     rates = _rates((0, 3000), (10, 12_000), (30, 12_000))
     yield Case("step up 3 → 12", rates, Setting(LINK, 25), (up,), 10.0)
@@ -81,13 +83,14 @@ def cases() -> Iterator[Case]:
     for outage_s in (0.3, 1.0, 3.0):
         rates = _rates((0, 6000), (10, 0), (10 + outage_s, 6000), (30, 6000))
         back = Target("risen_ms", at_most=1000)
-        yield Case(f"outage of {outage_s:g} s", rates, Setting(LINK, 25), (back,), 10 + outage_s)
+        yield Case(f"outage of {outage_s:g} s", rates, Setting(LINK, 25), (back,), 10 + outage_s,
+                   compared=outage_s == 1.0)  # fmt: skip
     yield Case("constant flow of 2 Mbit/s", six, Setting(LINK, constant_kbps=(20, 40, 2000)))
     yield Case("TCP-like flow", six, Setting(LINK, tcp=(20, 40)))
     for kbps in (3000, 6000, 12_000):
         wild = Setting(Network(latency_ms=80, jitter_ms=30))
         yield Case(f"jitter 30 ms, {kbps // 1000} Mbit/s", _rates((0, kbps)), wild)
-    yield Case("network s3", _rates((0, 3000)), Setting(S3), (_used(0.85),))
+    yield Case("network s3", _rates((0, 3000)), Setting(S3), (_used(0.85),), compared=True)
     lossless = Setting(S3.model_copy(update={"loss": 0.0}))
     yield Case("network s3 without loss", _rates((0, 3000)), lossless)
     yield Case("clock 100 ppm fast", six, Setting(LINK, drift=1e-4), (_used(0.90),))
@@ -98,7 +101,8 @@ def cases() -> Iterator[Case]:
     yield Case("encoders 3 % above", six, Setting(LINK, bias=1.03), (_used(0.90),))
     yield Case("encoders 3 % below", six, Setting(LINK, bias=0.97), (_used(0.85),))
     for name in SHIPPED:
-        yield trace_case(CONFIG_DIRECTORY / "traces" / f"{name}.csv", 60)
+        shipped = trace_case(CONFIG_DIRECTORY / "traces" / f"{name}.csv", 60)
+        yield replace(shipped, compared=name == "markov")
 
 
 def trace_case(path: Path, seconds: float, network: Network = LINK) -> Case:

@@ -27,14 +27,14 @@ class Sender:
 
     budget: str
     strategy: str = "tams"
-    repair: str = "paper"
+    repair: str = "adaptive"
     delay_target_ms: float | None = None
     seed: int = 1
 
     def __str__(self) -> str:
         parts = [self.budget]
         parts += [self.strategy] if self.strategy != "tams" else []
-        parts += [self.repair] if self.repair != "paper" else []
+        parts += [f"repair {self.repair}"] if self.repair != "adaptive" else []
         parts += [f"{self.delay_target_ms:g} ms"] if self.delay_target_ms is not None else []
         return ", ".join(parts)
 
