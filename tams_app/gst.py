@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -189,6 +189,24 @@ def _library() -> ctypes.CDLL:
         function.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t)
         function.restype = ctypes.c_size_t
     return library
+
+
+def add_probe(
+    pad: Any, kinds: Any, probe: Callable[[Any, Any], Any], fail: Callable[[str], None]
+) -> None:
+    """Have `probe` see what passes `pad`; `fail` is told of its error, and what it saw passes.
+
+    One that raised would be taken to say that everything is dropped.
+    """
+
+    def guarded(pad: Any, info: Any) -> Any:
+        try:
+            return probe(pad, info)
+        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+            fail(repr(error))
+            return load().Gst.PadProbeReturn.OK
+
+    pad.add_probe(kinds, guarded)
 
 
 def buffers_of(probe: Any) -> Iterator[Any]:

@@ -146,7 +146,7 @@ class Config(Section):
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of scene, noise and losses."""
     strategy: str = "tams"
-    """How the budget is divided: `equal`, `static` or `tams`."""
+    """How the budget is divided: `equal`, `static`, `tams` or `tams+`."""
     network: str = "s2"
     """A name from networks, `none`, or the path of a capacity trace."""
     seconds: Positive | None = None

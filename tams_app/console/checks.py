@@ -83,7 +83,7 @@ def codecs(config: Config) -> Iterator[Finding]:
     """Whether the encoder and decoder that are asked for work; if not, software stands in."""
     if gst.missing_elements():
         return  # named above
-    found = choose_codecs(config.video)
+    found = choose_codecs(config.video, config.policy.budget.mode == "oracle")
     names = f"{found.encoder.element}, {found.decoder.element}"
     fix = "; ".join(found.remarks)
     yield Finding("Video codecs", not found.remarks, names, fix, essential=False)

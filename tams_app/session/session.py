@@ -161,7 +161,7 @@ class Session:
         self._stack.callback(self._quality.close)
         self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
         network, failed = resolve_network(config, config.network), self._on_worker_failure
-        codecs = choose_codecs(config.video)
+        codecs = choose_codecs(config.video, config.policy.budget.mode == "oracle")
         for remark in codecs.remarks:
             self.note("warning", remark)
         self._video = Uplink(

@@ -215,12 +215,19 @@ def _study_to_run(
                 f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
                 "to go on, or choose another folder with --out"
             )
-    if config is not None and load_config(config, options) != planned:
+    if config is not None and not is_same_study(load_config(config, options), planned):
         raise ConfigError(
             f"{folder}: was planned with another configuration than {config} is now: leave "
             "--config out to go on, or choose another folder with --out"
         )
     return ensure_planned(planned, folder, participants)
+
+
+def is_same_study(one: Config, other: Config) -> bool:
+    """Whether every trial of the two is the same; what a study overrides anyway may differ."""
+    from tams_app.study.plan import conditions_of_all
+
+    return conditions_of_all(one) == conditions_of_all(other)
 
 
 def _options(

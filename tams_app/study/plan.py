@@ -84,23 +84,30 @@ class PlannedTrial(Section):
         return self.last is not None and self.last.state is AttemptState.DONE
 
     def configure(self, config: Config) -> Config:
-        """The study's configuration with this trial's name, seed and condition.
-
-        Budget and repair are those of the section `study`; the codecs are always x264 and avdec,
-        whatever hardware each machine has.
-        """
-        budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
-        repair = config.video.repair.model_copy(update={"mode": config.study.repair})
-        software = {"encoder": "x264", "decoder": "avdec", "repair": repair}
+        """The study's configuration with this trial's name, seed and condition."""
         changes = {
             "name": self.id,
             "seed": self.seed,
             "strategy": self.strategy,
             "network": self.network,
-            "policy": config.policy.model_copy(update={"budget": budget}),
-            "video": config.video.model_copy(update=software),
         }
-        return config.model_copy(update=changes)
+        return conditions_of_all(config).model_copy(update=changes)
+
+
+def conditions_of_all(config: Config) -> Config:
+    """The study's configuration with what is the same in all trials.
+
+    Budget and repair are those of the section `study`; the codecs are always x264 and avdec,
+    whatever hardware each machine has.
+    """
+    budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
+    repair = config.video.repair.model_copy(update={"mode": config.study.repair})
+    video = {"encoder": "x264", "decoder": "avdec", "repair": repair}
+    changes = {
+        "policy": config.policy.model_copy(update={"budget": budget}),
+        "video": config.video.model_copy(update=video),
+    }
+    return config.model_copy(update=changes)
 
 
 class Participant(Section):

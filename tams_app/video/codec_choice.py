@@ -21,19 +21,29 @@ _END_S = 0.3
 _Codec = TypeVar("_Codec", Encoder, Decoder)
 
 
-def choose_codecs(config: VideoConfig, timeout_s: float = PROBE_TIMEOUT_S) -> Codecs:
+def choose_codecs(
+    config: VideoConfig, starts_at_capacity: bool, timeout_s: float = PROBE_TIMEOUT_S
+) -> Codecs:
     """The codecs of `config.encoder` and `config.decoder` for all views.
 
-    `auto` is the first that works, hardware before software. Software is not probed.
+    `auto` is the first that works, hardware before software. Software is not probed. An encoder
+    that keeps the bitrate it begins with is used only if it is named and `starts_at_capacity`: the
+    budgets that learn the capacity begin at the floors.
     """
     choose = partial(_choose, config, timeout_s)
     encoder, of_encoder = choose("encoder", config.encoder, ENCODERS, X264)
     decoder, of_decoder = choose("decoder", config.decoder, DECODERS, AVDEC)
     if not encoder.adjustable:
-        of_encoder += (
-            f"video.encoder: {encoder.element} cannot change its bitrate while it plays: each view "
-            "keeps the one that it begins with, and frames are left out where its target is less",
-        )
+        remark = f"video.encoder: {encoder.element} cannot change its bitrate while it plays"
+        if starts_at_capacity:
+            remark += (
+                ": each view keeps the one that it begins with, and frames are left out where its "
+                "target is less"
+            )
+        else:
+            encoder = X264
+            remark += f", and would stay at the floor; {encoder.element} is used"
+        of_encoder += (remark,)
     return Codecs(encoder, decoder, of_encoder + of_decoder)
 
 

@@ -148,6 +148,13 @@ class VideoReceiver:
 
     def _on_parity(self, appsink: Any) -> Any:
         """Restore what a frame's parity can; media and parity come in one thread."""
+        try:
+            self._restore(appsink)
+        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+            self._frames.failure = repr(error)
+        return gst.load().Gst.FlowReturn.OK
+
+    def _restore(self, appsink: Any) -> None:
         Gst = gst.load().Gst
         restored: list[bytes] = []
         for buffer in gst.pull_available(self._recent):
@@ -160,4 +167,3 @@ class VideoReceiver:
             lost = Gst.Buffer.new_wrapped(packet)
             lost.dts = arrived_ns
             entrance.chain(lost)
-        return Gst.FlowReturn.OK

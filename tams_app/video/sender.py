@@ -153,7 +153,8 @@ class VideoSender:
         if self._parity is not None:
             kinds = gst.load().Gst.PadProbeType
             packets = pipeline.get_by_name("payloader").get_static_pad("src")
-            packets.add_probe(kinds.BUFFER | kinds.BUFFER_LIST, self._on_packets, self._parity)
+            protect = partial(self._on_packets, self._parity)
+            gst.add_probe(packets, kinds.BUFFER | kinds.BUFFER_LIST, protect, self._frames.fail)
         self._frames.attach(pipeline)
         gst.set_playing(pipeline, f"the sender of view {self.view}")
 
@@ -215,7 +216,7 @@ class VideoSender:
         self._encoded_ns = frame.capture_ns
         self._on_encoded(frame)
 
-    def _on_packets(self, pad: Any, probe: Any, parity: ViewParity) -> Any:
+    def _on_packets(self, parity: ViewParity, pad: Any, probe: Any) -> Any:
         """In the encoder's thread: send a frame's parity behind its last packet."""
         Gst = gst.load().Gst
         for buffer in gst.buffers_of(probe):

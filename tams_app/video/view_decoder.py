@@ -70,13 +70,18 @@ class ViewDecoder:
             element.connect("request-pt-map", caps_of_payload_type)
         self._depayloader = depayloader = pipeline.get_by_name("depayloader")
         self._request_pad = depayloader.get_static_pad("sink")
-        self.jitterbuffer.get_static_pad("sink").add_probe(buffers, self._on_first_arrival)
-        self.jitterbuffer.get_static_pad("src").add_probe(buffers, self._on_first_packet)
-        self._request_pad.add_probe(kinds.EVENT_UPSTREAM, self._on_upstream_event)
-        depayloader.get_static_pad("src").add_probe(kinds.BUFFER, self._on_access_unit)
+        entrance, exit_ = map(self.jitterbuffer.get_static_pad, ("sink", "src"))
+        access_units = depayloader.get_static_pad("src")
+        gst.add_probe(entrance, buffers, self._on_first_arrival, self._fail)
+        gst.add_probe(exit_, buffers, self._on_first_packet, self._fail)
+        gst.add_probe(self._request_pad, kinds.EVENT_UPSTREAM, self._on_upstream_event, self._fail)
+        gst.add_probe(access_units, kinds.BUFFER, self._on_access_unit, self._fail)
         pipeline.get_by_name("frames").connect("new-sample", self._on_frame)
 
     # --- in GStreamer's threads -------------------------------------------------------------
+
+    def _fail(self, reason: str) -> None:
+        self.failure = reason
 
     def _on_first_arrival(self, pad: Any, probe: Any) -> Any:
         """Let the jitter buffer's latency count from the first packet's arrival, then leave.

@@ -69,9 +69,9 @@ class ViewEncoder:
     def attach(self, pipeline: Any) -> None:
         """Take the `encoder` of a chain that was built with `encoder_kbps`."""
         self._encoder = pipeline.get_by_name("encoder")
-        self._encoder.get_static_pad("src").add_probe(
-            gst.load().Gst.PadProbeType.BUFFER, self._on_encoder_output
-        )
+        frames = self._encoder.get_static_pad("src")
+        kinds = gst.load().Gst.PadProbeType
+        gst.add_probe(frames, kinds.BUFFER, self._on_encoder_output, self.fail)
 
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
@@ -85,7 +85,7 @@ class ViewEncoder:
         pushed_ns, target_kbps = self._clock.now_ns(), self._target_kbps
         time = self._intervals.step(frame.capture_ns)
         kept = not left_out and self._source_drop.keep(target_kbps, time.usual_ns)
-        if self._overdraft is not None and not left_out:
+        if self._overdraft is not None:  # asked for every frame: the time of each pays
             kept = self._overdraft.keep(wire_bytes, target_kbps, time) and kept
         if not kept:
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns, left_out))
@@ -112,12 +112,13 @@ class ViewEncoder:
 
     # --- in the encoder's thread ------------------------------------------------------------
 
+    def fail(self, reason: str) -> None:
+        """Frames no longer leave as they should: the owner is told by `failure`."""
+        self.failure = reason
+
     def _on_encoder_output(self, pad: Any, probe: Any) -> Any:
         Gst = gst.load().Gst
-        try:
-            self._hand_over(pad, probe.get_buffer(), Gst)
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
-            self.failure = repr(error)
+        self._hand_over(pad, probe.get_buffer(), Gst)
         return Gst.PadProbeReturn.OK
 
     def _hand_over(self, pad: Any, buffer: Any, Gst: Any) -> None:

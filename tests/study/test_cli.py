@@ -17,8 +17,9 @@ import pytest
 import tams_app.console.trial
 import tams_app.study.commands
 from tams_app.cli import _main
-from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
+from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
 from tams_app.runtime.process import PROJECT_DIRECTORY
+from tams_app.study.cli import is_same_study
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState
 from tams_app.study.runner import TrialRunner
@@ -183,6 +184,12 @@ def test_wrong_use_is_one_sentence_exit_code_two_and_leaves_nothing_behind(
     assert sentence in err
     assert len(err.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_configuration_that_differs_only_in_what_studies_override_is_the_same_study() -> None:
+    changes = {"policy.budget.mode": "oracle", "video.repair.mode": "paper"}
+    assert is_same_study(load_config(), load_config(None, changes))
+    assert not is_same_study(load_config(), load_config(None, {"study.budget": "feedback"}))
 
 
 @pytest.mark.parametrize(

@@ -31,12 +31,20 @@ NO_DECODER = Decoder("nvh264dec", "nosuchdec")
 STANDS_STILL = replace(X264, word="nvh264", rate_property="key-int-max", rate="{kbps}")
 
 
-def choice(monkeypatch, encoder=None, word="nvh264", timeout_s=30.0, decoder="avdec"):
+def choice(
+    monkeypatch,
+    encoder=None,
+    word="nvh264",
+    timeout_s=30.0,
+    decoder="avdec",
+    starts_at_capacity=True,
+):
     """What is chosen if hardware's entries were these; by default of elements that nobody has."""
     encoder = encoder or replace(OPENH264, element="nosuchenc")
     monkeypatch.setattr(codec_choice, "ENCODERS", {"nvh264": encoder, "x264": X264})
     monkeypatch.setattr(codec_choice, "DECODERS", {"nvh264dec": NO_DECODER, "avdec": AVDEC})
-    return choose_codecs(VideoConfig(encoder=word, decoder=decoder), timeout_s)
+    video = VideoConfig(encoder=word, decoder=decoder)
+    return choose_codecs(video, starts_at_capacity, timeout_s)
 
 
 def refused(monkeypatch, encoder, timeout_s=30.0):
@@ -51,7 +59,7 @@ def refused(monkeypatch, encoder, timeout_s=30.0):
 
 def test_by_default_software_is_used_and_nothing_tried(monkeypatch):
     monkeypatch.setattr(codec_choice, "HelperProcess", None)
-    assert choose_codecs(VideoConfig()) == SOFTWARE
+    assert choose_codecs(VideoConfig(), True) == SOFTWARE
 
 
 def test_x264_and_avdec_are_set_up_as_they_always_were():
@@ -131,14 +139,23 @@ def test_an_encoder_whose_rate_stands_is_used_only_if_it_was_asked_for(monkeypat
     assert "cannot change its bitrate" in automatic.remarks[0]
 
 
+def test_an_encoder_whose_rate_stands_is_not_left_at_the_floor_where_the_capacity_is_learnt(
+    monkeypatch,
+):
+    learning = choice(monkeypatch, STANDS_STILL, starts_at_capacity=False)
+    assert learning.encoder is X264
+    (remark,) = learning.remarks
+    assert "would stay at the floor; x264enc is used" in remark
+
+
 def test_a_decoder_that_passes_is_used_and_one_that_keeps_frames_back_is_not(monkeypatch):
     prompt = Decoder("nvh264dec", "avdec_h264", ("max-threads=1", "no-such-setting=7"))
     monkeypatch.setattr(codec_choice, "DECODERS", {"nvh264dec": prompt, "avdec": AVDEC})
-    found = choose_codecs(VideoConfig(decoder="nvh264dec"), 30.0)
+    found = choose_codecs(VideoConfig(decoder="nvh264dec"), True, 30.0)
     assert (found.decoder.settings, found.remarks) == (("max-threads=1",), ())
     late = replace(prompt, settings=("max-threads=4", "thread-type=frame"))
     monkeypatch.setattr(codec_choice, "DECODERS", {"nvh264dec": late, "avdec": AVDEC})
-    found = choose_codecs(VideoConfig(decoder="auto"), 30.0)
+    found = choose_codecs(VideoConfig(decoder="auto"), True, 30.0)
     assert found.decoder is AVDEC
     assert "avdec_h264 keeps frames back" in found.remarks[0]
 

@@ -58,6 +58,24 @@ def test_an_unprotected_view_sends_no_parity_and_loses_nothing_by_being_able_to(
     assert {identify(datagram)[0] for datagram in link.rtp} == {PacketKind.MEDIA}
 
 
+@pytest.mark.parametrize("end", ["sender", "receiver"])
+def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch) -> None:
+    def broken(*_: object) -> list[bytes]:
+        raise ValueError("a broken packet")
+
+    with stream(LossyLink(lambda ordinal, datagram: True), PROTECTED) as joined:
+        assert joined.parity is not None
+        if end == "sender":
+            monkeypatch.setattr(joined.parity, "protect", broken)
+        else:
+            joined.parity.groups = 1
+            monkeypatch.setattr(joined.receiver._parity, "parity", broken)
+        with pytest.raises(AssertionError):  # as soon as either end has failed
+            joined.push(range(30))
+        assert "a broken packet" in getattr(joined, end).poll()
+        assert joined.wait_until(lambda: len(joined.shown) > 0)
+
+
 def test_parity_is_numbered_and_told_of_like_any_packet() -> None:
     link = LossyLink(lambda ordinal, datagram: ordinal % 10 != 7)
     told = []
