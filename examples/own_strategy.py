@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from tams_app.config import PolicyConfig, load_config
 from tams_app.policy.allocation import STRATEGIES, make_strategy
-from tams_app.policy.strategy import Situation, Weighted
+from tams_app.policy.strategy import Weighted
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 
@@ -33,5 +33,5 @@ budget_kbps = 6000 * 0.92  # network s2, less the safety margin
 for name in ("tams", "primary"):
     strategy = make_strategy(name, policy)
     for phase in Phase:
-        targets = strategy.targets(Situation(0, phase, budget_kbps))
+        targets = strategy.targets(phase, budget_kbps)
         print(f"{name:<8} {phase.name:<12}", *(f"{v} {kbps:>5}" for v, kbps in targets.items()))

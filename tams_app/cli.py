@@ -284,7 +284,6 @@ def allocate(
     config: ConfigOption = None,
 ) -> None:
     """The targets that a strategy gives each view while a phase begins."""
-    from tams_app.policy.strategy import Situation
     from tams_app.records import Phase
 
     settings = load_config(config, {"policy.allocation.floor_kbps": floor_kbps})
@@ -293,7 +292,7 @@ def allocate(
         raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")
     chosen = make_strategy(strategy or settings.strategy, settings.policy)
     floor = settings.policy.allocation.floor_kbps
-    targets = chosen.targets(Situation(0, Phase[name], budget_kbps))
+    targets = chosen.targets(Phase[name], budget_kbps)
     if budget_kbps < len(targets) * floor:
         typer.echo(
             f"tams: note: {budget_kbps:g} kbit/s are less than the floor of {floor:g} kbit/s for "

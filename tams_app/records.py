@@ -351,30 +351,19 @@ class Reception:
 
 
 @dataclass(frozen=True, slots=True)
-class CodedFrame:
-    """What an encoder made of one frame."""
-
-    view: str
-    encoded_ns: int
-    size_bytes: int  # of H.264, without packet headers
-    qp: int | None  # of its first slice; None if it was not asked for, or not told
-
-
-@dataclass(frozen=True, slots=True)
 class UplinkReport:
     """What the senders know of the uplink at one instant.
 
-    `arrivals`, `receptions` and `coded` came since the report before; coded frames are in the order
-    of each view, arrivals are those of all views in the order of sending, each packet once. Each
-    view's receiver tells when a frame has come: packets of one view may be told after later ones
-    of another, in the next report. What is told in feedback that does not come is told no more.
+    `arrivals` and `receptions` came since the report before; arrivals are those of all views in the
+    order of sending, each packet once. Each view's receiver tells when a frame has come: packets of
+    one view may be told after later ones of another, in the next report. What is told in feedback
+    that does not come is told no more.
     """
 
     now_ns: int
     sent_bytes: int  # IP datagrams of all views since the start, repair and padding included
     arrivals: tuple[PacketArrival, ...] = ()
     receptions: tuple[Reception, ...] = ()
-    coded: tuple[CodedFrame, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

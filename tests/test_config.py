@@ -25,6 +25,7 @@ from tests.configuration_reference import all_sections, meaning, reference
 pytestmark = pytest.mark.untimed
 
 NAN = math.nan
+REMOVED = "  tams_plus: {redistribution: true, lookahead: true, ladder: false}\n"
 
 
 def test_the_default_is_the_paper_s_set_up():
@@ -244,6 +245,16 @@ def test_a_key_that_an_included_file_has_may_be_given_again(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text(f"include: [{DEFAULT_CONFIG}]\nnetwork: s3\n")
     assert load_config(path).network == "s3"
+
+
+def test_a_stored_configuration_that_switches_parts_of_tams_plus_is_still_read(tmp_path):
+    path = tmp_path / "stored.yaml"
+    path.write_text(dump_config(load_config()).replace("\npolicy:\n", "\npolicy:\n" + REMOVED, 1))
+    assert "lookahead" in path.read_text()
+    assert load_config(path) == load_config()
+    path.write_text(f"include: [{DEFAULT_CONFIG}]\npolicy:\n{REMOVED}  alocation: {{}}\n")
+    with pytest.raises(ConfigError, match=r"did you mean policy\.allocation\?"):
+        load_config(path)
 
 
 def test_yes_is_no_number():

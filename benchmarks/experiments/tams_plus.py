@@ -1,11 +1,10 @@
-"""What does each part of `tams+` bring, against `tams`?
+"""What does `tams+` bring, against `tams`?
 
 `python -m benchmarks.experiments.tams_plus [--networks s1 s2 s3 FILE]`: in virtual time, with the
 same recorded hands, scenes, noise and losses for all strategies. A network that is a trace's file
-has the delay, jitter and loss of s2; with each seed it begins a trial's length later. Every
-part alone, then all together; differences are those to `tams` seed by seed, with Student's t
-interval. Which frames a lost packet damages is chance, and in a short phase one of them outweighs
-what coding gains: `--loss 0` shows that alone.
+has the delay, jitter and loss of s2; with each seed it begins a trial's length later. Differences
+are those to `tams` seed by seed, with Student's t interval. Which frames a lost packet damages is
+chance, and in a short phase one of them outweighs what coding gains: `--loss 0` shows that alone.
 """
 
 from __future__ import annotations
@@ -32,9 +31,8 @@ from tams_app.study.unattended import TrialsProgress
 
 RESULTS = Path(__file__).parent / "results" / "tams_plus.json"
 SEEDS, NETWORKS, PROCESSES = 12, ("s1", "s2", "s3"), 2
-PARTS = ("redistribution", "lookahead", "ladder")
-REFERENCE, ALL = "tams", "tams+"
-CELLS = (REFERENCE, *PARTS, ALL)
+REFERENCE = "tams"
+STRATEGIES = (REFERENCE, "tams+")
 _LATER_S = 5.0  # a replay may end so long after its recording
 _TRACE_STEP_S = 25.0
 TABLE_WIDTH = 180
@@ -70,34 +68,27 @@ MEASURES: dict[str, Callable[[Any], float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One cell on one network with one seed."""
+    """One strategy on one network with one seed."""
 
     network: str
-    cell: str
+    strategy: str
     seed: int
     config: Config
 
     @property
     def id(self) -> str:
-        return f"{Path(self.network).stem}-{self.cell}-{self.seed}"
+        return f"{Path(self.network).stem}-{self.strategy}-{self.seed}"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One measure of one cell: its mean, and its difference to `tams` seed by seed."""
+    """One measure of one strategy: its mean, and its difference to `tams` seed by seed."""
 
     network: str
-    cell: str
+    strategy: str
     measure: str
     mean: float
     difference: Estimate | None
-
-
-def settings(cell: str) -> dict[str, Any]:
-    """Strategy and parts of a cell, as dotted keys of the configuration."""
-    if cell in (REFERENCE, ALL):
-        return {"strategy": cell}
-    return {"strategy": ALL, **{f"policy.tams_plus.{part}": part == cell for part in PARTS}}
 
 
 def link(network: str, loss: float | None, seed: int, out: Path) -> dict[str, Any]:
@@ -131,7 +122,6 @@ def _shifted(text: str, seed: int) -> str:
 
 def plan(
     networks: Sequence[str],
-    cells: Sequence[str],
     hands: Mapping[int, Path],
     out: Path,
     loss: float | None,
@@ -141,11 +131,11 @@ def plan(
         seconds = length_s(hand) + _LATER_S
         for network in networks:
             keys = link(network, loss, seed, out)
-            for cell in cells:
+            for strategy in STRATEGIES:
                 config = load_config(
                     None,
                     {
-                        **settings(cell),
+                        "strategy": strategy,
                         **keys,
                         "policy.budget.mode": "oracle",
                         "video.repair.mode": "paper",
@@ -156,36 +146,36 @@ def plan(
                         "recording.bitstream": False,
                     },
                 )
-                yield Trial(network, cell, seed, config)
+                yield Trial(network, strategy, seed, config)
 
 
 def rows(trials: Sequence[Trial], found: Mapping[str, Figures]) -> list[Row]:
-    """The table: by network, cell and measure; means over the seeds."""
+    """The table: by network, strategy and measure; means over the seeds."""
     by_seed: dict[tuple[str, str], dict[int, Figures]] = {}
     for trial in trials:
-        by_seed.setdefault((trial.network, trial.cell), {})[trial.seed] = found[trial.id]
+        by_seed.setdefault((trial.network, trial.strategy), {})[trial.seed] = found[trial.id]
     told = []
-    for (network, cell), mine in by_seed.items():
+    for (network, strategy), mine in by_seed.items():
         reference = by_seed[network, REFERENCE]
         for measure in MEASURES:
             apart = [mine[seed][measure] - reference[seed][measure] for seed in mine]
             mean = float(np.mean([figures[measure] for figures in mine.values()]))
-            difference = None if cell == REFERENCE else mean_interval(apart)
-            told.append(Row(network, cell, measure, mean, difference))
+            difference = None if strategy == REFERENCE else mean_interval(apart)
+            told.append(Row(network, strategy, measure, mean, difference))
     return told
 
 
 def table(told: Sequence[Row]) -> Table:
-    """One row a cell, one column a measure; the reference's means, the others' differences."""
+    """One row a strategy, one column a measure; the reference's means, the others' differences."""
     shown = Table(box=None)
     shown.add_column("network, strategy")
     for measure in MEASURES:
         shown.add_column(measure, justify="right")
     by_cell: dict[tuple[str, str], list[Row]] = {}
     for row in told:
-        by_cell.setdefault((row.network, row.cell), []).append(row)
-    for (network, cell), mine in by_cell.items():
-        shown.add_row(f"{Path(network).stem}, {cell}", *map(_cell, mine))
+        by_cell.setdefault((row.network, row.strategy), []).append(row)
+    for (network, strategy), mine in by_cell.items():
+        shown.add_row(f"{Path(network).stem}, {strategy}", *map(_cell, mine))
     return shown
 
 
@@ -204,7 +194,6 @@ def report(
     path: Path,
     seeds: int,
     networks: Sequence[str],
-    cells: Sequence[str],
     loss: float | None,
     processes: int,
 ) -> None:
@@ -212,7 +201,7 @@ def report(
     with tempfile.TemporaryDirectory(prefix="tams-plus-") as folder:
         out = Path(folder)
         console.print(f"recording a hand for each of {seeds} seeds")
-        trials = list(plan(networks, cells, record_hands(seeds, out), out, loss))
+        trials = list(plan(networks, record_hands(seeds, out), out, loss))
         with TrialsProgress(console, len(trials)) as bar:
             configs = {trial.id: trial.config for trial in trials}
             run_side_by_side(configs, out, processes, bar.trial_ended)
@@ -221,13 +210,13 @@ def report(
     console.print(table(told))
     content = {
         "command": f"python -m benchmarks.experiments.tams_plus --seeds {seeds} "
-        f"--networks {' '.join(Path(name).name for name in networks)} --cells {' '.join(cells)}"
+        f"--networks {' '.join(Path(name).name for name in networks)}"
         f"{'' if loss is None else f' --loss {loss:g}'}",
         "machine": {**machine(), "cores": os.cpu_count()},
         "rows": [
             {
                 "network": Path(row.network).stem,
-                "strategy": row.cell,
+                "strategy": row.strategy,
                 "measure": row.measure,
                 "mean": row.mean,
                 "difference": row.difference and row.difference.value,
@@ -255,7 +244,6 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--networks", nargs="+", default=list(NETWORKS))
-    parser.add_argument("--cells", nargs="+", choices=CELLS, default=list(CELLS))
     parser.add_argument("--loss", type=float, help="of all networks, instead of their own")
     parser.add_argument("--processes", type=int, default=PROCESSES)
     parser.add_argument("--json", type=Path, default=RESULTS)
@@ -263,14 +251,11 @@ def main() -> None:
     console = Console()
     if not console.is_terminal:  # a log file has no width
         console.width = TABLE_WIDTH
-    if REFERENCE not in options.cells:
-        parser.error(f"--cells must have {REFERENCE}, with which the others are compared")
     report(
         console,
         options.json,
         options.seeds,
         options.networks,
-        options.cells,
         options.loss,
         options.processes,
     )

@@ -1,4 +1,4 @@
-"""Which trials compare the parts of `tams+`, and how."""
+"""Which trials compare `tams+` with `tams`, and how."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.experiments.tams_plus import CELLS, MEASURES, PARTS, Trial, link, rows, settings
+from benchmarks.experiments import tams_plus
+from benchmarks.experiments.tams_plus import MEASURES, STRATEGIES, Trial, link, plan, rows
 from tams_app.config import load_config
 from tams_app.video.networks import resolve_network
 
 pytestmark = pytest.mark.untimed
 
 
-@pytest.mark.parametrize("cell", CELLS)
-def test_a_cell_has_its_own_part_alone_and_the_last_has_all(cell: str) -> None:
-    config = load_config(None, settings(cell))
-    on = {part for part in PARTS if getattr(config.policy.tams_plus, part)}
-    assert config.strategy == ("tams" if cell == "tams" else "tams+")
-    assert on == ({cell} if cell in PARTS else set(PARTS))
+def test_all_but_the_strategy_is_the_same_in_a_pair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tams_plus, "length_s", lambda _hand: 20.0)
+    hands = {seed: tmp_path / str(seed) for seed in (0, 1)}
+    trials = list(plan(("s1", "s3"), hands, tmp_path, None))
+    assert [trial.strategy for trial in trials] == [*STRATEGIES] * 4
+    for plain, other in zip(trials[::2], trials[1::2], strict=True):
+        assert other.config.strategy == "tams+"
+        assert plain.config == other.config.model_copy(update={"strategy": "tams"})
 
 
 def test_with_each_seed_a_trace_begins_later_on_the_same_link(tmp_path: Path) -> None:
@@ -38,7 +43,7 @@ def test_a_named_network_keeps_all_but_the_loss_that_is_asked_for(tmp_path: Path
 
 def test_differences_are_those_to_tams_seed_by_seed() -> None:
     config = load_config()
-    trials = [Trial("s2", cell, seed, config) for cell in ("tams", "tams+") for seed in (0, 1)]
+    trials = [Trial("s2", one, seed, config) for one in STRATEGIES for seed in (0, 1)]
     values = dict(zip((trial.id for trial in trials), (0.1, 0.5, 0.2, 0.8), strict=True))
     found = {name: dict.fromkeys(MEASURES, value) for name, value in values.items()}
     (reference, plus) = (row for row in rows(trials, found) if row.measure == "primary live")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -87,17 +88,6 @@ class BudgetConfig(Section):
     """`oracle` on a trace: the mean of this long until now."""
 
 
-class TamsPlusConfig(Section):
-    """What strategy `tams+` adds to `tams`; without any of it the two are the same."""
-
-    redistribution: bool = True
-    """A view gets no more than it can use; the others share the rest."""
-    lookahead: bool = True
-    """The next phase's views are raised while its dwell time passes."""
-    ladder: bool = True
-    """Below the sum of floors the views of low weight have fewer frames, not worse ones."""
-
-
 class PolicyConfig(Section):
     """The policy loop, and all that decides the bits."""
 
@@ -106,8 +96,15 @@ class PolicyConfig(Section):
     phases: PhasesConfig = PhasesConfig()
     weights: WeightsConfig
     allocation: AllocationConfig = AllocationConfig()
-    tams_plus: TamsPlusConfig = TamsPlusConfig()
     budget: BudgetConfig = BudgetConfig()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_removed(cls, keys: object) -> object:
+        """Older configurations may have a section that switched parts of `tams+`."""
+        if isinstance(keys, Mapping):
+            return {key: value for key, value in keys.items() if key != "tams_plus"}
+        return keys
 
 
 class QualityConfig(Section):

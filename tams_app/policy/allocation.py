@@ -8,8 +8,7 @@ from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
 from tams_app.errors import ConfigError
 from tams_app.policy.budget import Budget, make_budget
-from tams_app.policy.phases import Foreseen
-from tams_app.policy.strategy import Situation, Strategy, Weighted
+from tams_app.policy.strategy import Strategy, Weighted
 from tams_app.policy.tams_plus import TamsPlus
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Phase, UplinkReport
@@ -83,7 +82,6 @@ class Policy:
         self._budget = budget
         self._safety_factor = config.budget.safety_factor
         self.source_drop_below_kbps = strategy.source_drop_below_kbps
-        self.reads_qp = strategy.reads_qp
 
     @staticmethod
     def of(config: Config, capacity: Capacity) -> Policy:
@@ -92,15 +90,12 @@ class Policy:
         strategy = make_strategy(config.strategy, settings)
         return Policy(strategy, make_budget(settings, capacity), settings)
 
-    def step(
-        self, phase: Phase, report: UplinkReport, foreseen: Foreseen | None = None
-    ) -> Allocation:
+    def step(self, phase: Phase, report: UplinkReport) -> Allocation:
         """One allocation (paper, section III-D).
 
         Args:
             phase: s_t, the current phase.
             report: what the senders know now; its time must not decrease from call to call.
-            foreseen: the phase that comes next if the arm goes on as it does.
 
         Returns:
             The target bitrate of each view [kbit/s of IP datagram bytes], and what it follows from:
@@ -110,8 +105,7 @@ class Policy:
         self._budget.observe(report)
         capacity_kbps = self._budget.capacity_kbps(now_ns)
         budget_kbps = capacity_kbps * self._safety_factor
-        situation = Situation(now_ns, phase, budget_kbps, foreseen, report.coded)
-        targets = self._strategy.targets(situation)
+        targets = self._strategy.targets(phase, budget_kbps)
         return Allocation(now_ns, phase, capacity_kbps, budget_kbps, targets)
 
     def padding_bytes(self, now_ns: int) -> int:

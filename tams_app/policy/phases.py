@@ -41,17 +41,6 @@ class PhaseDecision:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Foreseen:
-    """The phase that begins once the descent has lasted long enough, and how much of that is over.
-
-    `progress` is τ_desc as a share of T_align or T_pre, more than 0 and less than 1.
-    """
-
-    phase: Phase
-    progress: float
-
-
 def infer_phase(
     parameters: PhaseParameters,
     *,
@@ -139,18 +128,6 @@ class PhaseTracker:
         self.phase = decision.phase
         return decision
 
-    @property
-    def foreseen(self) -> Foreseen | None:
-        """The phase that τ_desc is on its way to; None if to none."""
-        parameters = self._parameters
-        if self._closed:
-            phase, dwell_s = Phase.PRE_RELEASE, parameters.pre_release_dwell_s
-        else:
-            phase, dwell_s = Phase.ALIGN, parameters.align_dwell_s
-        if not 0.0 < self._descending_s < dwell_s:
-            return None
-        return Foreseen(phase, self._descending_s / dwell_s)
-
 
 class SmoothedSpeed:
     """v̄ = EMA(‖v‖) and v̄_z = EMA(v_z), with α = 1 - exp(-Δt/τ); the first sample initialises.
@@ -200,11 +177,6 @@ class PhaseInference:
     def phase(self) -> Phase:
         """s_t, the phase inferred last."""
         return self._tracker.phase
-
-    @property
-    def foreseen(self) -> Foreseen | None:
-        """The phase that τ_desc is on its way to; None if to none."""
-        return self._tracker.foreseen
 
     @property
     def speed(self) -> float:

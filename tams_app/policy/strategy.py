@@ -1,27 +1,14 @@
-"""What a strategy is: from the situation at one instant to a target for each view."""
+"""What a strategy is: from phase and budget to a target for each view."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from tams_app.config import PolicyConfig
-from tams_app.policy.phases import Foreseen
 from tams_app.policy.sharing import allocate
-from tams_app.records import CodedFrame, Phase
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """All that a strategy may look at; floors and weights it has from the configuration."""
-
-    now_ns: int  # never decreases from one to the next
-    phase: Phase  # inferred last
-    budget_kbps: float  # B: what all views may use together
-    foreseen: Foreseen | None = None
-    coded: tuple[CodedFrame, ...] = ()  # what the encoders made since the situation before
+from tams_app.records import Phase
 
 
 class Strategy(Protocol):
@@ -29,10 +16,8 @@ class Strategy(Protocol):
 
     source_drop_below_kbps: float
     """Whole frames are left out where a target gives each less than this gives each of 30."""
-    reads_qp: bool
-    """Whether `Situation.coded` tells each frame's QP, which has to be read from its bytes."""
 
-    def targets(self, situation: Situation) -> dict[str, int]:
+    def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
         """The target of each configured view [kbit/s]; their sum never exceeds the budget."""
 
 
@@ -40,14 +25,13 @@ class Weighted(ABC):
     """A strategy that is no more than a share for each view; `allocate` makes targets of them.
 
     An own one is a subclass with `weights`, entered in `STRATEGIES` (policy/allocation.py) under
-    the name that the configuration's `strategy` then accepts. One that looks at more than the phase
-    overrides `targets`.
+    the name that the configuration's `strategy` then accepts. One with another rule than
+    `allocate` overrides `targets`.
     """
 
     def __init__(self, policy: PolicyConfig) -> None:
         self.floor_kbps = policy.allocation.floor_kbps
         self.source_drop_below_kbps = policy.allocation.source_drop_below_kbps
-        self.reads_qp = False
 
     @abstractmethod
     def weights(self, phase: Phase) -> Mapping[str, float]:
@@ -60,5 +44,5 @@ class Weighted(ABC):
             One non-negative share for each configured view; they sum to 1 (paper, equation 2).
         """
 
-    def targets(self, situation: Situation) -> dict[str, int]:
-        return allocate(self.weights(situation.phase), situation.budget_kbps, self.floor_kbps)
+    def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
+        return allocate(self.weights(phase), budget_kbps, self.floor_kbps)

@@ -10,7 +10,7 @@ from typing import Protocol
 from hw.arm import Arm
 from hw.controller import Controller
 from tams_app.config import Config
-from tams_app.policy.phases import Foreseen, PhaseInference
+from tams_app.policy.phases import PhaseInference
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Twist
 from tams_app.runtime.clock import Clock, FixedRate
@@ -120,7 +120,6 @@ class ControlLoop:
         self._listeners = tuple(listeners)
         self._teleop = build.teleop(config, video.delay_ns)
         self._phases = PhaseInference(config.policy.phases)
-        self._foreseen: Foreseen | None = None
         self._weights = WeightMatrix(config.policy.weights.matrix)
         # from the light to the capture time stamp, as calibrated; the rig's own cameras have none
         cameras = {} if config.rig.enabled else config.cameras
@@ -147,7 +146,6 @@ class ControlLoop:
         output = self._teleop.step(self._input(now_ns, sample, arm, link))
         self._act(output)
         change = self._phases.step(now_ns, arm)
-        self._foresee()
         if change is not None:
             for listener in self._listeners:
                 listener.on_phase(change)
@@ -194,13 +192,6 @@ class ControlLoop:
             estop=pending.estop,
             faults=pending.faults,
         )
-
-    def _foresee(self) -> None:
-        foreseen = self._phases.foreseen
-        if foreseen != self._foreseen:
-            self._foreseen = foreseen
-            for listener in self._listeners:
-                listener.on_foreseen(foreseen)
 
     def _act(self, output: TeleopOutput) -> None:
         if output.stop:  # ends every motion; a zero twist would only queue up behind it

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from tams_app.policy.phases import Foreseen
 from tams_app.records import Allocation, ArmState, PhaseChange, Tick
 from tams_app.teleop.records import TeleopOutput
 
@@ -20,9 +19,6 @@ class Listener:
 
     def on_phase(self, change: PhaseChange) -> None:
         """The arm has been sent its command, and a phase has begun."""
-
-    def on_foreseen(self, foreseen: Foreseen | None) -> None:
-        """Algorithm 1's timer has moved: which phase it is on its way to, None for none."""
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         """What teleoperation decided; `arm` is the report that it looked at."""

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from tams_app.config import Config
 from tams_app.policy.allocation import Policy
-from tams_app.policy.phases import Foreseen
 from tams_app.records import Phase, PhaseChange
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
@@ -41,7 +40,6 @@ class PolicyLoop(Listener):
         self._log = log
         self._listeners = tuple(listeners)
         self._phase = Phase.REACH
-        self._foreseen: Foreseen | None = None
         self._woken = threading.Event()
 
     @property
@@ -53,10 +51,6 @@ class PolicyLoop(Listener):
         """Step at once for the phase that begins."""
         self._phase = change.phase
         self._woken.set()
-
-    def on_foreseen(self, foreseen: Foreseen | None) -> None:
-        """Remember it for the next step."""
-        self._foreseen = foreseen
 
     def run(self, stop: threading.Event) -> None:
         self._step_ns = self._clock.now_ns()
@@ -82,7 +76,7 @@ class PolicyLoop(Listener):
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
         self._log.uplink(report)
-        allocation = self._policy.step(self._phase, report, self._foreseen)
+        allocation = self._policy.step(self._phase, report)
         self._video.protect(report, allocation.target_kbps)
         limit_bytes = self._policy.flight_limit_bytes(now_ns)
         self._video.bound_flight(limit_bytes, allocation.target_kbps)

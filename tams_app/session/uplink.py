@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hw.camera import Camera
 from tams_app.config import Config, Network
-from tams_app.records import CodedFrame, Frame, PacketRecord, ShownFrame
+from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Quality, Video
@@ -67,7 +67,6 @@ class Uplink(Video):
                 self._feedback,
                 self._parity.get(view),
                 self.codecs.encoder,
-                self._reads_qp,
                 self.may_resend,
             )
             self._senders[view] = sender
@@ -140,10 +139,6 @@ class Uplink(Video):
 
     def _wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())
-
-    def _take_coded(self, now_ns: int) -> tuple[CodedFrame, ...]:
-        senders = self._senders.values()
-        return tuple(frame for sender in senders for frame in sender.take_coded(now_ns))
 
 
 class Capture:

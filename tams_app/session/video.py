@@ -9,7 +9,7 @@ from typing import Protocol
 
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
-from tams_app.records import CodedFrame, Frame, Phase, ShownFrame, UplinkReport
+from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
@@ -60,7 +60,6 @@ class Video(ABC):
         policy = Policy.of(config, self.capacity)
         self._start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
         self._source_drop_below_kbps = policy.source_drop_below_kbps
-        self._reads_qp = policy.reads_qp
         self.codecs = codecs
         protected = video.views if self._rule.parity else ()
         self._parity = {
@@ -124,8 +123,7 @@ class Video(ABC):
 
     def report(self, now_ns: int) -> UplinkReport:
         """What the senders know of the uplink; each packet's arrival is told once."""
-        heard = tuple(self._heard.values())
-        return uplink_report(now_ns, self._wire_bytes(), heard, self._take_coded(now_ns))
+        return uplink_report(now_ns, self._wire_bytes(), tuple(self._heard.values()))
 
     @abstractmethod
     def poll(self) -> str:
@@ -149,10 +147,6 @@ class Video(ABC):
     @abstractmethod
     def _wire_bytes(self) -> int:
         """IP datagram bytes sent so far, all views together."""
-
-    @abstractmethod
-    def _take_coded(self, now_ns: int) -> tuple[CodedFrame, ...]:
-        """What the encoders made of the frames since the last call."""
 
     def _on_shown(self, shown: ShownFrame) -> None:
         self._log.record(shown)

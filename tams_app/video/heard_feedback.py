@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
 
-from tams_app.records import CodedFrame, PacketArrival, Reception, UplinkReport
+from tams_app.records import PacketArrival, Reception, UplinkReport
 from tams_app.units import NS_PER_S
 from tams_app.video.packets import SEQUENCES
 from tams_app.video.rtcp import ARRIVAL_TICK_NS, ReportBlock
@@ -99,15 +99,10 @@ class HeardFeedback:
 _sent_ns = attrgetter("sent_ns")
 
 
-def uplink_report(
-    now_ns: int,
-    sent_bytes: int,
-    heard: Sequence[HeardFeedback],
-    coded: tuple[CodedFrame, ...] = (),
-) -> UplinkReport:
+def uplink_report(now_ns: int, sent_bytes: int, heard: Sequence[HeardFeedback]) -> UplinkReport:
     """The report of all views, each packet in the order of sending."""
     arrivals = [arrival for one in heard for arrival in one.take_arrivals()]
     arrivals.sort(key=_sent_ns)
     receptions = (one.take_reception() for one in heard)
     told = tuple(one for one in receptions if one is not None)
-    return UplinkReport(now_ns, sent_bytes, tuple(arrivals), told, coded)
+    return UplinkReport(now_ns, sent_bytes, tuple(arrivals), told)

@@ -8,7 +8,7 @@ from typing import Any
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.records import IP_UDP_HEADER_BYTES, CodedFrame, DroppedFrame, EncodedFrame, Frame
+from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.codecs import X264, Encoder
@@ -49,7 +49,6 @@ class VideoSender:
         feedback: bool = False,
         parity: ViewParity | None = None,
         encoder: Encoder = X264,
-        reads_qp: bool = False,
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     ) -> None:
         """Bind the port for feedback.
@@ -67,7 +66,6 @@ class VideoSender:
             feedback: whether packets are numbered for feedback on each; the receiver must agree.
             parity: protects the frames, where `RepairRule.parity` lets it.
             encoder: one that works here (`codec_choice`).
-            reads_qp: whether `take_coded` tells each frame's QP.
             may_resend: asked with its size before a packet is sent again, where `feedback`.
 
         Raises:
@@ -94,7 +92,6 @@ class VideoSender:
             self._encoded,
             on_dropped,
             encoder,
-            reads_qp,
         )
         self._clock = clock
         self._heard = heard
@@ -181,10 +178,6 @@ class VideoSender:
     def set_target_kbps(self, kbps: float) -> None:
         """The wire rate to meet from the next frame on: IP datagrams, repair included."""
         self._frames.set_target_kbps(kbps)
-
-    def take_coded(self, now_ns: int) -> list[CodedFrame]:
-        """The frames that were encoded up to `now_ns`, each once; from one thread."""
-        return self._frames.take_coded(now_ns)
 
     @property
     def wire_bytes(self) -> int:

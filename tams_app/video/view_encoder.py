@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import CodedFrame, DroppedFrame, EncodedFrame, Frame
+from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 from tams_app.video.codecs import X264, Encoder
@@ -20,19 +19,14 @@ from tams_app.video.colour import i420_of
 from tams_app.video.frame_identity import SentFrame, SentFrames, rtp_timestamp
 from tams_app.video.frame_interval import FrameIntervals, FrameTime
 from tams_app.video.rate_control import EncoderServo, Overdraft, SourceDrop
-from tams_app.video.slice_qp import SliceQp
-
-_CODED_KEPT = 64  # frames: two seconds, of which each step of the policy takes the newest
 
 
 class ViewEncoder:
     """Decides what is encoded and at which rate, and tells what came out.
 
-    `admit` from one thread, `take_coded` from one, `set_target_kbps` from any. `on_encoded` runs in
-    the encoder's thread once per frame, `on_dropped` in the thread that admits: both must only hand
-    over.
-    `start_kbps`: target until the first is set. `reads_qp`: whether frames' QP is told. `sent`:
-    what the stream's timestamps stand for.
+    `admit` from one thread, `set_target_kbps` from any. `on_encoded` runs in the encoder's thread
+    once per frame, `on_dropped` in the thread that admits: both must only hand over.
+    `start_kbps`: target until the first is set. `sent`: what the stream's timestamps stand for.
     """
 
     def __init__(
@@ -45,7 +39,6 @@ class ViewEncoder:
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
         encoder: Encoder = X264,
-        reads_qp: bool = False,
     ) -> None:
         self.view = view
         self.failure = ""
@@ -55,8 +48,6 @@ class ViewEncoder:
         self._on_dropped = on_dropped
         self._target_kbps = start_kbps
         self._codec = encoder
-        self._slice_qp = SliceQp() if reads_qp else None
-        self._coded: deque[CodedFrame] = deque(maxlen=_CODED_KEPT)
         self._source_drop = SourceDrop(source_drop_below_kbps)
         exact = encoder.holds_each_frame and encoder.adjustable
         self._overdraft = None if exact else Overdraft()
@@ -96,13 +87,6 @@ class ViewEncoder:
         pts_ns = self.sent.add(SentFrame(frame.index, frame.capture_ns, pushed_ns))
         return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
 
-    def take_coded(self, now_ns: int) -> list[CodedFrame]:
-        """The frames that were encoded up to `now_ns`, each once."""
-        taken = []
-        while self._coded and self._coded[0].encoded_ns <= now_ns:
-            taken.append(self._coded.popleft())
-        return taken
-
     def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
         encoder_kbps = self._servo.step(wire_bytes, frame_kbps, time)
         if encoder_kbps != self.encoder_kbps:
@@ -132,8 +116,6 @@ class ViewEncoder:
             raise TamsError(f"the encoder returned timestamp {timestamp}, which was never pushed")
         keyframe = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
         data = buffer.extract_dup(0, buffer.get_size())
-        qp = self._slice_qp.read(data) if self._slice_qp is not None else None
-        self._coded.append(CodedFrame(self.view, encoded_ns, len(data), qp))
         self._on_encoded(
             EncodedFrame(
                 self.view,

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from tams_app.config import PhasesConfig
 from tams_app.policy.phases import (
-    Foreseen,
     PhaseParameters,
     PhaseTracker,
     SmoothedSpeed,
@@ -111,29 +110,6 @@ def test_a_pause_within_a_descent_holds_the_phase_and_the_timer():
     run(tracker, 0.2, False, 0.05, -0.05)
     run(tracker, 5.0, False, 0.001, 0.0)
     assert run(tracker, 0.15, False, 0.05, -0.05) is Phase.ALIGN
-
-
-@pytest.mark.parametrize(("closed", "following"), [(False, Phase.ALIGN), (True, Phase.PRE_RELEASE)])
-def test_the_phase_that_a_descent_leads_to_is_foreseen_until_it_begins(closed, following):
-    tracker = PhaseTracker(PARAMETERS)
-    run(tracker, 0.1, closed, 0.1, 0.0)
-    assert tracker.foreseen is None
-    run(tracker, 0.15, closed, 0.05, -0.05)
-    assert tracker.foreseen == Foreseen(following, pytest.approx(0.5))
-    run(tracker, 0.1, closed, 0.05, 0.0)
-    assert tracker.foreseen is None
-    assert run(tracker, 0.4, closed, 0.05, -0.05) is following
-    assert tracker.foreseen is None
-
-
-@given(speeds, verticals, st.booleans(), st.lists(st.floats(0, 0.1), max_size=20))
-def test_what_is_foreseen_is_never_the_phase_that_is_nor_due(speed, vertical, closed, periods):
-    tracker = PhaseTracker(PARAMETERS)
-    for period in periods:
-        tracker.step(speed=speed, vertical_speed=vertical, closed=closed, period_s=period)
-        if (foreseen := tracker.foreseen) is not None:
-            assert foreseen.phase is not tracker.phase
-            assert 0 < foreseen.progress < 1
 
 
 def test_the_first_step_has_no_gripper_edge():

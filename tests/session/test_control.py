@@ -67,7 +67,7 @@ class Bench(Listener):
         self.arm.connect()
         self.hand = HeldController()
         self.signals = Signals()
-        self.phases, self.ticks, self.beats, self.foreseen = [], [], [], []
+        self.phases, self.ticks, self.beats = [], [], []
         self.beat = self.beats.append
         self.video_age_ns = 50_000_000
         self.ready = False
@@ -85,9 +85,6 @@ class Bench(Listener):
 
     def on_phase(self, change):
         self.phases.append(change)
-
-    def on_foreseen(self, foreseen):
-        self.foreseen.append(foreseen)
 
     def on_tick(self, tick):
         self.ticks.append(tick)
@@ -175,16 +172,6 @@ def test_a_sustained_descent_is_an_alignment(bench):
     bench.hand.velocity = np.array([0.0, -0.05, 0.0])
     bench.run(1.5)
     assert bench.ticks[-1].phase is Phase.ALIGN
-
-
-def test_a_descent_is_foreseen_as_an_alignment_until_it_is_one(bench):
-    bench.engage()
-    bench.hand.velocity = np.array([0.0, -0.05, 0.0])
-    bench.run(1.0)
-    *ahead, last = bench.foreseen
-    assert {one.phase for one in ahead} == {Phase.ALIGN}
-    assert [one.progress for one in ahead] == sorted(one.progress for one in ahead)
-    assert last is None
 
 
 @pytest.mark.parametrize("rig", [False, True], ids=["real cameras", "the rig's own"])

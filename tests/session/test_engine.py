@@ -79,9 +79,6 @@ class Mirror(Video):
     def _wire_bytes(self):
         return 0
 
-    def _take_coded(self, now_ns):
-        return ()
-
     def poll(self):
         return ""
 

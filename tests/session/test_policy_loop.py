@@ -9,7 +9,6 @@ import pytest
 
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
-from tams_app.policy.phases import Foreseen
 from tams_app.records import Allocation, Phase, PhaseChange, Reception, UplinkReport
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.listener import Listener
@@ -122,18 +121,6 @@ def test_a_phase_that_begins_is_answered_at_once_and_the_period_counts_from_ther
     loop.step_if_due()
     assert loop.due_ns == start_ns + 60 * NS_PER_MS
     assert [one.phase for one in applied] == [Phase.REACH, Phase.ALIGN]
-
-
-def test_what_is_foreseen_moves_bits_with_the_next_step(clock, encoders, heard):
-    config = load_config(None, {"strategy": "tams+", "policy.budget.mode": "oracle"})
-    loop = PolicyLoop(config, clock, encoders, heard, (heard,))
-    step_at(loop, clock, 0)
-    loop.on_foreseen(Foreseen(Phase.ALIGN, 0.9))
-    step_at(loop, clock, 50)
-    loop.on_foreseen(None)
-    step_at(loop, clock, 50)
-    before, raised, after = (one.target_kbps["eih"] for one in heard.allocations)
-    assert before == after < raised
 
 
 def test_a_standstill_is_made_up_for_once_and_not_for_each_period(loop, clock, applied):

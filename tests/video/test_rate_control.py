@@ -202,21 +202,6 @@ def test_the_real_encoder_tracks_steps_of_its_target(first_frame: int) -> None:
         assert error[15:].mean() <= 0.06
 
 
-@pytest.mark.parametrize("reads_qp", [False, True])
-def test_the_qp_is_read_only_where_it_is_asked_for(reads_qp: bool) -> None:
-    ignore: Callable[[object], None] = lambda _: None  # noqa: E731
-    clock = SteppedClock(NS_PER_S)
-    config = VideoConfig()
-    frames = ViewEncoder("eih", config, clock, 1000.0, 80.0, ignore, ignore, reads_qp=reads_qp)
-    chain = EncoderChain("eih", config, frames, clock)
-    chain.start()
-    chain.encode(frames.admit(Frame("eih", 0, clock.now_ns(), image(0)), 0))
-    chain.close()
-    (coded,) = frames.take_coded(clock.now_ns())
-    assert coded.size_bytes > 1000
-    assert (coded.qp in range(52)) == reads_qp
-
-
 def test_below_the_threshold_frames_are_dropped_and_the_rate_still_meets_the_target() -> None:
     sizes = wire_bytes_of_frames([50.0] * 180)
     assert sizes.count(0) == pytest.approx(180 * 3 / 8, abs=2)

@@ -37,16 +37,6 @@ def test_each_encoded_frame_keeps_its_index_and_capture_time() -> None:
     assert [each.keyframe for each in encoded] == [True] + [False] * 29
 
 
-def test_the_figures_of_each_frame_can_be_taken_once() -> None:
-    with stream() as joined:
-        joined.push(range(12))
-        assert joined.wait_until(lambda: len(joined.shown) == 12)
-        now_ns = MonotonicClock().now_ns()
-        taken, again = joined.sender.take_coded(now_ns), joined.sender.take_coded(now_ns)
-    assert [one.size_bytes for one in taken] == [len(each.data) for each in joined.encoded]
-    assert again == []
-
-
 def test_the_bitstream_handed_over_decodes_by_itself() -> None:
     with stream() as joined:
         joined.push(range(12))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from tams_app.config import Config
-from tams_app.records import CodedFrame, Frame, FrameQuality, Image, ShownFrame
+from tams_app.records import Frame, FrameQuality, Image, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
@@ -79,7 +79,6 @@ class TrialVideo(Video):
             heard=self._heard,
             feedback=self._feedback,
             parity=self._parity,
-            reads_qp=self._reads_qp,
             may_resend=self.may_resend,
         )
 
@@ -116,9 +115,6 @@ class TrialVideo(Video):
 
     def _wire_bytes(self) -> int:
         return self._chains.wire_bytes()
-
-    def _take_coded(self, now_ns: int) -> tuple[CodedFrame, ...]:
-        return self._chains.take_coded()
 
     def _on_shown(self, shown: ShownFrame) -> None:
         super()._on_shown(shown)

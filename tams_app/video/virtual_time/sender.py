@@ -46,7 +46,6 @@ class VirtualSender:
         heard: HeardFeedback | None,
         feedback: bool,
         parity: ViewParity | None,
-        reads_qp: bool,
         may_resend: Callable[[int], bool],
     ) -> None:
         self.view = view
@@ -74,14 +73,12 @@ class VirtualSender:
             source_drop_below_kbps,
             records.encoded,
             records.dropped,
-            reads_qp=reads_qp,
         )
         self.sent = self._frames.sent
         self._chain = EncoderChain(view, config, self._frames, shared.clock, feedback)
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called
         self.set_target_kbps = self._frames.set_target_kbps
-        self.take_coded = self._frames.take_coded
 
     def push(self, frame: Frame, left_out: bool = False) -> None:
         """Encode `frame` now; its packets enter the link when the encoder has had its time."""

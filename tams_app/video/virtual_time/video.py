@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
-from tams_app.records import CodedFrame, Frame, ShownFrame
+from tams_app.records import Frame, ShownFrame
 from tams_app.video.frame_identity import SentFrame
 from tams_app.video.heard_feedback import HeardFeedback
 from tams_app.video.link import Link
@@ -48,14 +48,12 @@ class VirtualVideo:
         heard: Mapping[str, HeardFeedback] | None = None,
         feedback: bool = False,
         parity: Mapping[str, ViewParity] = MappingProxyType({}),
-        reads_qp: bool = False,
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
 
         `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
-        `parity`: of the views that `rule` lets be protected. `reads_qp`: whether `take_coded`
-        tells each frame's QP.
+        `parity`: of the views that `rule` lets be protected.
         `may_resend` is asked with its size before a packet is sent again, where `feedback`.
         """
         gst.require_elements()
@@ -94,7 +92,6 @@ class VirtualVideo:
                 heard.get(view) if heard else None,
                 feedback,
                 parity.get(view),
-                reads_qp,
                 may_resend,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
@@ -161,13 +158,6 @@ class VirtualVideo:
     def wire_bytes(self) -> int:
         """IP datagram bytes sent so far by all views together, padding included."""
         return sum(sender.wire_bytes for sender in self._senders.values())
-
-    def take_coded(self) -> tuple[CodedFrame, ...]:
-        """What all encoders made up to now, each frame once."""
-        now_ns = self._clock.now_ns()
-        return tuple(
-            frame for sender in self._senders.values() for frame in sender.take_coded(now_ns)
-        )
 
     def close(self) -> None:
         """End all chains; may be called twice."""

@@ -130,19 +130,6 @@ def test_phases_allocations_and_capacity_are_recorded_as_live(log, summary):
     assert fates >= {PacketFate.DELIVERED, PacketFate.LOST}
 
 
-def test_what_the_encoders_made_moves_the_bits_of_tams_plus_alone(tmp_path):
-    targets = {}
-    for strategy in ("tams", "tams+"):
-        changes = {"strategy": strategy, "seconds": 1.5, "policy.budget.mode": "oracle"}
-        run(short(**changes), tmp_path / strategy)
-        allocations = read_log(tmp_path / strategy / LOG_NAME).allocations
-        targets[strategy] = [tuple(one.target_kbps.values()) for one in allocations]
-        assert {one.phase for one in allocations} == {Phase.REACH}
-    assert targets["tams"][0] == targets["tams+"][0]
-    assert len(set(targets["tams"])) == 1
-    assert len(set(targets["tams+"])) > 5
-
-
 def test_which_view_the_operator_relied_on_is_told_by_phase(log, summary):
     assert summary["operator"]["kind"] == "seeing"
     relied = summary["operator"]["relied_on"]

@@ -81,17 +81,6 @@ def test_a_frame_is_shown_after_encoding_link_and_decoding() -> None:
     assert {age for index, age in ages.items() if index >= 5} == {25 * NS_PER_MS}
 
 
-def test_what_the_encoder_made_of_a_frame_is_told_once_and_when_it_has_made_it() -> None:
-    run, times = Run(), ProcessingTimes(encoding_ns=3_000_000, decoding_ns=2_000_000)
-    with closing(make(run, CLEAN, times=times)) as video:
-        video.push(frame(0, capture_ns=video.now_ns))
-        early = video.take_coded()
-        video.advance_to(video.now_ns + 3_000_000)
-        (told,), again = video.take_coded(), video.take_coded()
-    assert early == again == ()
-    assert told.size_bytes == len(run.encoded[0].data)
-
-
 def test_the_screen_changes_at_its_time_and_not_before() -> None:
     run, last = Run(), 9
     with closing(make(run, CLEAN, times=ProcessingTimes(0, 0))) as video:
