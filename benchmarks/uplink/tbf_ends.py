@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.experiments.moving_frames import image
 from tams_app.config import Config, Network, load_config
-from tams_app.records import CodedFrame, Frame, PacketArrival, ShownFrame, UplinkReport
+from tams_app.records import Frame, PacketArrival, ShownFrame, UplinkReport
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.worker import Worker
@@ -169,10 +169,6 @@ class _Senders(Video):
 
     def _wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())
-
-    def _take_coded(self, now_ns: int) -> tuple[CodedFrame, ...]:
-        senders = self._senders.values()
-        return tuple(frame for sender in senders for frame in sender.take_coded(now_ns))
 
 
 class _NoLog:
