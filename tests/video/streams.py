@@ -67,7 +67,7 @@ class Stream:
         )
         self._pushed = 0
         self._period_s = 1.0 / (camera_hz or config.fps)
-        self._capture_ns = self.clock.now_ns()
+        self.capture_ns = self.clock.now_ns()
 
     def push(self, indices: range) -> None:
         """Push frames at the camera's pace, or slower where the encoder does not keep up.
@@ -78,8 +78,8 @@ class Stream:
         due = time.monotonic()
         for each in frames:
             time.sleep(max(0.0, due - time.monotonic()))
-            self.sender.push(replace(each, capture_ns=self._capture_ns))
-            self._capture_ns += round(self._period_s * NS_PER_S)
+            self.sender.push(replace(each, capture_ns=self.capture_ns))
+            self.capture_ns += round(self._period_s * NS_PER_S)
             self._pushed += 1
             self._wait_for_encoder()
             due = max(due + self._period_s, time.monotonic())

@@ -98,8 +98,9 @@ def test_frames_overrun_in_front_of_the_encoder_cost_the_others_nothing() -> Non
 def test_an_encoder_is_behind_its_camera_until_it_has_taken_the_last_frame() -> None:
     with stream() as joined:
         assert joined.sender.behind_ns == 0
+        earlier_ns = joined.capture_ns - 20 * NS_PER_MS
         for index in range(20):
-            joined.sender.push(replace(frame(index), capture_ns=(1 + index) * NS_PER_MS))
+            joined.sender.push(replace(frame(index), capture_ns=earlier_ns + index * NS_PER_MS))
         assert joined.sender.behind_ns > 0
         assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [19])
         assert joined.sender.behind_ns == 0
