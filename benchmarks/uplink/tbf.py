@@ -1,9 +1,9 @@
 """The budget `feedback` over a bottleneck that is not ours: tbf between two network namespaces.
 
 `python -m benchmarks.uplink.tbf` (as root) runs the senders and the policy loop of a session in one
-namespace and its receivers in the other; three views of moving pictures go over real UDP. Nobody
-tells the budget of the bottleneck. tbf delays nothing but what waits, so the link has a latency of
-nothing. Bytes and capacity are those that the kernel counts, with Ethernet's headers; the queue is
+namespace and its receivers in the other; three views of moving images go over real UDP. The budget
+is not told of the bottleneck. tbf delays nothing but what waits, so the link has no latency of its
+own. Bytes and capacity are those that the kernel counts, with Ethernet's headers; the queue is
 each packet's time on its way beyond that of the fastest, as the receivers tell it.
 """
 

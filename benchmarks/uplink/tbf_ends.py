@@ -61,7 +61,7 @@ def receive(stack: ExitStack) -> None:
 
 
 class Sending:
-    """Cameras, senders and policy loop of a session, with nobody who steers."""
+    """Cameras, senders and policy loop of a session, without an operator."""
 
     def __init__(self, stack: ExitStack) -> None:
         config, self._clock = _config(SENDER_HOST), MonotonicClock()

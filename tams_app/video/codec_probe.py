@@ -83,7 +83,7 @@ def try_encoder(encoder: Encoder, config: VideoConfig) -> None:
                 raise SetupError(f"{encoder.element} makes no keyframe when it must")
             unasked = number in (1, KEYFRAME_ASKED + 1) and config.keyframe_interval > FRAMES
             if unasked and is_keyframe:
-                raise SetupError(f"{encoder.element} makes keyframes that nobody asked for")
+                raise SetupError(f"{encoder.element} makes keyframes without being asked")
 
 
 def try_decoder(decoder: Decoder, config: VideoConfig) -> None:

@@ -39,7 +39,7 @@ def choice(
     decoder="avdec",
     starts_at_capacity=True,
 ):
-    """What is chosen if hardware's entries were these; by default of elements that nobody has."""
+    """What is chosen if hardware's entries were these; by default of elements that do not exist."""
     encoder = encoder or replace(OPENH264, element="nosuchenc")
     monkeypatch.setattr(codec_choice, "ENCODERS", {"nvh264": encoder, "x264": X264})
     monkeypatch.setattr(codec_choice, "DECODERS", {"nvh264dec": NO_DECODER, "avdec": AVDEC})
@@ -115,7 +115,7 @@ def test_an_encoder_with_b_frames_is_refused(monkeypatch):
 
 def test_an_encoder_that_makes_only_keyframes_is_refused(monkeypatch):
     intra = replace(X264, word="nvh264", settings=(*X264.settings[:-2], "key-int-max=1"))
-    assert "keyframes that nobody asked for" in refused(monkeypatch, intra)
+    assert "keyframes without being asked" in refused(monkeypatch, intra)
 
 
 def test_an_encoder_whose_pipeline_cannot_be_is_refused(monkeypatch):
