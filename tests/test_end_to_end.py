@@ -89,9 +89,10 @@ def test_targets_follow_the_phase_and_never_exceed_the_budget(log):
     weights = log.header.weights
     for allocation in log.allocations:
         assert sum(allocation.target_kbps.values()) <= allocation.budget_kbps
-        assert allocation.budget_kbps == pytest.approx(6000 * 0.92)
+        assert allocation.budget_kbps == pytest.approx(allocation.capacity_kbps * 0.92)
         primary = max(weights[allocation.phase], key=weights[allocation.phase].__getitem__)
-        assert max(allocation.target_kbps, key=allocation.target_kbps.__getitem__) == primary
+        assert allocation.target_kbps[primary] == max(allocation.target_kbps.values())
+    assert max(allocation.budget_kbps for allocation in log.allocations) > 0.8 * 0.92 * 6000
 
 
 def test_a_phase_change_wakes_the_policy_before_its_next_period(log):
@@ -117,7 +118,7 @@ def test_sent_rates_in_the_summary_are_those_of_the_packets(summary, log):
             packet.size_bytes
             for packet in log.packets
             if packet.view == view
-            and packet.kind is not PacketKind.RTCP
+            and packet.kind not in (PacketKind.RTCP, PacketKind.PADDING)
             and start_ns <= packet.entered_ns < max(captures)
         )
         kbps = size * 8e6 / (max(captures) - start_ns)
