@@ -191,6 +191,10 @@ def test_a_stopped_application_is_stopped_by_the_guard_and_moves_nothing_when_it
     assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[stopped:])
 
 
+def ends_armed(log: SessionLog) -> bool:
+    return bool(log.ticks) and ArmingState(log.ticks[-1].arming).is_armed
+
+
 @pytest.mark.parametrize("servo", ["velocity", "pose"])
 def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(
     tmp_path: Path, servo: str
@@ -198,6 +202,8 @@ def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(
     with Application(tmp_path, arm={"servo": servo}) as application:
         witness = application.engaged()
         application.keep_the_rig()
+        # the log goes to the disk twice a second
+        until(lambda: ends_armed(only_log(application.out)), "armed ticks on the disk")
         application.process.kill()
         witness.waits_for_the_stop()
         witness.stands()
@@ -209,7 +215,7 @@ def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(
         assert code == -signal.SIGKILL
         log = only_log(application.out)
         assert log.truncated
-        assert ArmingState(log.ticks[-1].arming).is_armed
+        assert ends_armed(log)
 
 
 def test_a_full_disk_stops_the_arm_and_leaves_what_was_written_readable(
