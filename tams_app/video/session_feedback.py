@@ -27,16 +27,17 @@ class ReceptionReports:
         self.failure = ""
         self._heard = heard
         kinds = gst.load().Gst.PadProbeType
-        session.get_static_pad("recv_rtcp_sink").add_probe(kinds.BUFFER, self._on_rtcp)
+        entrance = session.get_static_pad("recv_rtcp_sink")
+        gst.add_probe(entrance, kinds.BUFFER, self._on_rtcp, self._fail)
+
+    def _fail(self, reason: str) -> None:
+        self.failure = reason
 
     def _on_rtcp(self, pad: Any, probe: Any) -> Any:
-        try:
-            buffer = probe.get_buffer()
-            datagram = buffer.extract_dup(0, buffer.get_size())
-            wall_ns = gst.load().GLib.get_real_time() * 1000  # the session's own source of it
-            self._heard.blocks(read_blocks(datagram, wall_ns))
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
-            self.failure = repr(error)
+        buffer = probe.get_buffer()
+        datagram = buffer.extract_dup(0, buffer.get_size())
+        wall_ns = gst.load().GLib.get_real_time() * 1000  # the session's own source of it
+        self._heard.blocks(read_blocks(datagram, wall_ns))
         return gst.load().Gst.PadProbeReturn.OK
 
 
@@ -63,7 +64,11 @@ class PacketFeedback:
         internal = session.get_property("internal-session")
         internal.connect("on-feedback-rtcp", self._on_feedback)
         kinds = gst.load().Gst.PadProbeType
-        session.get_static_pad("send_rtp_sink").add_probe(kinds.EVENT_UPSTREAM, self._on_event)
+        entrance = session.get_static_pad("send_rtp_sink")
+        gst.add_probe(entrance, kinds.EVENT_UPSTREAM, self._on_event, self._fail)
+
+    def _fail(self, reason: str) -> None:
+        self.failure = reason
 
     def _on_feedback(self, _: Any, kind: int, form: int, *about: Any) -> None:
         try:
@@ -75,15 +80,12 @@ class PacketFeedback:
             self.failure = repr(error)
 
     def _on_event(self, pad: Any, probe: Any) -> Any:
-        try:
-            structure = probe.get_event().get_structure()
-            name = "" if structure is None else structure.get_name()
-            if name == "RTPTWCCPackets":
-                self._told(structure.get_value("packets"))
-            elif name == "GstRTPRetransmissionRequest" and not self._may_resend():
-                return gst.load().Gst.PadProbeReturn.DROP
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
-            self.failure = repr(error)
+        structure = probe.get_event().get_structure()
+        name = "" if structure is None else structure.get_name()
+        if name == "RTPTWCCPackets":
+            self._told(structure.get_value("packets"))
+        elif name == "GstRTPRetransmissionRequest" and not self._may_resend():
+            return gst.load().Gst.PadProbeReturn.DROP
         return gst.load().Gst.PadProbeReturn.OK
 
     def _told(self, packets: Any) -> None:
