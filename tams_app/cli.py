@@ -165,6 +165,108 @@ def run(
     raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
 
 
+KeyOption = Annotated[
+    Path | None,
+    typer.Option("--key", help="The key file of both computers; none needed on loopback."),
+]
+
+
+@app.command()
+def robot(
+    listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where operators call.")],
+    key: KeyOption = None,
+    config: ConfigOption = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="The rig's devices, not the config's.")
+    ] = False,
+    strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
+    network: Annotated[
+        str, typer.Option(help="Emulated before the link: s1, s2, s3, none or a trace file.")
+    ] = "none",
+    budget: Annotated[str | None, typer.Option(help="feedback, sender or oracle.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Everything but motion of the arm.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
+) -> None:
+    """The robot's side of a session on two computers: arm, cameras, all that can stop the arm."""
+    settings = load_config(
+        config,
+        {
+            "rig.enabled": True if sim else None,
+            "strategy": strategy,
+            "network": network,
+            "policy.budget.mode": budget,
+            "seconds": seconds,
+            "seed": seed,
+            "headless": True,
+            "name": "robot",
+            "video.bind_host": "127.0.0.1",
+            "video.quality.enabled": False,
+            "recording.directory": str(out) if out else None,
+        },
+    )
+    if arm and not settings.rig.enabled:
+        raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
+    from tams_app.console.two_sided import endpoint_of, run_robot
+
+    raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key), arm, dry_run))
+
+
+@app.command()
+def operate(
+    robot: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the robot's side is.")],
+    key: KeyOption = None,
+    config: ConfigOption = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="A simulated operator, who sees the video alone.")
+    ] = False,
+    seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the simulated operator.")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No windows.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
+) -> None:
+    """The operator's side: controller and windows; it moves the arm of a `robot` elsewhere."""
+    settings = load_config(
+        config,
+        {
+            "rig.enabled": True if sim else None,
+            "rig.operator.kind": "seeing" if sim else None,
+            "seconds": seconds,
+            "seed": seed,
+            "headless": True if headless else None,
+            "name": "operate",
+            "recording.directory": str(out) if out else None,
+        },
+    )
+    from tams_app.console.two_sided import endpoint_of, run_operate
+
+    raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
+
+
+key_app = typer.Typer(rich_markup_mode=None, help="The secret that two computers share.")
+app.add_typer(key_app, name="key")
+
+
+@key_app.callback()
+def _key() -> None:
+    """The secret that two computers share."""
+
+
+@key_app.command("new")
+def new_key_file(file: Annotated[Path, typer.Argument(metavar="FILE")]) -> None:
+    """Make a key; copy the file to the other computer over a way that you trust (scp, a stick)."""
+    from tams_app.link.keys import new_key
+
+    new_key(file)
+    typer.echo(f"{file}: a new key, which only you can read; the other computer needs a copy")
+
+
 @app.command()
 def home(config: ConfigOption = None) -> None:
     """Move the arm slowly to its ready pose, only while Enter is held."""

@@ -62,6 +62,7 @@ class ControllerStatus(StrEnum):
     RUNTIME_QUIT = "runtime quit"
     ROLE_SWAPPED = "role swapped"  # another device plays the operator's hand now
     TRACKING_FRAME_CHANGED = "tracking frame changed"  # recentred: directions may have turned
+    LINK_LOST = "link lost"  # to the computer that has the controller
 
 
 @dataclass(frozen=True, slots=True)
@@ -444,6 +445,54 @@ class OperatorGlance:
     def sigma(self) -> float:
         """How surely the vector to what the stage is about was known [m]."""
         return self.block_sigma if self.about_block else self.container_sigma
+
+
+# --- the link between two computers -------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class HandHeard:
+    """A sample of the hand as the robot's side heard it.
+
+    t_ns, echo_ns: on the robot's clock; sent_ns, pose_ns: on that of the operator's side.
+    refusal: why it did not count, "" if it did.
+    """
+
+    t_ns: int
+    sent_ns: int
+    pose_ns: int
+    echo_ns: int
+    refusal: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateHeard:
+    """A message of the robot's side as the operator's side heard it.
+
+    t_ns, echo_ns: on the clock of the operator's side; sent_ns: on the robot's.
+    """
+
+    t_ns: int
+    sent_ns: int
+    echo_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class LinkHealth:
+    """How the link stands, as one side sees it.
+
+    age_bound_ns: what was heard last is no older. offset_ns: the other side's clock minus ours,
+    with its uncertainty; None before the first exchange. refused, ignored: messages and datagrams
+    that changed nothing, by reason, since the start.
+    """
+
+    t_ns: int
+    connected: bool
+    age_bound_ns: int | None
+    offset_ns: int | None
+    uncertainty_ns: int | None
+    refused: dict[str, int]
+    ignored: dict[str, int]
 
 
 # --- what the log keeps besides -----------------------------------------------------------------

@@ -1,6 +1,7 @@
 """The whole configuration as typed models; keys carry their unit."""
 
 from tams_app.config.devices import CameraConfig, ControllerConfig, MappingConfig
+from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
     ClutchConfig,
@@ -32,6 +33,7 @@ __all__ = [
     "ControllerConfig",
     "HandConfig",
     "LimitsConfig",
+    "LinkConfig",
     "MappingConfig",
     "Network",
     "OperatorConfig",

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from tams_app.config.devices import CameraConfig, ControllerConfig, ControllerType, MappingConfig
+from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
     ClutchConfig,
@@ -170,6 +171,7 @@ class Config(Section):
     video: VideoConfig = VideoConfig()
     networks: dict[str, Network]
     """Uplink conditions by name."""
+    link: LinkConfig = LinkConfig()
     rig: RigConfig = RigConfig()
     trial: TrialConfig = TrialConfig()
     study: StudyConfig = StudyConfig()

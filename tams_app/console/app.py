@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from contextlib import ExitStack
+from pathlib import Path
+from typing import Protocol
 
 from rich.console import Console
 
@@ -14,13 +17,59 @@ from tams_app.console.status import LinesOf, StatusLine, status_lines
 from tams_app.console.terminal import Confirmations, Key, TerminalKeys, handled_signals
 from tams_app.console.windows import ViewWindow
 from tams_app.errors import SignalledError, TamsError
+from tams_app.records import ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
+from tams_app.session.status import StatusBoard, StatusSnapshot
 
 POLL_S = 0.05
+
+
+class ShownSession(Protocol):
+    """What the console needs of a session."""
+
+    config: Config
+    failure: str
+    ended: threading.Event
+
+    @property
+    def board(self) -> StatusBoard: ...
+
+    @property
+    def signals(self) -> Asking: ...
+
+    def start(self) -> None: ...
+
+    def poll(self) -> None: ...
+
+    def end(self, reason: str) -> None: ...
+
+    def request_end(self, reason: str) -> None: ...
+
+    def fail(self, sentence: str) -> None: ...
+
+    def note(self, level: str, text: str) -> None: ...
+
+    def shown(self, view: str) -> ShownFrame | None: ...
+
+    def snapshot(self) -> StatusSnapshot: ...
+
+    def elapsed_s(self) -> float: ...
+
+    def stop_arm(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Asking(Protocol):
+    """What a person asks for by key."""
+
+    def confirm(self) -> None: ...
+
+    def estop(self) -> None: ...
 
 
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
@@ -28,16 +77,32 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
 
     SignalledError, after all is done, if a signal ended it.
     """
-    console = Console()
+    check_session(config, dry_run)
+    return run_and_report(
+        config, lambda folder: Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
+    )
+
+
+def check_session(config: Config, dry_run: bool) -> None:
+    """ConfigError for what cannot be run with an arm at this computer."""
     check_names(config)
     check_ready_pose(config)
     check_views(config, dry_run)
+
+
+def run_and_report(
+    config: Config,
+    make: Callable[[Path], ShownSession],
+    report: Callable[[Path, Console], None] = report_session,
+) -> int:
+    """Run the session that `make` makes of its folder, then `report` on it; the exit code."""
+    console = Console()
     folder = create_session_folder(config)
-    session = Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
+    session = make(folder)
     signals: list[str] = []
     show_session(session, console, interrupted=signals.append)
     try:
-        report_session(folder, console)
+        report(folder, console)
     except TamsError:
         if not session.failure:  # else that is what matters, and the reason for this
             raise
@@ -49,7 +114,7 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
 
 
 def show_session(
-    session: Session,
+    session: ShownSession,
     console: Console,
     lines_of: LinesOf = status_lines,
     interrupted: Callable[[str], None] = lambda _reason: None,
@@ -74,7 +139,7 @@ def show_session(
 
 
 def _watch(
-    session: Session,
+    session: ShownSession,
     console: Console,
     lines_of: LinesOf = status_lines,
     limit_s: float | None = None,
@@ -102,7 +167,7 @@ def _watch(
             line.say(note)
 
 
-def _open_windows(session: Session, stack: ExitStack) -> list[ViewWindow]:
+def _open_windows(session: ShownSession, stack: ExitStack) -> list[ViewWindow]:
     """A window per view where there is a display, unless --headless is given."""
     if session.config.headless or not has_display():
         return []
@@ -115,7 +180,7 @@ def _open_windows(session: Session, stack: ExitStack) -> list[ViewWindow]:
     return windows
 
 
-def _refresh(session: Session, window: ViewWindow) -> None:
+def _refresh(session: ShownSession, window: ViewWindow) -> None:
     shown = session.shown(window.view)
     if shown is not None:
         window.show(shown)
@@ -130,7 +195,7 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _tell_how_to_begin(session: Session, has_keys: bool, has_windows: bool) -> None:
+def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_windows: bool) -> None:
     """What a person at the hardware has to know before the arm may move."""
     if has_keys:
         session.note(
@@ -152,7 +217,7 @@ def _tell_how_to_begin(session: Session, has_keys: bool, has_windows: bool) -> N
         )
 
 
-def _read_keys(session: Session, stack: ExitStack) -> bool:
+def _read_keys(session: ShownSession, stack: ExitStack) -> bool:
     """Act on the terminal's keys from now on; False if there is no terminal to read."""
     confirmations, clock = Confirmations(), MonotonicClock()
 

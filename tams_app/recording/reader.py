@@ -30,13 +30,16 @@ from tams_app.records import (
     DroppedFrame,
     EncodedFrame,
     FrameQuality,
+    HandHeard,
     LinkCapacity,
+    LinkHealth,
     Note,
     OperatorGlance,
     Outcome,
     PacketRecord,
     PhaseChange,
     SceneTruth,
+    StateHeard,
     StopRecord,
     SystemSample,
     Tick,
@@ -77,6 +80,9 @@ class SessionLog:
     system: list[SystemSample] = field(default_factory=list)
     scene: list[SceneTruth] = field(default_factory=list)
     glances: list[OperatorGlance] = field(default_factory=list)
+    hands_heard: list[HandHeard] = field(default_factory=list)
+    states_heard: list[StateHeard] = field(default_factory=list)
+    link_health: list[LinkHealth] = field(default_factory=list)
     outcome: Outcome | None = None
 
     @property

@@ -18,7 +18,9 @@ from tams_app.records import (
     EncodedFrame,
     Frame,
     FrameQuality,
+    HandHeard,
     LinkCapacity,
+    LinkHealth,
     Note,
     OperatorGlance,
     Outcome,
@@ -29,6 +31,7 @@ from tams_app.records import (
     PhaseChange,
     SceneTruth,
     ShownFrame,
+    StateHeard,
     StopRecord,
     SystemSample,
     Tick,
@@ -168,6 +171,9 @@ Recordable: TypeAlias = (
     | SystemSample
     | SceneTruth
     | OperatorGlance
+    | HandHeard
+    | StateHeard
+    | LinkHealth
     | Outcome
     | Facts
 )
@@ -212,6 +218,9 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/system", SystemSample, lambda one: one.t_ns, "system"),
         Topic("/scene", SceneTruth, lambda one: one.t_ns, "scene"),
         Topic("/operator/glance", OperatorGlance, lambda one: one.t_ns, "glances"),
+        Topic("/link/hand", HandHeard, lambda one: one.t_ns, "hands_heard"),
+        Topic("/link/state", StateHeard, lambda one: one.t_ns, "states_heard"),
+        Topic("/link/health", LinkHealth, lambda one: one.t_ns, "link_health"),
         Topic("/outcome", OutcomeGiven, lambda one: one.t_ns),
     )
 }

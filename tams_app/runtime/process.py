@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +31,16 @@ class HelperProcess:
     """One child process running `python -m module` with its specification as a JSON argument."""
 
     def __init__(
-        self, name: str, module: str, specification: dict[str, Any], log_directory: Path | None
+        self,
+        name: str,
+        module: str,
+        specification: dict[str, Any],
+        log_directory: Path | None,
+        descriptors: Sequence[int] = (),
     ) -> None:
+        """`descriptors`: of open files that the child has under the same numbers."""
         self.name = name
+        self._descriptors = tuple(descriptors)
         self._command = [sys.executable, "-m", module, json.dumps(specification)]
         self._log_path = log_directory / f"{name}.log" if log_directory else None
         self._process: subprocess.Popen[bytes] | None = None
@@ -49,6 +57,7 @@ class HelperProcess:
                 stderr=stderr,
                 cwd=PROJECT_DIRECTORY,
                 start_new_session=True,
+                pass_fds=self._descriptors,
             )
         except OSError as error:
             raise HelperError(f"{self.name} could not be started: {error.strerror}") from error

@@ -86,16 +86,20 @@ def devices(
     screen: FrameBlock,
     on_failure: Callable[[str, BaseException], None],
     arm_at_once: bool,
+    operator_is_here: bool = True,
 ) -> Devices:
     """The rig's devices, or the hardware that the configuration names.
 
     `screen`: where the frames shown are put, for an operator who looks at them. `arm_at_once`: the
-    arming needs no confirmation, and the rig's operator gives none.
+    arming needs no confirmation, and the rig's operator gives none. `operator_is_here`: at this
+    computer; else the rig has none, nor a controller.
     """
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
-        return SimulatedRig(config, clock, log_directory, log, screen, on_failure, not arm_at_once)
+        return SimulatedRig(
+            config, clock, log_directory, log, screen, on_failure, not arm_at_once, operator_is_here
+        )
     return Devices(config, clock)
 
 

@@ -37,10 +37,12 @@ class SimulatedRig(Devices):
         screen: FrameBlock,
         on_failure: Callable[[str, BaseException], None],
         operator_confirms: bool,
+        operator_is_here: bool = True,
     ) -> None:
         """`screen`: where the frames shown are put, for an operator who looks at them.
 
         `operator_confirms`: the simulated operator arms the arm by the menu button.
+        `operator_is_here`: else there is neither an operator nor a controller.
         """
         super().__init__(config, clock)
         kind = arm_kind(config.arm.model)
@@ -73,7 +75,8 @@ class SimulatedRig(Devices):
             "renderer": HelperProcess("renderer", "hw.sim.world.renderer", renderer, log_directory),
         }
         self._operator: RigOperator | None = None
-        if config.rig.hand_trajectory is None:
+        self._operator_is_here = operator_is_here
+        if operator_is_here and config.rig.hand_trajectory is None:
             self._operator = RigOperator(
                 config,
                 clock,
@@ -100,6 +103,8 @@ class SimulatedRig(Devices):
         if self._operator is not None:
             self._operator.wait_ready()
             self._tell(self._operator.choice.kind, self._operator.choice.sentence)
+        elif not self._operator_is_here:
+            self._tell("elsewhere", "the operator is at another computer")
         else:
             self._tell("recorded", "the operator is a recorded hand, which sees nothing")
 

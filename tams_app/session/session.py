@@ -13,7 +13,8 @@ import cv2
 
 from hw.arm import Arm
 from hw.boundary import session_boundary
-from tams_app.config import Config
+from hw.controller import Controller
+from tams_app.config import Config, Network
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Activity, PacketRecord, ServoMode, ShownFrame
@@ -25,18 +26,20 @@ from tams_app.runtime.worker import Worker
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
-from tams_app.session.devices import ConnectedDevices
+from tams_app.session.devices import ConnectedDevices, Devices
 from tams_app.session.dry_run import DryRunArm
 from tams_app.session.engine import Engine
 from tams_app.session.frame_rates import FrameRates
 from tams_app.session.guarding import Guarding
+from tams_app.session.listener import Listener
 from tams_app.session.quality import LiveQuality
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
-from tams_app.session.uplink import Capture, Uplink
+from tams_app.session.uplink import Capture, Senders, Uplink
 from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
+from tams_app.video.codecs import Codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tams_app.video.networks import resolve_network
 
@@ -98,7 +101,7 @@ class Session:
         helper_logs = self.folder / "helpers"
         helper_logs.mkdir()
         failed = self._on_worker_failure
-        self._log = Recorders(config, clock, self.folder, failed, self.board.note)
+        self._log = Recorders(config, clock, self.folder, failed, self._show_note)
         self._stack.callback(self._log.close)
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
@@ -106,9 +109,7 @@ class Session:
         video = config.video
         self._screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         self._stack.callback(self._screen.close)
-        self._devices = build.devices(
-            config, clock, helper_logs, self._log, self._screen, failed, self._arm_at_once
-        )
+        self._devices = self._make_devices(helper_logs)
         self._stack.callback(self._devices.close)
         self._devices.start()
         if ladder is not None:
@@ -139,7 +140,7 @@ class Session:
             self._log,
             self.signals,
             lambda: self.end("the trial is over"),
-            (self.board, self._rates),
+            (self.board, self._rates, *self._listeners()),
             self._arm_at_once,
         )
         self._stack.callback(self._engine.stops.finish)
@@ -160,23 +161,49 @@ class Session:
         self._quality = LiveQuality(config.video, self._screen, helper_logs, log.record, self.note)
         self._stack.callback(self._quality.close)
         self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
-        network, failed = resolve_network(config, config.network), self._on_worker_failure
         codecs = choose_codecs(config.video, config.policy.budget.mode == "oracle")
         for remark in codecs.remarks:
             self.note("warning", remark)
-        self._video = Uplink(
-            config,
+        network = resolve_network(config, config.network)
+        self._video = self._make_video(network, codecs, helper_logs)
+        self._stack.callback(self._video.close)
+        self._video.start()
+
+    # --- what a session with its operator elsewhere has of its own --------------------------------
+
+    def _make_devices(self, helper_logs: Path) -> Devices:
+        return build.devices(
+            self.config,
+            self._clock,
+            helper_logs,
+            self._log,
+            self._screen,
+            self._on_worker_failure,
+            self._arm_at_once,
+        )
+
+    def _make_video(self, network: Network, codecs: Codecs, helper_logs: Path) -> Senders:
+        return Uplink(
+            self.config,
             network,
             self._clock,
-            log,
+            self._log,
             self._quality,
             helper_logs,
             self._on_packets,
-            failed,
+            self._on_worker_failure,
             codecs=codecs,
         )
-        self._stack.callback(self._video.close)
-        self._video.start()
+
+    def _make_controller(self) -> Controller:
+        return self._devices.make_controller(self.note)
+
+    def _listeners(self) -> tuple[Listener, ...]:
+        """More of them."""
+        return ()
+
+    def _show_note(self, text: str) -> None:
+        self.board.note(text)
 
     def _connect_devices(self, helper_logs: Path) -> ConnectedDevices:
         guard = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
@@ -194,7 +221,7 @@ class Session:
         self._arm, self._gate = arm, gate
         guard.wait_ready()
         self._helpers["guard"] = guard.process
-        controller = self._devices.make_controller(self.note)
+        controller = self._make_controller()
         self._stack.callback(controller.close)
         controller.start()
         self._hurry(controller.realtime_thread_ids)

@@ -1,8 +1,9 @@
-"""The live video: one sender and one receiver per view, and the relay process between them."""
+"""The live video: a sender for each view; in one process with its receivers, and the relay."""
 
 from __future__ import annotations
 
 import threading
+from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,8 +23,85 @@ from tams_app.video.udp import ViewPorts
 _CAMERA_TIMEOUT_S = 0.2
 
 
-class Uplink(Video):
-    """The streams of all views over the emulated link; its callbacks come from several threads."""
+class Senders(Video):
+    """The senders of all views, live; where their packets go is for those who derive from it.
+
+    Its callbacks come from several threads.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        network: Network,
+        clock: Clock,
+        log: SessionRecords,
+        quality: Quality,
+        epoch_ns: int | None = None,
+        codecs: Codecs = SOFTWARE,
+    ) -> None:
+        """A capacity trace begins at `epoch_ns`, by default now."""
+        self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
+        super().__init__(config, network, clock, self._epoch_ns, log, quality, codecs)
+        self._config = config
+        self._network = network
+        self._senders: dict[str, VideoSender] = {}
+
+    @abstractmethod
+    def start(self) -> None:
+        """Let the streams run."""
+
+    def _make_sender(self, view: str) -> VideoSender:
+        sender = VideoSender(
+            view,
+            self._config.video,
+            self._rule.rtx,
+            self._clock,
+            self._start_kbps[view],
+            self._source_drop_below_kbps,
+            self._log.record,
+            self._log.record,
+            self._heard.get(view),
+            self._feedback,
+            self._parity.get(view),
+            self.codecs.encoder,
+            self.may_resend,
+        )
+        self._senders[view] = sender
+        return sender
+
+    def set_targets(self, target_kbps: dict[str, int]) -> None:
+        for view, kbps in target_kbps.items():
+            self._senders[view].set_target_kbps(kbps)
+
+    def pad(self, size_bytes: int) -> None:
+        self._senders[self._config.video.views[0]].pad(size_bytes)
+
+    def behind_ns(self) -> int:
+        """By how much the encoder that is furthest behind its camera is so."""
+        return max(sender.behind_ns for sender in self._senders.values())
+
+    def poll(self) -> str:
+        return next(filter(None, [sender.poll() for sender in self._senders.values()]), "")
+
+    def close(self) -> None:
+        with ExitStack() as stack:  # one that fails keeps none of the others open
+            for sender in self._senders.values():
+                stack.callback(sender.close)
+
+    @property
+    @abstractmethod
+    def relay_pid(self) -> int | None:
+        """The process id of the relay that emulates the network; None where there is none."""
+
+    def _send(self, frame: Frame, left_out: bool) -> None:
+        self._senders[frame.view].push(frame, left_out)
+
+    def _wire_bytes(self) -> int:
+        return sum(sender.wire_bytes for sender in self._senders.values())
+
+
+class Uplink(Senders):
+    """The streams of all views over the emulated link, to receivers in this process."""
 
     def __init__(
         self,
@@ -39,37 +117,18 @@ class Uplink(Video):
         codecs: Codecs = SOFTWARE,
     ) -> None:
         """A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process."""
-        self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
-        super().__init__(config, network, clock, self._epoch_ns, log, quality, codecs)
-        self._config = config
-        self._network = network
+        super().__init__(config, network, clock, log, quality, epoch_ns, codecs)
         self._logs = logs
         self._on_packets = on_packets
         self._on_failure = on_failure
         self.receivers: dict[str, VideoReceiver] = {}
-        self._senders: dict[str, VideoSender] = {}
         self._relay: RelayClient | None = None
 
     def start(self) -> None:
         """Bind the ends, start the relay between them, let the streams run."""
         config, exits = self._config, {}
         for view in config.video.views:
-            sender = VideoSender(
-                view,
-                config.video,
-                self._rule.rtx,
-                self._clock,
-                self._start_kbps[view],
-                self._source_drop_below_kbps,
-                self._log.record,
-                self._log.record,
-                self._heard.get(view),
-                self._feedback,
-                self._parity.get(view),
-                self.codecs.encoder,
-                self.may_resend,
-            )
-            self._senders[view] = sender
+            sender = self._make_sender(view)
             receiver = VideoReceiver(
                 view,
                 config.video,
@@ -103,42 +162,22 @@ class Uplink(Video):
 
     @property
     def relay_pid(self) -> int | None:
-        """The relay's process id; None before the start."""
         return self._relay.pid if self._relay else None
 
     def shown(self, view: str) -> ShownFrame | None:
         return self.receivers[view].mailbox.latest()
 
-    def set_targets(self, target_kbps: dict[str, int]) -> None:
-        for view, kbps in target_kbps.items():
-            self._senders[view].set_target_kbps(kbps)
-
-    def pad(self, size_bytes: int) -> None:
-        self._senders[self._config.video.views[0]].pad(size_bytes)
-
-    def behind_ns(self) -> int:
-        """By how much the encoder that is furthest behind its camera is so."""
-        return max(sender.behind_ns for sender in self._senders.values())
-
     def poll(self) -> str:
-        failures = [sender.poll() for sender in self._senders.values()]
-        failures += [receiver.poll() for receiver in self.receivers.values()]
+        failures = [super().poll(), *(receiver.poll() for receiver in self.receivers.values())]
         return next(filter(None, failures), "")
 
     def close(self) -> None:
-        with ExitStack() as stack:  # one that fails keeps none of the others open
-            if self._relay is not None:
-                stack.callback(self._relay.close)
+        with ExitStack() as stack:
+            stack.callback(super().close)  # in the reverse order: the senders last
             for receiver in self.receivers.values():
                 stack.callback(receiver.close)
-            for sender in self._senders.values():
-                stack.callback(sender.close)
-
-    def _send(self, frame: Frame, left_out: bool) -> None:
-        self._senders[frame.view].push(frame, left_out)
-
-    def _wire_bytes(self) -> int:
-        return sum(sender.wire_bytes for sender in self._senders.values())
+            if self._relay is not None:
+                stack.callback(self._relay.close)
 
 
 class Capture:

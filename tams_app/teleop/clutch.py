@@ -13,7 +13,12 @@ MENU_HOLD_NS = NS_PER_S
 _FUTURE_NS = 50 * NS_PER_MS  # a time stamp further ahead than this is not believed
 
 _NO_BUTTONS = frozenset(
-    {ControllerStatus.DISCONNECTED, ControllerStatus.STANDBY, ControllerStatus.RUNTIME_QUIT}
+    {
+        ControllerStatus.DISCONNECTED,
+        ControllerStatus.STANDBY,
+        ControllerStatus.RUNTIME_QUIT,
+        ControllerStatus.LINK_LOST,
+    }
 )
 
 

@@ -17,8 +17,9 @@ class HandMotion:
     """Velocities from successive poses, three bands against impossible speeds, EMA, mapping.
 
     v = Δp/Δt and ω = log(R_t R_{t-1}ᵀ)/Δt over the times at which the pose changed. An unchanged
-    pose keeps the velocity for `hold_ns`, then it is zero. Up to the clamp speed a velocity passes,
-    up to the reject speed it is shortened, beyond it is left out as if the pose had not changed.
+    pose keeps the velocity for `hold_ns`, then it is zero, and the next pose is where the hand
+    begins anew. Up to the clamp speed a velocity passes, up to the reject speed it is shortened,
+    beyond it is left out as if the pose had not changed.
     """
 
     def __init__(self, config: HandConfig, hold_ns: float) -> None:
@@ -68,8 +69,9 @@ class HandMotion:
     def _take(self, pose: Pose, pose_ns: int) -> None:
         last, last_ns = self._last, self._last_ns
         self._last, self._last_ns = pose, pose_ns
-        if last is None:
+        if last is None or pose_ns - last_ns > self._hold_ns:  # nothing of a gap is made up for
             self._accepted_ns = pose_ns
+            self._linear = self._angular = ZERO
             return
         interval_s = min(max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S), _MAX_INTERVAL_S)
         linear = _banded(

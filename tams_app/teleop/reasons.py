@@ -78,6 +78,11 @@ class Reason(Enum):
         "The arm does not go where it is told: look for an obstacle, release the trigger, "
         "then confirm.",
     )
+    LINK_LOST = _fault(
+        "link lost",
+        "Nothing usable comes from the operator's computer: check the network between the two "
+        "computers, wait until the link is back, release the trigger, then confirm.",
+    )
     CONTROLLER_DISCONNECTED = _fault(
         "controller disconnected",
         "Switch the VR controller on, wait until it is tracked, then confirm.",

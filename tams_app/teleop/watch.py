@@ -17,6 +17,7 @@ _VIDEO_FLOOR_FACTOR = 3
 _MOST_SANE = 100.0  # [m, rad]: nothing tracked or reported is that far away
 
 _LOST = {
+    ControllerStatus.LINK_LOST: Reason.LINK_LOST,
     ControllerStatus.DISCONNECTED: Reason.CONTROLLER_DISCONNECTED,
     ControllerStatus.RUNTIME_QUIT: Reason.RUNTIME_QUIT,
     ControllerStatus.ROLE_SWAPPED: Reason.ROLE_SWAPPED,

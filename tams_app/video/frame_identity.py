@@ -58,6 +58,11 @@ class SentFrames:
             del self._frames[next(iter(self._frames))]
         return -(-ticks * NS_PER_S // RTP_CLOCK_HZ)  # rounded up: `rtp_timestamp` rounds down
 
+    @property
+    def first_ns(self) -> int | None:
+        """Capture time of the frame with RTP timestamp 0 [ns]; None before it."""
+        return self._first_ns
+
     def find(self, timestamp: int) -> SentFrame | None:
         """What an RTP timestamp stands for; None if that is not remembered."""
         return self._frames.get(timestamp)
@@ -95,3 +100,14 @@ class RtpTimes:
         self._last_timestamp = timestamp
         missing_ns = self._first_pts_ns + self.followed_ns - pts_ns
         return 0 if abs(missing_ns) < _IN_LINE_NS else missing_ns
+
+
+def capture_of(timestamp: int, first_ns: int, near_ns: int) -> int:
+    """Capture time [ns] of the frame with an RTP timestamp, `first_ns` being that of timestamp 0.
+
+    `near_ns`: a time less than 6 hours from it, which tells how often the timestamps have wrapped.
+    """
+    ticks = _ticks(near_ns - first_ns)
+    step = (timestamp - ticks) % _RTP_TIMESTAMPS
+    ticks += step - _RTP_TIMESTAMPS if step >= _RTP_TIMESTAMPS // 2 else step
+    return first_ns + ticks * NS_PER_S // RTP_CLOCK_HZ

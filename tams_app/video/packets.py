@@ -25,6 +25,7 @@ SEQUENCES = 1 << 16
 _FIRST_SSRC = 0x54410000
 _FIRST_PARITY_SSRC = 0x54420000
 _FIRST_PADDING_SSRC = 0x54430000
+_FIRST_RECEIVER_SSRC = 0x54440000
 _KINDS = {
     REPAIR_PAYLOAD_TYPE: PacketKind.REPAIR,
     PARITY_PAYLOAD_TYPE: PacketKind.PARITY,
@@ -69,6 +70,17 @@ def parity_ssrc(config: VideoConfig, view: str) -> int:
 def padding_ssrc(config: VideoConfig, view: str) -> int:
     """The SSRC of the padding in a view's session."""
     return _FIRST_PADDING_SSRC + config.views.index(view)
+
+
+def receiver_ssrc(config: VideoConfig, view: str) -> int:
+    """The SSRC with which a view's receiver signs its feedback."""
+    return _FIRST_RECEIVER_SSRC + config.views.index(view)
+
+
+def stream_ssrcs(config: VideoConfig, view: str) -> tuple[int, ...]:
+    """Every SSRC under which a view's sender may send RTP or RTCP."""
+    of_each = (media_ssrc, repair_ssrc, parity_ssrc, padding_ssrc)
+    return tuple(one(config, view) for one in of_each)
 
 
 def read_rtp(datagram: bytes) -> RtpHeader | None:

@@ -13,7 +13,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.video import pipelines
 from tams_app.video.codecs import AVDEC, Decoder
 from tams_app.video.frame_identity import SentFrame
-from tams_app.video.packets import media_ssrc, parity_ssrc
+from tams_app.video.packets import media_ssrc, parity_ssrc, receiver_ssrc
 from tams_app.video.parity import ParityDecoder
 from tams_app.video.repair import RepairRule
 from tams_app.video.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
@@ -107,7 +107,10 @@ class VideoReceiver:
         if self._resent is not None:
             structure, _ = Gst.Structure.from_string(pipelines.RTX_PAYLOAD_TYPES)
             self._resent.set_property("payload-type-map", structure)
-        pipeline.get_by_name("session").connect("request-pt-map", caps_of_payload_type)
+        session = pipeline.get_by_name("session")
+        session.connect("request-pt-map", caps_of_payload_type)
+        ssrc = receiver_ssrc(self._config, self.view)  # tells where its feedback belongs
+        session.get_property("internal-session").set_property("internal-ssrc", ssrc)
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
         if self._rule.parity:
             self._recent = pipeline.get_by_name("recent")

@@ -1,0 +1,1 @@
+"""The controller in the hand of an operator at another computer."""

@@ -1,0 +1,69 @@
+"""`robot` and `operate`: the two halves of a session on two computers."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from pathlib import Path
+
+from rich.console import Console
+
+from tams_app.config import Config
+from tams_app.console.app import check_session, run_and_report
+from tams_app.errors import ConfigError
+from tams_app.link.gateway_client import Endpoint
+from tams_app.link.keys import read_key
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.session.two_sided.operator import OperatorSession
+from tams_app.session.two_sided.robot import RobotSession
+
+
+def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> int:
+    """The robot's side until its session ends; the exit code."""
+    check_session(config, dry_run)
+
+    def make(folder: Path) -> RobotSession:
+        session = RobotSession(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
+        key = "" if endpoint.key is None else " with the same key"
+        session.board.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{key}")
+        return session
+
+    return run_and_report(config, make)
+
+
+def run_operate(config: Config, endpoint: Endpoint) -> int:
+    """The operator's side until either ends the session; the exit code."""
+    console = Console()
+
+    def say(sentence: str) -> None:
+        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+    def make(folder: Path) -> OperatorSession:
+        return OperatorSession(config, MonotonicClock(), folder, endpoint, say)
+
+    return run_and_report(config, make, _tell_where)
+
+
+def endpoint_of(option: str, given: str, key: Path | None) -> Endpoint:
+    """HOST:PORT (IPv6: [HOST]:PORT) and the key; ConfigError unless they can be used together."""
+    host, colon, port = given.rpartition(":")
+    host = host.strip("[]")
+    if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ConfigError(f"{option}: {given!r} is not HOST:PORT, such as 192.168.1.20:7400")
+    try:
+        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)
+    except (OSError, UnicodeError) as error:
+        raise ConfigError(f"{option}: {host} is not known: give a name or an address") from error
+    address = ipaddress.ip_address(str(found[0][4][0]).partition("%")[0])
+    if key is None and not address.is_loopback:
+        raise ConfigError(
+            f"{option}: {host} can be reached from other computers, so --key is needed: "
+            "make one with: key new FILE"
+        )
+    if key is not None:
+        read_key(key)  # what is wrong with it is told before anything is started
+    return Endpoint(host, int(port), key)
+
+
+def _tell_where(folder: Path, console: Console) -> None:
+    console.print(f"[bold]{folder}[/]", highlight=False)

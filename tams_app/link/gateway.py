@@ -1,0 +1,288 @@
+"""The helper process that has the link's one UDP port; the decisions are those of `ends`.
+
+Started by `gateway_client.Gateway`. It encrypts what the application's streams and messages send to
+the other computer, and hands over what comes from there and is authentic. Messages go through a
+socket pair, packets of the streams through loopback ports. Killing this process is a lost link.
+
+Specification: side (robot or operator), key (path or null), host and port (to listen on, or to
+call), content (base64: what the other side is told when the link begins), channel (descriptor).
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import selectors
+import socket
+import struct
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from tams_app.errors import TamsError
+from tams_app.link.ends import GOODBYE, Address, Heard, OperatorEnd, RobotEnd
+from tams_app.link.keys import LOOPBACK_KEY, read_key
+from tams_app.link.sealing import is_rtcp
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
+from tams_app.units import NS_PER_MS
+
+# the first byte of what goes through the channel
+MESSAGE, EVENT, BYE, ROUTES = b"m", b"e", b"b", b"r"
+HEARD = struct.Struct("<qq")  # before a message of the other side: when it was heard [ns], session
+LOOPBACK = "127.0.0.1"
+LARGEST_BYTES = 65_536
+_BUFFER_BYTES = 4_000_000
+_READS_IN_A_ROW = 32  # from one socket: a flood at one port must not hold the others up
+_STEP_S = 0.05
+_EVENT_NS = 500 * NS_PER_MS
+_RTP_SSRC, _RTCP_SSRC = slice(8, 12), slice(4, 8)
+
+
+class Routes(msgspec.Struct, frozen=True):
+    """Loopback ports of the streams that arrive, by SSRC."""
+
+    rtp: dict[int, int]
+    rtcp: dict[int, int]
+
+
+class LinkEvent(msgspec.Struct, frozen=True):
+    """How the link stands; the application hears of it twice a second and when it changes.
+
+    counts: datagrams that changed nothing, by reason. welcome: what the robot's side says.
+    """
+
+    connected: bool
+    sessions: int
+    left: bool
+    busy: bool
+    refused: bool
+    address: str
+    counts: dict[str, int]
+    welcome: bytes | None
+
+
+class Streams:
+    """Where the packets of the application's streams come from and go to, on loopback."""
+
+    def __init__(self) -> None:
+        self.entrance = _udp(socket.AF_INET, LOOPBACK, 0)  # for all that is to leave
+        self._out = _udp(socket.AF_INET, LOOPBACK, 0)
+        self._routes = Routes({}, {})
+
+    def follow(self, routes: Routes) -> None:
+        """Hand over to these ports from now on."""
+        self._routes = routes
+
+    def hand_over(self, packet: bytes) -> bool:
+        """Give a packet to the stream that its SSRC names; whether there is one."""
+        rtcp = is_rtcp(packet)
+        ports = self._routes.rtcp if rtcp else self._routes.rtp
+        port = ports.get(int.from_bytes(packet[_RTCP_SSRC if rtcp else _RTP_SSRC], "big"))
+        if port is None:
+            return False
+        with suppress(OSError):  # the stream is gone: what a network does is lose it
+            self._out.sendto(packet, (LOOPBACK, port))
+        return True
+
+    def close(self) -> None:
+        """Close both sockets."""
+        self._out.close()
+        self.entrance.close()
+
+
+class Carrier:
+    """The sockets of one end, and the loop that serves them."""
+
+    def __init__(
+        self,
+        end: RobotEnd | OperatorEnd,
+        outer: socket.socket,
+        channel: socket.socket,
+        streams: Streams,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._end: Final = end
+        self._outer, self._channel, self._streams = outer, channel, streams
+        self._now_ns = now_ns
+        self._sessions = 0
+        self._left = False
+        self._peer = ""
+        self._told: LinkEvent | None = None
+        self._told_ns = 0
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(outer, selectors.EVENT_READ, self._from_outside)
+        self._selector.register(channel, selectors.EVENT_READ, self._from_application)
+        self._selector.register(streams.entrance, selectors.EVENT_READ, self._from_stream)
+
+    @property
+    def entrance_port(self) -> int:
+        """Where the application's streams must send to."""
+        return int(self._streams.entrance.getsockname()[1])
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Carry datagrams until `stopped`."""
+        while not stopped():
+            for key, _ in self._selector.select(_STEP_S):
+                key.data(key.fileobj)
+            self._step()
+        self._send(self._end.message(GOODBYE))
+
+    def close(self) -> None:
+        """Close everything."""
+        self._selector.close()
+        self._outer.close()
+        self._channel.close()
+        self._streams.close()
+
+    def _step(self) -> None:
+        now_ns = self._now_ns()
+        if isinstance(self._end, OperatorEnd):
+            for call in self._end.step(now_ns):
+                self._send(call)
+        event = self._event()
+        if event != self._told and (
+            now_ns - self._told_ns >= _EVENT_NS or _without_counts(event, self._told)
+        ):
+            self._told, self._told_ns = event, now_ns
+            self._tell(EVENT + msgspec.msgpack.encode(event))
+
+    def _event(self) -> LinkEvent:
+        end = self._end
+        caller = end if isinstance(end, OperatorEnd) else None
+        return LinkEvent(
+            connected=end.connected,
+            sessions=self._sessions,
+            left=self._left,
+            busy=caller is not None and caller.busy,
+            refused=caller is not None and caller.refused,
+            address=self._peer,
+            counts=dict(end.counts),
+            welcome=None if caller is None else caller.welcome,
+        )
+
+    def _from_outside(self, outer: socket.socket) -> None:
+        for _ in range(_READS_IN_A_ROW):
+            try:
+                datagram, address = outer.recvfrom(LARGEST_BYTES)
+            except BlockingIOError:
+                return
+            except OSError:  # an ICMP message: nothing listens there (yet)
+                continue
+            now_ns = self._now_ns()
+            heard = self._end.receive(datagram, address[:2], now_ns)
+            self._act(heard, address[:2], now_ns)
+
+    def _act(self, heard: Heard, address: Address, now_ns: int) -> None:
+        for reply in heard.replies:
+            self._send(reply)
+        if heard.connected:
+            self._sessions += 1
+            self._left = False
+        if heard.connected or heard.message is not None:
+            self._peer = f"{address[0]}:{address[1]}"
+        if heard.left:
+            self._left = True
+        if heard.message is not None:
+            self._tell(MESSAGE + HEARD.pack(now_ns, self._sessions) + heard.message)
+        if heard.media is not None and not self._streams.hand_over(heard.media):
+            self._end.counts["of no stream"] += 1
+
+    def _from_application(self, channel: socket.socket) -> None:
+        for _ in range(_READS_IN_A_ROW):
+            try:
+                content = channel.recv(LARGEST_BYTES)
+            except BlockingIOError:
+                return
+            if not content:
+                return
+            kind, content = content[:1], content[1:]
+            if kind == ROUTES:
+                self._streams.follow(msgspec.msgpack.decode(content, type=Routes))
+            else:
+                self._send(self._end.message(GOODBYE if kind == BYE else content))
+
+    def _from_stream(self, entrance: socket.socket) -> None:
+        for _ in range(_READS_IN_A_ROW):
+            try:
+                packet = entrance.recv(LARGEST_BYTES)
+            except BlockingIOError:
+                return
+            self._send(self._end.media(packet))
+
+    def _send(self, addressed: tuple[bytes, Address] | None) -> None:
+        if addressed is not None:
+            with suppress(OSError):  # no route, no buffer: what a network does is lose it
+                self._outer.sendto(*addressed)
+
+    def _tell(self, content: bytes) -> None:
+        with suppress(BlockingIOError, ConnectionRefusedError, BrokenPipeError):
+            self._channel.send(content)  # full: the application stalls, and newer ones follow
+
+
+def _without_counts(event: LinkEvent, told: LinkEvent | None) -> bool:
+    """Whether more has changed than the counts."""
+    return told is None or msgspec.structs.replace(event, counts=told.counts) != told
+
+
+def _udp(family: int, host: str, port: int) -> socket.socket:
+    one = socket.socket(family, socket.SOCK_DGRAM)
+    try:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        one.setblocking(False)
+        one.bind((host, port))
+    except OSError:
+        one.close()
+        raise
+    return one
+
+
+def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrier, int]:
+    """The carrier that is asked for, and the outer port; OSError, TamsError if impossible."""
+    key_path = specification["key"]
+    key = LOOPBACK_KEY if key_path is None else read_key(Path(key_path))
+    content = base64.b64decode(specification["content"])
+    host, port = specification["host"], int(specification["port"])
+    robot = specification["side"] == "robot"
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    end: RobotEnd | OperatorEnd
+    if robot:
+        end, outer = RobotEnd(key, content), _udp(family, str(address[0]), port)
+    else:
+        # bound to no address of this computer: it may get another one on the way
+        anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
+        called = (str(address[0]), port)
+        end, outer = OperatorEnd(key, called, content, os.urandom), _udp(family, anywhere, 0)
+    stack.callback(outer.close)
+    channel = socket.socket(fileno=int(specification["channel"]))
+    channel.setblocking(False)
+    streams = Streams()
+    stack.callback(streams.close)
+    return Carrier(end, outer, channel, streams), int(outer.getsockname()[1])
+
+
+def main() -> None:
+    """The helper's main function."""
+    side = HelperSide()
+    with ExitStack() as stack:
+        try:
+            carrier, port = _carrier(side.specification, stack)
+        except OSError as error:
+            host, wanted = side.specification["host"], side.specification["port"]
+            side.fail(f"{host}:{wanted} cannot be used: {error.strerror or error}")
+            return
+        except TamsError as error:
+            side.fail(str(error))
+            return
+        stack.callback(carrier.close)
+        use_fifo(RELAY_PRIORITY)
+        side.ready(port=port, entrance=carrier.entrance_port)
+        carrier.run(side.stop_requested.is_set)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""What the two applications tell each other, each message whole in one datagram; newest counts.
+
+Stamps are nanoseconds of the sender's own monotonic clock. What must arrive is counted, and the
+count is in every message: it is repeated until a later message of the other side acknowledges it.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import msgspec
+
+from tams_app.errors import TamsError
+
+HAND_RATE_HZ = 120.0
+STATE_RATE_HZ = 60.0
+PROTOCOL = 1
+
+
+class MessageError(TamsError):
+    """Bytes that are no message of the kind that was expected."""
+
+
+class Greeting(msgspec.Struct, frozen=True):
+    """What the operator's side says when it calls."""
+
+    protocol: int
+    version: str
+
+
+class Welcome(msgspec.Struct, frozen=True):
+    """What the robot's side says of the session that it runs.
+
+    session: the same for as long as its senders run.
+    video: its `VideoConfig`, which receivers must follow.
+    repair: its `RepairRule`, as a mapping of its fields.
+    """
+
+    protocol: int
+    version: str
+    session: str
+    name: str
+    strategy: str
+    network: str
+    seed: int
+    feedback: bool
+    simulated: bool
+    video: dict[str, object]
+    repair: dict[str, object]
+
+
+class HandMessage(msgspec.Struct, frozen=True, array_like=True):
+    """A sample of the controller, and what the operator's side shows and asks for.
+
+    sent_ns: when it was sent.
+    echo_ns: the newest `StateMessage.sent_ns` that was heard, 0 before the first; echo_heard_ns:
+        when that was.
+    pose: position [m] and rotation (quaternion), 7 numbers, in the tracking frame, or None.
+    shown: by view, the RTP timestamp of the frame on the screen; None before the first.
+    confirms: how often the operator has confirmed; confirmed_ns: when they did last.
+    stops: how often they have asked for an emergency stop.
+    """
+
+    sent_ns: int
+    echo_ns: int
+    echo_heard_ns: int
+    status: str
+    pose: tuple[float, float, float, float, float, float, float] | None
+    pose_ns: int
+    buttons_ns: int
+    trigger: float
+    grip: float
+    a: bool
+    b: bool
+    menu: bool
+    shown: tuple[int | None, ...]
+    confirms: int = 0
+    confirmed_ns: int = 0
+    stops: int = 0
+
+
+class StateMessage(msgspec.Struct, frozen=True, array_like=True):
+    """What the robot's side does and knows.
+
+    sent_ns: when it was sent.
+    echo_ns, echo_heard_ns: the newest `HandMessage.sent_ns` that was heard, and when that was.
+    reason: why the arm holds or is in fault, "" otherwise, as it is logged.
+    haptics: how many pulses there have been; haptic: the last of them.
+    first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
+    confirms, stops: those of the last `HandMessage` that counted.
+    noted: how many sentences there have been for people; notes: the last of them.
+    ended: why the session has ended, "" while it runs.
+    """
+
+    sent_ns: int
+    echo_ns: int
+    echo_heard_ns: int
+    arming: str
+    reason: str
+    deadman: bool
+    orientation_mode: bool
+    phase: str
+    tcp_mm: tuple[float, float, float] | None
+    gripper_closed: bool | None
+    target_kbps: tuple[float, ...]
+    capacity_kbps: float | None
+    video_age_ms: tuple[float | None, ...]
+    first_capture_ns: tuple[int | None, ...]
+    haptics: int
+    haptic: str
+    confirms: int
+    stops: int
+    noted: int
+    notes: tuple[str, ...]
+    ended: str
+    failed: bool
+
+
+Message = TypeVar("Message", Greeting, Welcome, HandMessage, StateMessage)
+
+
+def encode(message: Greeting | Welcome | HandMessage | StateMessage) -> bytes:
+    """The bytes of a message (MessagePack)."""
+    return msgspec.msgpack.encode(message)
+
+
+def decode(content: bytes, kind: type[Message]) -> Message:
+    """The message of `kind`; MessageError if it is none, with every field of its type."""
+    try:
+        return msgspec.msgpack.decode(content, type=kind)
+    except msgspec.MsgspecError as error:
+        raise MessageError(f"no {kind.__name__}: {error}") from error

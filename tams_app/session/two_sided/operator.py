@@ -1,0 +1,344 @@
+"""The session on the operator's side: it samples the controller, shows the video, and asks."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import cv2
+
+from hw.controller import Controller
+from tams_app.config import Config, VideoConfig
+from tams_app.errors import TamsError
+from tams_app.link.gateway_client import Endpoint
+from tams_app.link.messages import StateMessage, Welcome
+from tams_app.records import OperatorGlance, ShownFrame
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
+from tams_app.runtime.shared_ring import new_block_name
+from tams_app.runtime.worker import Worker
+from tams_app.session.recorders import LoadMonitor, Recorders
+from tams_app.session.rig_operator import RigOperator
+from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
+from tams_app.session.two_sided.operator_link import OperatorLink, Requests
+from tams_app.session.two_sided.operator_video import OperatorVideo
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.codec_choice import choose_codecs
+from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.repair import RepairRule
+
+_CALL_POLL_NS = 50 * NS_PER_MS
+_TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
+_SILENT_NS = NS_PER_S
+_STOP_TOLD_S = 0.1
+
+
+class OperatorSession:
+    """Start it, `poll` it a few times a second until `ended`, then `close` it; once."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        folder: Path,
+        endpoint: Endpoint,
+        say: Callable[[str], None],
+    ) -> None:
+        """`say` shows a sentence at once, while the start waits for the robot's side."""
+        self.config = config  # its video becomes the robot's when it starts
+        self._say = say
+        self.folder = folder
+        self.signals = Requests(clock)
+        self.ended = threading.Event()
+        self.failure = ""  # why the job failed, in one sentence
+        self.board = StatusBoard(())
+        self._clock = clock
+        self._endpoint = endpoint
+        self._requested_end = ""
+        self._end_reason = ""
+        self._started_ns = clock.now_ns()
+        self._stack = ExitStack()
+        self._helpers: dict[str, HelperProcess] = {}
+        self._screen: FrameBlock | None = None
+        self._video: OperatorVideo | None = None
+        self._welcome: Welcome | None = None
+        self._silent = False
+
+    # --- start ----------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Call the robot's side and start everything; what was started is stopped if it fails."""
+        try:
+            self._start()
+        except BaseException:
+            self._unwind()
+            raise
+
+    def _start(self) -> None:
+        cv2.setNumThreads(1)
+        if self.config.control.realtime_priority:
+            use_round_robin(APPLICATION_PRIORITY)
+            self._stack.callback(use_ordinary)
+        helper_logs = self.folder / "helpers"
+        helper_logs.mkdir()
+        self._log = Recorders(
+            self.config, self._clock, self.folder, self._on_worker_failure, self.board.note
+        )
+        self._stack.callback(self._log.close)
+        self._link = link = OperatorLink(
+            self._clock, self._endpoint, self.signals, self._log, self._shown_now, helper_logs
+        )
+        self._stack.callback(link.close)
+        link.open()
+        self._helpers["link"] = link.process
+        self._welcome = welcome = self._call()
+        self.config = self.config.model_copy(update={"video": video_of(welcome, self.config)})
+        self._start_video(welcome)
+        hand = Worker("hand", self._hand_thread, self._on_worker_failure)
+        self._stack.callback(hand.stop)
+        hand.start()  # from now on the robot's side hears us
+        self._start_controller(helper_logs)
+        pids = {name: process.pid for name, process in self._helpers.items()}
+        running = {name: pid for name, pid in pids.items() if pid is not None}
+        load = Worker(
+            "load", LoadMonitor(self._clock, running, self._log.record).run, self._on_worker_failure
+        )
+        self._stack.callback(load.stop)
+        load.start()
+
+    def _call(self) -> Welcome:
+        """Wait for the robot's side to answer; TamsError if it has another key, or we are ended."""
+        told_ns, busy = self._clock.now_ns(), False
+        where = f"{self._endpoint.host}:{self._endpoint.port}"
+        while (welcome := self._link.welcome()) is None:
+            self._link.listen()
+            now_ns, event = self._clock.now_ns(), self._link.event
+            if event.refused:
+                raise TamsError(
+                    f"the robot's side at {where} has another key: "
+                    "use the same key file on both computers"
+                )
+            if self._requested_end:
+                raise TamsError(f"{self._requested_end} before the robot's side had answered")
+            limit_s = self.config.seconds
+            if limit_s is not None and self.elapsed_s() >= limit_s:
+                raise TamsError(f"nothing answered at {where} within {limit_s:g} s")
+            if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
+                told_ns, busy = now_ns, event.busy
+                self._say(
+                    "another operator is connected: waiting until they leave"
+                    if busy
+                    else f"calling {where}: no answer yet"
+                )
+            self._clock.sleep_until_ns(now_ns + _CALL_POLL_NS)
+        return welcome
+
+    def _start_video(self, welcome: Welcome) -> None:
+        video = self.config.video
+        codecs = choose_codecs(video, False)
+        for remark in codecs.remarks:
+            self.note("warning", remark)
+        if self.config.rig.enabled:
+            self._screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+            self._stack.callback(self._screen.close)
+        self._video = OperatorVideo(
+            video,
+            RepairRule(**welcome.repair),  # type: ignore[arg-type]
+            welcome.feedback,
+            self._clock,
+            self._on_shown,
+            codecs.decoder,
+            self._robot_now_ns,
+        )
+        self._stack.callback(self._video.close)
+        self._link.follow(self._video.start(self._link.entrance_port))
+
+    def _start_controller(self, helper_logs: Path) -> None:
+        controller = self._make_controller(helper_logs)
+        self._stack.callback(controller.close)
+        controller.start()
+        if priority := self.config.control.realtime_priority:
+            for thread_id in controller.realtime_thread_ids.values():
+                use_fifo(priority - 1, thread_id)
+        self._link.controller = controller
+
+    def _make_controller(self, helper_logs: Path) -> Controller:
+        if self._screen is None:
+            from hw.openvr.controller import OpenVrController  # the rig needs no OpenVR
+
+            return OpenVrController(self.config.controller, self._clock, self.note)
+        operator = RigOperator(
+            self.config,
+            self._clock,
+            new_block_name(),
+            self._screen,
+            helper_logs,
+            confirms=True,
+            on_glance=self._record_glance,
+            on_failure=self._on_worker_failure,
+        )
+        self._stack.callback(operator.close)
+        self._helpers["operator"] = operator.launch()
+        operator.wait_ready()
+        self._screen.hide()
+        return operator.controller
+
+    # --- while it runs --------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Look after helpers, streams, the robot's side and the time limit."""
+        for name, process in self._helpers.items():
+            if process.exit_code is not None:
+                self.fail(f"the helper process {name} ended unasked; see {self.folder}/helpers")
+        if self._video is not None and (failure := self._video.poll()):
+            self.fail(failure)
+        self._look_at(self._link.state)
+        if self._requested_end:
+            self.end(self._requested_end)
+        limit_s = self.config.seconds
+        if limit_s is not None and self.elapsed_s() >= limit_s:
+            self.end(f"ended after {limit_s:g} s")
+
+    def _look_at(self, state: StateMessage | None) -> None:
+        event = self._link.event
+        if (welcome := self._link.welcome()) is not None and welcome != self._welcome:
+            self.fail("the robot's side has begun another session: start this one again")
+        if state is not None and state.ended:
+            if state.failed:
+                self.fail(f"the robot's side failed: {state.ended}")
+            self.end(f"the robot's side: {state.ended}")
+        elif event.left:
+            self.end("the robot's side has ended the session")
+        silent = state is None or self._clock.now_ns() - self._link.state_heard_ns > _SILENT_NS
+        if silent and not self._silent:
+            self.note("warning", "nothing is heard of the robot: the arm holds; calling again")
+        self._silent = silent
+
+    def elapsed_s(self) -> float:
+        """Seconds since the session began."""
+        return (self._clock.now_ns() - self._started_ns) / NS_PER_S
+
+    def end(self, reason: str) -> None:
+        """Let the session end; the first reason counts. From any thread."""
+        if not self.ended.is_set():
+            self._end_reason = reason
+            self.ended.set()
+
+    def request_end(self, reason: str) -> None:
+        """As `end`, for signal handlers: takes no lock, the next `poll` sees to it."""
+        self._requested_end = reason
+
+    def fail(self, sentence: str) -> None:
+        """The job has failed: let the session end with exit code 1, and with it the hand go."""
+        if not self.failure:
+            self.failure = sentence
+            self.note("error", sentence)
+        self.end(sentence)
+
+    def note(self, level: str, text: str) -> None:
+        """Keep a sentence in the log and show it."""
+        self._log.note(level, text)
+
+    def shown(self, view: str) -> ShownFrame | None:
+        """The newest frame of `view`, for a window."""
+        return None if self._video is None else self._video.shown(view)
+
+    def snapshot(self) -> StatusSnapshot:
+        """What the console shows at this moment."""
+        state, video, now_ns = self._link.state, self._video, self._clock.now_ns()
+        targets: tuple[float | None, ...] = (None,) * len(self.config.video.views)
+        if state is not None:
+            targets = state.target_kbps
+        views = {
+            view: ViewStatus(
+                target_kbps=target,
+                sent_kbps=None,
+                shown_age_ms=self._age_ms(view),
+                given_fps=None if video is None else video.shown_fps(view),
+            )
+            for view, target in zip(self.config.video.views, targets, strict=False)
+        }
+        lost = state is None or now_ns - self._link.state_heard_ns > _SILENT_NS
+        return StatusSnapshot(
+            t_s=self.elapsed_s(),
+            arming="link lost" if lost or state is None else state.arming,
+            deadman=state is not None and state.deadman,
+            pressed=(),
+            orientation_mode=state is not None and state.orientation_mode,
+            phase="" if state is None else state.phase,
+            reason="" if state is None else state.reason,
+            tcp_mm=None if state is None else state.tcp_mm,
+            gripper_closed=None if state is None else state.gripper_closed,
+            views=views,
+            link_kbps=None,
+            capacity_kbps=None if state is None else state.capacity_kbps,
+            queue_ms=None,
+            asked_fps=self.config.video.fps,
+        )
+
+    def stop_arm(self) -> None:
+        """Let go: the robot's side hears of a controller that is put down, and stops the arm."""
+        self._link.controller = None
+        self._clock.sleep_until_ns(self._clock.now_ns() + round(_STOP_TOLD_S * NS_PER_S))
+
+    def close(self) -> None:
+        """End everything in the reverse order of its start; what fails is kept in `failure`."""
+        self._unwind()
+
+    def _unwind(self) -> None:
+        try:
+            self._stack.close()
+        except (TamsError, OSError) as failure:
+            self.failure = self.failure or str(failure)
+
+    # --- called by the parts --------------------------------------------------------------------
+
+    def _hand_thread(self, stop: threading.Event) -> None:
+        use_fifo(self.config.control.realtime_priority)
+        self._link.run(stop)
+
+    def _on_worker_failure(self, name: str, failure: BaseException) -> None:
+        sentence = str(failure) if isinstance(failure, TamsError) else f"{name}: {failure!r}"
+        self.fail(sentence)
+
+    def _on_shown(self, shown: ShownFrame) -> None:
+        self._log.record(shown)
+        if self._screen is not None:
+            self._screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
+
+    def _record_glance(self, glance: OperatorGlance) -> None:
+        self._log.record(glance)
+
+    def _shown_now(self) -> tuple[int | None, ...]:
+        """In the hand's thread: what is on the screen. What it heard before tells when it began."""
+        video, state = self._video, self._link.state
+        if video is None:
+            return ()
+        if state is not None:
+            video.first_captures(state.first_capture_ns)
+        return video.timestamps()
+
+    def _robot_now_ns(self) -> int | None:
+        state = self._link.state
+        return None if state is None else state.sent_ns
+
+    def _age_ms(self, view: str) -> float | None:
+        shown, offset = self.shown(view), self._link.offset
+        if shown is None or offset is None:
+            return None
+        return (self._clock.now_ns() + offset.offset_ns - shown.capture_ns) / NS_PER_MS
+
+
+def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
+    """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
+    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264"}
+    try:
+        return VideoConfig.model_validate({**video, "decoder": ours.video.decoder})
+    except ValueError as error:
+        raise TamsError(
+            "the robot's side sends video that this version of TAMS cannot show: "
+            "install the same version on both computers"
+        ) from error

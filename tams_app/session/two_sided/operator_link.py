@@ -1,0 +1,248 @@
+"""The robot's side as the operator's session knows it: samples out, state in."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from hw.controller import Controller
+from tams_app import __version__
+from tams_app.errors import TamsError
+from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
+from tams_app.link.gateway import LinkEvent, Routes
+from tams_app.link.gateway_client import Endpoint, Gateway, Received
+from tams_app.link.messages import (
+    HAND_RATE_HZ,
+    PROTOCOL,
+    Greeting,
+    HandMessage,
+    MessageError,
+    StateMessage,
+    Welcome,
+    decode,
+    encode,
+)
+from tams_app.records import (
+    ControllerSample,
+    ControllerStatus,
+    Haptic,
+    LinkHealth,
+    StateHeard,
+)
+from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.runtime.process import HelperProcess
+from tams_app.session.recorders import SessionRecords
+from tams_app.units import NS_PER_S
+
+_HEALTH_NS = NS_PER_S // 10
+_HAPTICS = {haptic.value: haptic for haptic in Haptic}
+_AWAY = ControllerSample(
+    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
+)
+
+
+class Requests:
+    """What the operator asks for by key or button; from any thread, also from a signal handler."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.confirms = self.stops = 0
+        self.confirmed_ns = 0
+
+    def confirm(self) -> None:
+        """The operator agrees: arm, or clear a fault."""
+        self.confirmed_ns = self._clock.now_ns()
+        self.confirms += 1
+
+    def estop(self) -> None:
+        """Emergency stop."""
+        self.stops += 1
+
+
+class OperatorLink:
+    """Owner of the gateway; everything but `open`, `follow` and `close` is for the hand's thread.
+
+    `run` is that thread's body. `state`: what the robot's side told last, None before it.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        endpoint: Endpoint,
+        requests: Requests,
+        log: SessionRecords,
+        shown: Callable[[], tuple[int | None, ...]],
+        log_directory: Path | None,
+    ) -> None:
+        """`shown`: RTP timestamps of the frames on the screen, in the order of the views."""
+        self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
+        self.controller: Controller | None = None  # once it is started
+        self.state: StateMessage | None = None
+        self.state_heard_ns = 0
+        self._session = 0
+        self._acknowledged = (0, 0)  # confirms and stops, before this session of the link
+        self._haptics: int | None = None
+        self._noted: int | None = None
+        self._offset = OffsetEstimate()
+        self._health_due_ns = 0
+        greeting = encode(Greeting(PROTOCOL, __version__))
+        self._gateway = Gateway("operator", endpoint, greeting, log_directory)
+
+    def open(self) -> None:
+        """Begin to call; HelperError if that is impossible."""
+        self._gateway.launch()
+        self._gateway.wait_ready()
+
+    def listen(self) -> None:
+        """Hear of events while the hand's thread does not run yet."""
+        self._gateway.receive()
+
+    def welcome(self) -> Welcome | None:
+        """What the robot's side says of its session; None until it has answered.
+
+        TamsError if it speaks another version of the protocol.
+        """
+        content = self._gateway.event.welcome
+        if content is None:
+            return None
+        try:
+            welcome = decode(content, Welcome)
+        except MessageError as error:
+            raise TamsError(
+                "the robot's side runs a version of TAMS that this one does not understand: "
+                "install the same on both computers"
+            ) from error
+        if welcome.protocol != PROTOCOL:
+            raise TamsError(
+                f"the robot's side runs TAMS {welcome.version}, which this one ({__version__}) "
+                "does not understand: install the same on both computers"
+            )
+        return welcome
+
+    def follow(self, routes: Routes) -> None:
+        """Where the robot's streams are to go."""
+        self._gateway.follow(routes)
+
+    @property
+    def process(self) -> HelperProcess:
+        """The gateway's process."""
+        return self._gateway.process
+
+    @property
+    def event(self) -> LinkEvent:
+        """How the link stands."""
+        return self._gateway.event
+
+    @property
+    def entrance_port(self) -> int:
+        """The port on loopback for what the receivers send."""
+        return self._gateway.entrance_port
+
+    @property
+    def offset(self) -> ClockOffset | None:
+        """The robot's clock minus ours; None before the first exchange."""
+        return self._offset.now
+
+    def close(self) -> None:
+        """Say goodbye and end the gateway; may be called twice."""
+        self._gateway.close()
+
+    # --- in the hand's thread -------------------------------------------------------------------
+
+    def run(self, stop: threading.Event) -> None:
+        """Send a sample and take in what came, 120 times a second."""
+        rate = FixedRate(self._clock, HAND_RATE_HZ)
+        while not stop.is_set():
+            rate.wait()
+            self.step()
+
+    def step(self) -> None:
+        """Once."""
+        for received in self._gateway.receive():
+            self._take(received)
+        now_ns = self._clock.now_ns()
+        controller = self.controller
+        sample = _AWAY if controller is None else controller.sample(now_ns)
+        self._gateway.send(encode(self._hand(sample)))
+        if now_ns >= self._health_due_ns:
+            self._health_due_ns = now_ns + _HEALTH_NS
+            self._log.record(self._health(now_ns))
+
+    def _take(self, received: Received) -> None:
+        try:
+            state = decode(received.content, StateMessage)
+        except MessageError as error:
+            self._log.note("warning", f"a message of the robot's side was left out: {error}")
+            return
+        if received.session != self._session:
+            self._begin(received.session)
+        before, self.state = self.state, state
+        self.state_heard_ns = received.heard_ns
+        if before is not None:
+            self._offset.step(state.echo_ns, state.echo_heard_ns, state.sent_ns, received.heard_ns)
+        self._log.record(StateHeard(received.heard_ns, state.sent_ns, state.echo_ns))
+        self._feel(state)
+        self._tell(state)
+
+    def _begin(self, session: int) -> None:
+        """Only what was not acknowledged is asked for again in a new session of the link."""
+        self._session = session
+        if self.state is not None:
+            confirms, stops = self._acknowledged
+            self._acknowledged = (confirms + self.state.confirms, stops + self.state.stops)
+        self._offset = OffsetEstimate()
+        self.state = None
+        self._log.note("info", "connected to the robot")
+
+    def _feel(self, state: StateMessage) -> None:
+        """Play the last pulse, if there has been one since the last message."""
+        felt, self._haptics = self._haptics, state.haptics
+        controller = self.controller
+        if felt is not None and state.haptics > felt and controller is not None:
+            controller.pulse(_HAPTICS.get(state.haptic, Haptic.LIMIT))
+
+    def _tell(self, state: StateMessage) -> None:
+        """Pass on the sentences that are new; the last few are repeated, older ones are lost."""
+        noted, self._noted = self._noted, state.noted
+        new = len(state.notes) if noted is None else state.noted - noted
+        for text in state.notes[-new:] if new > 0 else ():
+            self._log.note("info", text)
+
+    def _hand(self, sample: ControllerSample) -> HandMessage:
+        state, requests, pose = self.state, self._requests, sample.pose
+        numbers = None
+        if pose is not None:
+            x, y, z = pose.position.tolist()
+            numbers = (x, y, z, *pose.rotation)
+        confirms, stops = self._acknowledged
+        return HandMessage(
+            sent_ns=self._clock.now_ns(),
+            echo_ns=0 if state is None else state.sent_ns,
+            echo_heard_ns=self.state_heard_ns,
+            status=sample.status.value,
+            pose=numbers,
+            pose_ns=sample.pose_ns,
+            buttons_ns=sample.buttons_ns,
+            trigger=sample.trigger,
+            grip=sample.grip,
+            a=sample.a,
+            b=sample.b,
+            menu=sample.menu,
+            shown=self._shown(),
+            confirms=requests.confirms - confirms,
+            confirmed_ns=requests.confirmed_ns,
+            stops=requests.stops - stops,
+        )
+
+    def _health(self, now_ns: int) -> LinkHealth:
+        state, event, clock = self.state, self.event, self._offset.now
+        return LinkHealth(
+            t_ns=now_ns,
+            connected=event.connected and not event.left,
+            age_bound_ns=None if state is None else age_bound_ns(now_ns, state.echo_ns),
+            offset_ns=None if clock is None else clock.offset_ns,
+            uncertainty_ns=None if clock is None else clock.uncertainty_ns,
+            refused={},
+            ignored=dict(event.counts),
+        )

@@ -1,0 +1,289 @@
+"""The operator's side as the robot's session knows it: samples in, state out."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+
+from hw.link.controller import LinkController
+from tams_app import __version__
+from tams_app.config import Config
+from tams_app.link.age import OffsetEstimate, age_bound_ns
+from tams_app.link.gateway import LinkEvent, Routes
+from tams_app.link.gateway_client import Endpoint, Gateway, Received
+from tams_app.link.messages import (
+    PROTOCOL,
+    STATE_RATE_HZ,
+    HandMessage,
+    MessageError,
+    StateMessage,
+    Welcome,
+    decode,
+    encode,
+)
+from tams_app.records import Allocation, ArmState, HandHeard, Haptic, LinkHealth, Tick
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.process import HelperProcess
+from tams_app.session.control import Signals, describe
+from tams_app.session.listener import Listener
+from tams_app.session.recorders import SessionRecords
+from tams_app.teleop.records import TeleopOutput
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.repair import RepairRule
+
+_STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
+_HEALTH_NS = NS_PER_S // 10
+_NOTES_KEPT = 4
+_CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
+_FAREWELLS = 5
+
+
+class RobotLink(Listener):
+    """Owner of the gateway; `open`, then everything but `close` and `note` in the control thread.
+
+    `controller`: the controller in the operator's hand.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        endpoint: Endpoint,
+        signals: Signals,
+        log: SessionRecords,
+        log_directory: Path | None,
+    ) -> None:
+        self._config, self._clock, self._signals, self._log = config, clock, signals, log
+        self._endpoint, self._log_directory = endpoint, log_directory
+        self._gateway: Gateway | None = None
+        self.controller = LinkController(config.link, self._receive, self._pulse)
+        self._views = config.video.views
+        self._video_age_ns: Callable[[str, int], int | None] = lambda _view, _now_ns: None
+        self._first_capture_ns: Callable[[str], int | None] = lambda _view: None
+        self._session = 0
+        self._message: HandMessage | None = None  # the newest, whether it counted or not
+        self._message_heard_ns = 0
+        self._shown: dict[str, int | None] = dict.fromkeys(self._views)
+        self._confirms = self._stops = 0
+        self._offset = OffsetEstimate()
+        self._allocation: Allocation | None = None
+        self._output: TeleopOutput | None = None
+        self._haptics, self._haptic = 0, ""
+        self._notes: tuple[int, tuple[str, ...]] = (0, ())
+        self._state_due_ns = self._health_due_ns = 0
+        self._state: StateMessage | None = None
+
+    # --- start and end --------------------------------------------------------------------------
+
+    def open(
+        self,
+        rule: RepairRule,
+        feedback: bool,
+        first_capture_ns: Callable[[str], int | None],
+        video_age_ns: Callable[[str, int], int | None],
+    ) -> int:
+        """Listen for an operator; the port on loopback for the streams that are for them.
+
+        `first_capture_ns`: of a view's frame with RTP timestamp 0; `video_age_ns`: at a time, of
+        what is shown. HelperError if the address cannot be used.
+        """
+        config = self._config
+        self._first_capture_ns, self._video_age_ns = first_capture_ns, video_age_ns
+        welcome = Welcome(
+            protocol=PROTOCOL,
+            version=__version__,
+            session=secrets.token_hex(8),
+            name=config.name,
+            strategy=config.strategy,
+            network=config.network,
+            seed=config.seed,
+            feedback=feedback,
+            simulated=config.rig.enabled,
+            video=config.video.model_dump(mode="json"),
+            repair=asdict(rule),
+        )
+        self._gateway = gateway = Gateway(
+            "robot", self._endpoint, encode(welcome), self._log_directory
+        )
+        gateway.launch()
+        gateway.wait_ready()
+        return gateway.entrance_port
+
+    def follow(self, routes: Routes) -> None:
+        """Where what the operator's streams send is to go."""
+        assert self._gateway is not None, "open it first"
+        self._gateway.follow(routes)
+
+    @property
+    def process(self) -> HelperProcess:
+        """The gateway's process."""
+        assert self._gateway is not None, "open it first"
+        return self._gateway.process
+
+    @property
+    def event(self) -> LinkEvent | None:
+        """How the link stands; None before it is open."""
+        return None if self._gateway is None else self._gateway.event
+
+    @property
+    def port(self) -> int:
+        """Where the operator's side must call."""
+        return 0 if self._gateway is None else self._gateway.port
+
+    def end(self, reason: str, failed: bool) -> None:
+        """Tell the operator's side that the session is over, and why; once the loop has ended."""
+        gateway, state = self._gateway, self._state
+        if gateway is None:
+            return
+        if state is not None:
+            over = encode(self._telling(state, reason, failed))
+            for _ in range(_FAREWELLS):
+                gateway.send(over)
+                self._clock.sleep_until_ns(self._clock.now_ns() + 10 * NS_PER_MS)
+        gateway.say_goodbye()
+
+    def close(self) -> None:
+        """End the gateway; may be called twice."""
+        if self._gateway is not None:
+            self._gateway.close()
+
+    # --- from the operator ----------------------------------------------------------------------
+
+    def shown_timestamp(self, view: str) -> int | None:
+        """RTP timestamp of the frame of `view` that the operator's side shows, as it said last."""
+        return self._shown[view]
+
+    def _receive(self, now_ns: int) -> None:
+        gateway = self._gateway
+        if gateway is None:
+            return
+        for received in gateway.receive():
+            try:
+                self._take(received, decode(received.content, HandMessage))
+            except MessageError as error:
+                self.controller.refused["not understood"] += 1
+                self.note(f"a message of the operator's side was left out: {error}")
+        if gateway.event.left:
+            self.controller.let_go()
+
+    def _take(self, received: Received, message: HandMessage) -> None:
+        if received.session != self._session:
+            self._session = received.session
+            self.controller.let_go()
+            self._confirms = self._stops = 0
+            self._offset = OffsetEstimate()
+            self._shown = dict.fromkeys(self._views)
+            self._log.note("info", "an operator is connected")
+        heard_ns = received.heard_ns
+        refusal = self.controller.take(message, heard_ns)
+        bound_ns = age_bound_ns(heard_ns, message.echo_ns)
+        self._offset.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
+        self._message, self._message_heard_ns = message, heard_ns
+        for view, timestamp in zip(self._views, message.shown, strict=False):
+            self._shown[view] = timestamp
+        if message.stops > self._stops:  # however old it is
+            self._stops = message.stops
+            self._signals.estop()
+        if message.confirms > self._confirms:
+            self._confirms = message.confirms
+            ago_ns = (bound_ns or 0) + message.sent_ns - message.confirmed_ns
+            if bound_ns is not None and 0 <= ago_ns <= _CONFIRMED_AGO_NS:
+                self._signals.confirm()
+            else:
+                self._log.note("warning", "not confirmed: the operator did so too long ago")
+        self._log.record(
+            HandHeard(
+                t_ns=heard_ns,
+                sent_ns=message.sent_ns,
+                pose_ns=message.pose_ns,
+                echo_ns=message.echo_ns,
+                refusal=refusal,
+            )
+        )
+
+    # --- to the operator ------------------------------------------------------------------------
+
+    def note(self, text: str) -> None:
+        """A sentence that the operator should read; from any thread."""
+        noted, notes = self._notes
+        self._notes = (noted + 1, (*notes, text)[-_NOTES_KEPT:])
+
+    def _pulse(self, haptic: Haptic) -> None:
+        self._haptics += 1
+        self._haptic = haptic.value
+
+    def on_allocation(self, allocation: Allocation) -> None:
+        self._allocation = allocation
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        self._output = output
+
+    def on_tick(self, tick: Tick) -> None:
+        now_ns = tick.started_ns
+        if now_ns >= self._state_due_ns and self._gateway is not None:
+            self._state_due_ns = now_ns + _STATE_NS
+            self._state = self._state_now(tick)
+            self._gateway.send(encode(self._state))
+        if now_ns >= self._health_due_ns:
+            self._health_due_ns = now_ns + _HEALTH_NS
+            self._log.record(self._health(now_ns))
+
+    def _state_now(self, tick: Tick) -> StateMessage:
+        sent_ns = self._clock.now_ns()
+        message, allocation, arm = self._message, self._allocation, tick.arm
+        targets: Mapping[str, float] = {} if allocation is None else allocation.target_kbps
+        ages = [self._video_age_ns(view, sent_ns) for view in self._views]
+        noted, notes = self._notes
+        x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
+        return StateMessage(
+            sent_ns=sent_ns,
+            echo_ns=0 if message is None else message.sent_ns,
+            echo_heard_ns=self._message_heard_ns,
+            arming=tick.arming,
+            reason=describe(self._output) if self._output is not None else "",
+            deadman=tick.deadman,
+            orientation_mode=tick.orientation_mode,
+            phase=tick.phase.value,
+            tcp_mm=None if arm is None else (x, y, z),
+            gripper_closed=None if arm is None else arm.gripper_closed,
+            target_kbps=tuple(float(targets.get(view, 0.0)) for view in self._views),
+            capacity_kbps=None if allocation is None else float(allocation.capacity_kbps),
+            video_age_ms=tuple(None if age is None else age / NS_PER_MS for age in ages),
+            first_capture_ns=tuple(map(self._first_capture_ns, self._views)),
+            haptics=self._haptics,
+            haptic=self._haptic,
+            confirms=self._confirms,
+            stops=self._stops,
+            noted=noted,
+            notes=notes,
+            ended="",
+            failed=False,
+        )
+
+    def _telling(self, state: StateMessage, reason: str, failed: bool) -> StateMessage:
+        """The last state, with the end of the session and the last sentences in it."""
+        noted, notes = self._notes
+        return msgspec.structs.replace(
+            state,
+            sent_ns=self._clock.now_ns(),
+            noted=noted,
+            notes=notes,
+            ended=reason or "the session is over",
+            failed=failed,
+        )
+
+    def _health(self, now_ns: int) -> LinkHealth:
+        clock, event, message = self._offset.now, self.event, self._message
+        return LinkHealth(
+            t_ns=now_ns,
+            connected=event is not None and event.connected and not event.left,
+            age_bound_ns=None if message is None else age_bound_ns(now_ns, message.echo_ns),
+            offset_ns=None if clock is None else clock.offset_ns,
+            uncertainty_ns=None if clock is None else clock.uncertainty_ns,
+            refused=dict(self.controller.refused),
+            ignored={} if event is None else dict(event.counts),
+        )
