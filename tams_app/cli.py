@@ -303,15 +303,25 @@ def doctor(
 
 
 @app.command()
-def report(log: Annotated[Path, typer.Argument(help="A session folder.")]) -> None:
-    """Make summary.json and bitrates.png anew from a session's log.
+def report(
+    log: Annotated[Path, typer.Argument(help="A session folder.")],
+    other: Annotated[
+        Path | None,
+        typer.Argument(help="That of the other computer: `robot` and `operate`, in any order."),
+    ] = None,
+) -> None:
+    """Make summary.json and bitrates.png anew from a session's log, or from the logs of two sides.
 
     From a log that is damaged or cut off, summary.json says "complete": false and what is missing;
-    a complete one from before is kept as summary.json.before.
+    a complete one from before is kept as summary.json.before. That of two sides has the frames as
+    they were shown, and what the link did; it is written into the folder of the robot's side.
     """
-    from tams_app.console.report import report_session
+    from tams_app.console.report import report_both, report_session
 
-    report_session(log)
+    if other is None:
+        report_session(log)
+    else:
+        report_both(log, other)
 
 
 @app.command()

@@ -14,7 +14,9 @@ from rich.text import Text
 from tams_app.errors import LogError, UnreadableLogError
 from tams_app.recording import read_log
 from tams_app.session.recorders import LOG_NAME
+from tams_app.summary.joined import in_order, summarise_both
 from tams_app.summary.summarise import save_summary
+from tams_app.summary.summarise import write_summary as save_summary_of
 
 FIGURE_NAME = "bitrates.png"
 _NOTHING = "–"
@@ -33,6 +35,46 @@ def report_session(folder: Path, console: Console | None = None) -> None:
     if missing := _missing(summary):
         console.print(missing, style="bold", highlight=False, soft_wrap=True)
     console.print(f"[bold]{folder}[/]", highlight=False)
+
+
+def report_both(first: Path, second: Path, console: Console | None = None) -> None:
+    """As `report_session`, of the two logs of one session, into the folder of the robot's side."""
+    from tams_app.study.figures import save_bitrates
+
+    folders = [_session_folder(one) for one in (first, second)]
+    logs = [read_log(folder / LOG_NAME) for folder in folders]
+    robot, operator = in_order(*logs)
+    folder = folders[0] if robot is logs[0] else folders[1]
+    summary = summarise_both(robot, operator)
+    save_summary_of(summary, folder)
+    save_bitrates(robot, folder / FIGURE_NAME)
+    console = console or Console()
+    console.print(summary_tables(summary), link_table(summary["link"]))
+    if missing := _missing(summary):
+        console.print(missing, style="bold", highlight=False, soft_wrap=True)
+    console.print(f"[bold]{folder}[/]", highlight=False)
+
+
+def link_table(link: Mapping[str, Any]) -> Table:
+    """What the link between two computers did."""
+    ages, commands, trips = link["sample_age_ms"], link["command_latency_ms"], link["round_trip_ms"]
+    refused = ", ".join(
+        f"{number} {reason}" for reason, number in link["samples"]["refused"].items()
+    )
+    rows = {
+        "Link": f"round trip p50 {_number(trips['p50'], '{:.0f} ms')}, "
+        f"p99 {_number(trips['p99'], '{:.0f} ms')}; times between the two computers are right to "
+        f"within {link['uncertainty_ms']:.1f} ms",
+        "Hand": f"age of a sample p50 {_number(ages['p50'], '{:.0f} ms')}, "
+        f"p99 {_number(ages['p99'], '{:.0f} ms')}; to the command p50 "
+        f"{_number(commands['p50'], '{:.0f} ms')}, p99 {_number(commands['p99'], '{:.0f} ms')}; "
+        f"{link['samples']['counted']} of {link['samples']['heard']} counted"
+        + (f" ({refused})" if refused else ""),
+    }
+    table = Table.grid(padding=(0, 2))
+    for name, value in rows.items():
+        table.add_row(Text(name, style="dim"), Text(value))
+    return table
 
 
 def write_summary(folder: Path) -> dict[str, Any]:

@@ -80,15 +80,20 @@ def save_summary(log: SessionLog, folder: Path) -> dict[str, Any]:
     as `summary.json.before`.
     """
     summary = summarise(log)
+    write_summary(summary, folder)
+    return summary
+
+
+def write_summary(summary: dict[str, Any], folder: Path) -> None:
+    """Write a summary into `folder`, beside a complete one from before; LogError if it cannot."""
     text = json.dumps(summary, indent=2) + "\n"
     path = folder / SUMMARY_NAME
     try:
-        if not log.complete and _is_complete(path):
+        if not summary["complete"] and _is_complete(path):
             os.replace(path, folder / BEFORE_NAME)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise LogError(f"{folder}: the summary cannot be written: {error.strerror}") from error
-    return summary
 
 
 def _view(

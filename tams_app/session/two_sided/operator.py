@@ -25,6 +25,7 @@ from tams_app.session.rig_operator import RigOperator
 from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
+from tams_app.summary.joined import SESSION_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -95,6 +96,7 @@ class OperatorSession:
         link.open()
         self._helpers["link"] = link.process
         self._welcome = welcome = self._call()
+        self._log.fact(SESSION_FACT, welcome.session)
         self.config = self.config.model_copy(update={"video": video_of(welcome, self.config)})
         self._start_video(welcome)
         hand = Worker("hand", self._hand_thread, self._on_worker_failure)

@@ -31,6 +31,7 @@ from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals, describe
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
+from tams_app.summary.joined import SESSION_FACT
 from tams_app.teleop.records import TeleopOutput
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
@@ -111,6 +112,7 @@ class RobotLink(Listener):
         )
         gateway.launch()
         gateway.wait_ready()
+        self._log.fact(SESSION_FACT, welcome.session)
         return gateway.entrance_port
 
     def follow(self, routes: Routes) -> None:

@@ -1,0 +1,163 @@
+"""One summary of a session on two computers, from the logs of both sides.
+
+The two clocks are brought together by the messages that both have logged: of those that went one
+way, the one that took least bounds their offset from one side, of those that came back from the
+other. Between the bounds nothing tells where it is: the middle is taken, and half of their distance
+is the uncertainty of every figure that spans both computers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tams_app.errors import LogError
+from tams_app.recording import SessionLog
+from tams_app.recording.topics import FrameShown
+from tams_app.summary.summarise import summarise
+from tams_app.summary.tables import Integers, capture_indices, percentiles, ratio
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+SESSION_FACT = "link_session"  # the same in both logs
+_WINDOW_NS = 10 * NS_PER_S  # two clocks drift apart by at most a millisecond in it
+_PERCENTILES = ("p50", "p95", "p99", "max")
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffsets:
+    """The robot's clock minus that of the operator's side, at times of the latter [ns]."""
+
+    t_ns: Integers
+    offset_ns: Integers
+    uncertainty_ns: int
+
+    def to_robot(self, operator_ns: Integers) -> Integers:
+        """Times of the operator's side on the robot's clock; between two windows in proportion."""
+        since = self.t_ns[0]
+        offsets = np.interp(operator_ns - since, self.t_ns - since, self.offset_ns)
+        on_robot: Integers = operator_ns + np.round(offsets).astype(np.int64)
+        return on_robot
+
+
+def in_order(first: SessionLog, second: SessionLog) -> tuple[SessionLog, SessionLog]:
+    """The log of the robot's side and that of the operator's; LogError unless they are of one."""
+    robot, operator = (second, first) if first.states_heard else (first, second)
+    if not operator.states_heard or robot.states_heard or not robot.ticks:
+        raise LogError(
+            "these are not the two logs of one session: give that of `robot` and that of `operate`"
+        )
+    sessions = {one.facts.get(SESSION_FACT) for one in (robot, operator)}
+    if len(sessions) > 1 or None in sessions:
+        raise LogError("these are the logs of two different sessions")
+    return robot, operator
+
+
+def clock_offsets(robot: SessionLog, operator: SessionLog) -> ClockOffsets:
+    """The clocks' offset in windows of ten seconds; LogError if no message went both ways."""
+    there = np.array([(one.sent_ns, one.t_ns) for one in robot.hands_heard], dtype=np.int64)
+    back = np.array([(one.t_ns, one.sent_ns) for one in operator.states_heard], dtype=np.int64)
+    if not len(there) or not len(back):
+        raise LogError("the two sides have not heard of each other: there is nothing to join")
+    windows_there, windows_back = there[:, 0] // _WINDOW_NS, back[:, 0] // _WINDOW_NS
+    rows = []
+    for window in np.intersect1d(windows_there, windows_back):
+        at_most = np.min(np.diff(there[windows_there == window], axis=1))
+        at_least = np.max(np.diff(back[windows_back == window], axis=1))
+        middle_ns = int(window) * _WINDOW_NS + _WINDOW_NS // 2
+        rows.append((middle_ns, (at_most + at_least) // 2, (at_most - at_least + 1) // 2))
+    if not rows:
+        raise LogError("the two sides have not heard of each other: there is nothing to join")
+    t_ns, offset_ns, uncertainty_ns = np.array(rows, dtype=np.int64).T
+    return ClockOffsets(t_ns, offset_ns, int(np.max(uncertainty_ns)))
+
+
+def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> SessionLog:
+    """The robot's log with the frames shown at the operator's side, on the robot's clock."""
+    shown = []
+    for view in robot.header.views:
+        indices = capture_indices(robot, view)
+        there = [one for one in operator.shown if one.view == view and one.index in indices]
+        if there:
+            times_ns = offsets.to_robot(np.array([one.shown_ns for one in there], dtype=np.int64))
+            shown += [
+                FrameShown(view, indices[one.index], t_ns)
+                for one, t_ns in zip(there, times_ns.tolist(), strict=True)
+            ]
+    return replace(robot, shown=shown, glances=operator.glances)
+
+
+def summarise_both(first: SessionLog, second: SessionLog) -> dict[str, Any]:
+    """As `summarise`, with the frames as they were shown, and `link`; LogError if not a pair."""
+    robot, operator = in_order(first, second)
+    offsets = clock_offsets(robot, operator)
+    summary = summarise(joined(robot, operator, offsets))
+    return {
+        **summary,
+        "complete": robot.complete and operator.complete,
+        "link": link_figures(robot, operator, offsets),
+    }
+
+
+def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
+    """What the link did; times between the two sides are right to within `uncertainty_ms`."""
+    heard = robot.hands_heard
+    counted = [one for one in heard if not one.refusal]
+    refused: dict[str, int] = {}
+    for one in heard:
+        if one.refusal:
+            refused[one.refusal] = refused.get(one.refusal, 0) + 1
+    told = sum(one.packets for one in robot.uplink)
+    return {
+        "clock_offset_ms": round(float(np.median(offsets.offset_ns)) / NS_PER_MS, 3),
+        "uncertainty_ms": round(offsets.uncertainty_ns / NS_PER_MS, 3),
+        "samples": {"heard": len(heard), "counted": len(counted), "refused": refused},
+        "sample_age_ms": _ages_ms(
+            [one.pose_ns for one in counted], [one.t_ns for one in counted], offsets
+        ),
+        "command_latency_ms": _command_latency_ms(robot, offsets),
+        "state_age_ms": _state_ages_ms(operator, offsets),
+        "round_trip_ms": percentiles(
+            np.array([one.t_ns - one.echo_ns for one in heard if one.echo_ns > 0]) / NS_PER_MS,
+            _PERCENTILES,
+        ),
+        "video": {
+            "packets": told or None,
+            "loss_fraction": ratio(sum(one.lost for one in robot.uplink), told),
+        },
+        "ignored": {
+            "robot": robot.link_health[-1].ignored if robot.link_health else {},
+            "operator": operator.link_health[-1].ignored if operator.link_health else {},
+        },
+    }
+
+
+def _ages_ms(made_ns: list[int], at_ns: list[int], offsets: ClockOffsets) -> dict[str, Any]:
+    """From when it was made at the operator's side until a time of the robot's."""
+    if not made_ns:
+        return percentiles(np.array([]), _PERCENTILES)
+    made = offsets.to_robot(np.array(made_ns, dtype=np.int64))
+    return percentiles((np.array(at_ns, dtype=np.int64) - made) / NS_PER_MS, _PERCENTILES)
+
+
+def _command_latency_ms(robot: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
+    """From the pose of the hand to the end of the first tick that had it."""
+    counted = [one for one in robot.hands_heard if not one.refusal]
+    started = np.array([tick.started_ns for tick in robot.ticks], dtype=np.int64)
+    finished = np.array([tick.finished_ns for tick in robot.ticks], dtype=np.int64)
+    tick = np.searchsorted(started, [one.t_ns for one in counted])
+    acted = [
+        (one.pose_ns, int(finished[number]))
+        for one, number in zip(counted, tick.tolist(), strict=True)
+        if number < len(finished)
+    ]
+    return _ages_ms([one[0] for one in acted], [one[1] for one in acted], offsets)
+
+
+def _state_ages_ms(operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
+    """Age of the robot's messages when they were heard."""
+    heard = operator.states_heard
+    at = offsets.to_robot(np.array([one.t_ns for one in heard], dtype=np.int64))
+    sent = np.array([one.sent_ns for one in heard], dtype=np.int64)
+    return percentiles((at - sent) / NS_PER_MS, _PERCENTILES)
