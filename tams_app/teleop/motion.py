@@ -10,16 +10,17 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import ZERO, Floats3, dot, floats, minus, norm, plus_times, times
 
 _MIN_INTERVAL_S = 0.002  # two poses closer than this are one with jitter
-_MAX_INTERVAL_S = 0.1
+_LONGEST_GAP_NS = 50 * NS_PER_MS
 
 
 class HandMotion:
     """Velocities from successive poses, three bands against impossible speeds, EMA, mapping.
 
     v = Δp/Δt and ω = log(R_t R_{t-1}ᵀ)/Δt over the times at which the pose changed. An unchanged
-    pose keeps the velocity for `hold_ns`, then it is zero, and the next pose is where the hand
-    begins anew. Up to the clamp speed a velocity passes, up to the reject speed it is shortened,
-    beyond it is left out as if the pose had not changed.
+    pose keeps the velocity for `hold_ns`, then it is zero; after more than 50 ms the next pose is
+    where the hand begins anew, so that nothing of a gap is made up for. Up to the clamp speed a
+    velocity passes, up to the reject speed it is shortened, beyond it is left out as if the pose
+    had not changed.
     """
 
     def __init__(self, config: HandConfig, hold_ns: float) -> None:
@@ -69,11 +70,11 @@ class HandMotion:
     def _take(self, pose: Pose, pose_ns: int) -> None:
         last, last_ns = self._last, self._last_ns
         self._last, self._last_ns = pose, pose_ns
-        if last is None or pose_ns - last_ns > self._hold_ns:  # nothing of a gap is made up for
+        if last is None or pose_ns - last_ns > _LONGEST_GAP_NS:
             self._accepted_ns = pose_ns
             self._linear = self._angular = ZERO
             return
-        interval_s = min(max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S), _MAX_INTERVAL_S)
+        interval_s = max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S)
         linear = _banded(
             times(floats(pose.position - last.position), 1.0 / interval_s),
             self._config.clamp_above_m_s,
