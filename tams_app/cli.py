@@ -40,6 +40,12 @@ MAX_KBPS = 1e9
 STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
 
 
+KeyOption = Annotated[
+    Path | None,
+    typer.Option("--key", help="The key file of both computers; none needed on loopback."),
+]
+
+
 def _kbps(text: str) -> float:
     """The argument of an option that takes a rate."""
     try:
@@ -165,12 +171,6 @@ def run(
     raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
 
 
-KeyOption = Annotated[
-    Path | None,
-    typer.Option("--key", help="The key file of both computers; none needed on loopback."),
-]
-
-
 @app.command()
 def robot(
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where operators call.")],
@@ -285,8 +285,18 @@ def doctor(
         bool,
         typer.Option("--speed", help="Measure which frame rate this machine holds, on the rig."),
     ] = False,
+    link: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Measure the network to a `robot` that runs there."),
+    ] = None,
+    key: KeyOption = None,
 ) -> None:
     """Check this machine, and print the fix for each thing that is missing."""
+    if link is not None:
+        from tams_app.console.link_check import run_link_check
+        from tams_app.console.two_sided import endpoint_of
+
+        raise typer.Exit(run_link_check(endpoint_of("--link", link, key)))
     settings = load_config(config, {"rig.enabled": True if speed else None})
     if speed:
         from tams_app.console.speed import run_speed

@@ -26,7 +26,9 @@ import msgspec
 from tams_app.errors import TamsError
 from tams_app.link.ends import GOODBYE, Address, Heard, OperatorEnd, RobotEnd
 from tams_app.link.keys import LOOPBACK_KEY, read_key
-from tams_app.link.sealing import is_rtcp
+from tams_app.link.probing import PREFIX, Answering
+from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES, is_rtcp
+from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS
@@ -109,6 +111,7 @@ class Carrier:
         self._end: Final = end
         self._outer, self._channel, self._streams = outer, channel, streams
         self._now_ns = now_ns
+        self._answering = Answering()
         self._sessions = 0
         self._left = False
         self._peer = ""
@@ -187,7 +190,11 @@ class Carrier:
             self._peer = f"{address[0]}:{address[1]}"
         if heard.left:
             self._left = True
-        if heard.message is not None:
+        if heard.message is not None and heard.message.startswith(PREFIX):
+            size_bytes = len(heard.message) + MESSAGE_OVERHEAD_BYTES + IP_UDP_HEADER_BYTES
+            for answer in self._answering.answers(heard.message, now_ns, size_bytes):
+                self._send(self._end.message(answer))
+        elif heard.message is not None:
             self._tell(MESSAGE + HEARD.pack(now_ns, self._sessions) + heard.message)
         if heard.media is not None and not self._streams.hand_over(heard.media):
             self._end.counts["of no stream"] += 1

@@ -1,0 +1,168 @@
+"""`doctor --link`: measures the network between the two computers, and proposes its settings."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console
+
+from tams_app import __version__
+from tams_app.errors import HelperError, TamsError
+from tams_app.link.ends import GOODBYE, OperatorEnd
+from tams_app.link.gateway_client import Endpoint
+from tams_app.link.keys import LOOPBACK_KEY, read_key
+from tams_app.link.messages import PROTOCOL, Greeting, encode
+from tams_app.link.probing import (
+    PART,
+    PONG,
+    TrainReceiver,
+    TrainReport,
+    ask,
+    numbers_of,
+    ping,
+    report_of,
+    train_of,
+)
+from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
+from tams_app.records import IP_UDP_HEADER_BYTES
+from tams_app.runtime.clock import Clock, MonotonicClock
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+_ANSWER_NS = 8 * NS_PER_S
+_PINGS, _PING_EVERY_NS = 250, 20 * NS_PER_MS
+_TRAIN_PARTS, _TRAIN_NS = 300, 3 * NS_PER_S
+_QUIET_NS = NS_PER_S
+_BUFFER_BYTES = 4_000_000
+
+
+def run_link_check(endpoint: Endpoint, console: Console | None = None) -> int:
+    """Measure the link to a `robot` that runs, and print what was found; the exit code."""
+    console = console or Console()
+    with _Prober(endpoint, MonotonicClock()) as prober:
+        console.print(f"measuring the link to {endpoint.host}:{endpoint.port}, about ten seconds")
+        prober.connect()
+        round_trips_ms = prober.round_trips_ms()
+        down, up = prober.train_down(), prober.train_up()
+        for line in findings(round_trips_ms, down, up):
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+def findings(round_trips_ms: list[float], down: TrainReport, up: TrainReport) -> Iterator[str]:
+    """What was measured, in words, and the section of the configuration that follows from it."""
+    if not round_trips_ms:
+        raise TamsError("the robot's side answers no measurement: is it still running?")
+    p50, p95, p99 = np.percentile(round_trips_ms, (50, 95, 99)).tolist()
+    lost = 1 - len(round_trips_ms) / _PINGS
+    yield f"round trip: {p50:.1f} ms (p50), {p95:.1f} ms (p95), {p99:.1f} ms (p99); lost {lost:.1%}"
+    for way, report in (("robot to operator", down), ("operator to robot", up)):
+        rate = "too little came to tell" if report.kbps is None else f"{report.kbps:.0f} kbit/s"
+        missing = 1 - report.packets / _TRAIN_PARTS
+        yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {missing:.0%} were lost"
+    yield "for the configuration of the robot's side:"
+    yield "link:"
+    yield f"  latency_ms: {p50 / 2:.1f}"
+    yield f"  jitter_ms: {p95 - min(round_trips_ms):.1f}"
+
+
+class _Prober:
+    """The operator's end of a link that carries nothing but measurements."""
+
+    def __init__(self, endpoint: Endpoint, clock: Clock) -> None:
+        key = LOOPBACK_KEY if endpoint.key is None else read_key(endpoint.key)
+        family, _, _, _, address = socket.getaddrinfo(
+            endpoint.host, endpoint.port, type=socket.SOCK_DGRAM
+        )[0]
+        self._clock = clock
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        self._socket.setblocking(False)
+        greeting = encode(Greeting(PROTOCOL, __version__))
+        called = (str(address[0]), endpoint.port)
+        self._end = OperatorEnd(key, called, greeting, os.urandom)
+
+    def __enter__(self) -> _Prober:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._send(GOODBYE)
+        self._socket.close()
+
+    def connect(self) -> None:
+        """Call until there is an answer; HelperError with the reason if there is none."""
+        deadline_ns = self._clock.now_ns() + _ANSWER_NS
+        while not self._end.connected:
+            if self._end.refused:
+                raise HelperError(
+                    "the robot's side has another key: use the same file on both computers"
+                )
+            if self._clock.now_ns() >= deadline_ns:
+                raise HelperError(
+                    "the robot's side has another operator: measure when they have left"
+                    if self._end.busy
+                    else "nothing answers there: start `robot` first, and let UDP to it through"
+                )
+            for call in self._end.step(self._clock.now_ns()):
+                self._socket.sendto(*call)
+            list(self._heard(NS_PER_S // 20))
+
+    def round_trips_ms(self) -> list[float]:
+        """Of each echo that came back [ms]."""
+        sent_ns: dict[int, int] = {}
+        trips_ms = []
+        for number in range(_PINGS):
+            sent_ns[number] = self._clock.now_ns()
+            self._send(ping(number))
+            wait_ns = _PING_EVERY_NS if number < _PINGS - 1 else _QUIET_NS
+            for now_ns, message in self._heard(wait_ns):
+                if (numbers := numbers_of(message, PONG)) and numbers[0] in sent_ns:
+                    trips_ms.append((now_ns - sent_ns.pop(numbers[0])) / NS_PER_MS)
+        return trips_ms
+
+    def train_down(self) -> TrainReport:
+        """A train from the robot's side; video that comes meanwhile takes its share."""
+        receiver = TrainReceiver(1, _TRAIN_PARTS)
+        self._send(ask(1, _TRAIN_PARTS))
+        for now_ns, message in self._heard(_TRAIN_NS):
+            if numbers_of(message, PART):
+                size_bytes = len(message) + MESSAGE_OVERHEAD_BYTES + IP_UDP_HEADER_BYTES
+                receiver.part(now_ns, size_bytes)
+                if len(receiver.arrivals) == _TRAIN_PARTS:
+                    break
+        return receiver.report()
+
+    def train_up(self) -> TrainReport:
+        """A train to the robot's side, as that side tells of it."""
+        for message in train_of(2, _TRAIN_PARTS):
+            self._send(message)
+        report = TrainReport(2, 0, 0, 0)
+        for _, message in self._heard(_TRAIN_NS):
+            report = report_of(message) or report
+            if report.packets == _TRAIN_PARTS:
+                break
+        return report
+
+    def _send(self, message: bytes) -> None:
+        if (addressed := self._end.message(message)) is not None:
+            try:
+                self._socket.sendto(*addressed)
+            except BlockingIOError:
+                return  # a full buffer loses it, as a network does
+
+    def _heard(self, wait_ns: int) -> Iterator[tuple[int, bytes]]:
+        """What comes within `wait_ns`: when, and the message."""
+        deadline_ns = self._clock.now_ns() + wait_ns
+        while (left_ns := deadline_ns - self._clock.now_ns()) > 0:
+            if not select.select([self._socket], [], [], left_ns / NS_PER_S)[0]:
+                return
+            datagram, address = self._socket.recvfrom(65_536)
+            now_ns = self._clock.now_ns()
+            heard = self._end.receive(datagram, address[:2], now_ns)
+            if heard.connected:
+                self._send(ping(_PINGS))  # the first message confirms the call
+            if heard.message is not None:
+                yield now_ns, heard.message
