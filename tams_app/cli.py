@@ -343,9 +343,10 @@ def network(
     ] = "print",
     config: ConfigOption = None,
 ) -> None:
-    """Emulate a network condition on an interface with `tc`: other traffic's, nothing of the video.
+    """Emulate a network condition on an interface with `tc`.
 
-    In this version the video stays on one computer's loopback; `run --network` emulates its link.
+    With `robot` the video crosses that interface. With `run` it stays on loopback, and
+    `run --network` emulates its link.
     """
     from tams_app.video.netem import run_network
 

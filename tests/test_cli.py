@@ -244,10 +244,10 @@ def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(capsys, tmp_path
     assert "127.0.0.1:1" in run(capsys, *dry)[2], "a dry run goes on, to an arm that is not there"
 
 
-def test_the_help_of_network_promises_nothing_of_the_video(capsys):
+def test_the_help_of_network_says_whose_video_it_shapes(capsys):
     code, out, _ = run(capsys, "network", "--help")
     assert code == 0
-    assert "nothing of the video" in " ".join(out.split())
+    assert "With `run` it stays on loopback" in " ".join(out.split())
     assert "leaves by" not in out
 
 
