@@ -161,14 +161,14 @@ class Belief:
     def predict(self, moved: Vector, turned: Vector, seconds: float) -> None:
         """The tool was asked to move [m] and turn [rad], shape (3,), since the last glance."""
         self._information = {}
-        along = self.carried_part if self._is_near() else 0.0
+        along = self.carried_part if self.block_is_near else 0.0
         self._note_velocity(moved, turned, along, seconds)
         self.state[TOOL] += moved
         self.state[TURN] += turned
         self._renew_errors(math.sqrt(moved @ moved), math.sqrt(turned @ turned))
         self.state[BLOCK] += along * moved
         self.state[BLOCK_YAW] += along * turned[2]
-        self.covariance[:] += motion_noise(moved, turned, seconds, along, self._is_near())
+        self.covariance[:] += motion_noise(moved, turned, seconds, along, self.block_is_near)
 
     def _note_velocity(self, moved: Vector, turned: Vector, along: float, seconds: float) -> None:
         self._velocity[:SIZE] = 0.0
@@ -182,7 +182,7 @@ class Belief:
         kept = np.ones(self._lasting.size)
         for view in self._views:
             for thing in Thing:
-                at_tool = thing is Thing.TOOL or (thing is Thing.BLOCK and self._is_near())
+                at_tool = thing is Thing.TOOL or (thing is Thing.BLOCK and self.block_is_near)
                 if at_tool or view in self._wrist:
                     self._lasting.keep(view, thing, part, kept)
         self.estimate.fade(kept)
@@ -190,13 +190,13 @@ class Belief:
     def note_fingers_moved(self) -> None:
         """The fingers moved: a block near them may be in them now, or no longer."""
         self.carried_part = 0.5
-        if self._is_near():
+        if self.block_is_near:
             height = max(0.0, float(self.state[BLOCK_Z]) - BLOCK_HEIGHT_M / 2)
             self.covariance[BLOCK_Z, BLOCK_Z] += (_FALLS * height) ** 2
 
     def learn_carried_part(self, before: Vector) -> None:
         """After a glance: what part of the tool's motion since `before` did the block share?"""
-        if not self._is_near():
+        if not self.block_is_near:
             self.carried_part = 0.0
             return
         moved = self.state[TOOL] - before[TOOL]
@@ -206,7 +206,9 @@ class Belief:
         shared = float((self.state[BLOCK] - before[BLOCK]) @ moved) / path**2
         self.carried_part += _LEARNS * (min(1.0, max(0.0, shared)) - self.carried_part)
 
-    def _is_near(self) -> bool:
+    @property
+    def block_is_near(self) -> bool:
+        """Whether it may be in the fingers."""
         gap = self.state[BLOCK] - self.state[TOOL]
         return bool(gap @ gap < _NEAR_M**2)
 
@@ -216,7 +218,7 @@ class Belief:
         """Things lie on the table unless they are carried or seen above it."""
         above = self.state[BLOCK_Z] - (BLOCK_EDGE_M if self.lies else BLOCK_HEIGHT_M) / 2
         known = self.covariance[BLOCK_Z, BLOCK_Z] + _ON_TABLE_SIGMA_M**2
-        if self._is_near() or above**2 > _CLEARLY**2 * known:
+        if self.block_is_near or above**2 > _CLEARLY**2 * known:
             return
         row = np.zeros((1, self._lasting.size))
         row[0, BLOCK_Z] = 1.0
@@ -258,8 +260,16 @@ class Belief:
         return True
 
     def _start_anew(self, thing: Thing, sightings: Sequence[Sighting]) -> None:
-        """Start anew with what is seen: the thing is not where it was believed to be."""
+        """Start anew with what is seen: the thing is not where it was believed to be.
+
+        What lies on the table is placed as at first sight, however far away it was believed to be.
+        """
         self._surprises[thing] = 0
+        if thing is not Thing.TOOL and not (thing is Thing.BLOCK and self.block_is_near):
+            self.seen[thing] = False
+            for sighting in sightings:
+                self._take_expected(sighting)
+            return
         where = place_of(thing)
         self.covariance[where, where] += np.eye(where.stop - where.start) * _LOST_SIGMA_M**2
         for sighting in sightings:

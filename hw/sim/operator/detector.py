@@ -145,6 +145,7 @@ class Detector:
         boxes: list[Box],
         headings: list[HeadingSighting],
     ) -> list[Sighting]:
+        """Where it is believed to be; if it plainly is not there, anywhere else."""
         camera = belief.camera(view)
         spread = _SEARCH_SIGMAS * belief.pixel_sigma(view, Thing.BLOCK) + _MARGIN_PX
         if not belief.seen[Thing.BLOCK] or spread > _EVERYWHERE_PX:
@@ -156,13 +157,15 @@ class Detector:
         if window is None:
             return []
         expected = sketch(camera, [*boxes, block], ORANGE, middle, radius)
-        blobs = find_blobs(window, ORANGE, max(12.0, expected.area))
-        if expected.visible < _HIDDEN or not blobs:
+        if expected.visible < _HIDDEN:
             return []
-        blob = min(blobs, key=lambda one: _distance(one.middle, expected.middle) / one.area)
-        judged = _judged(blob, blob.area, expected)
-        if judged is None or not window.holds(blob):
-            return []
+        blob = _block_patch(window, expected)
+        judged = None if blob is None else _judged(blob, blob.area, expected)
+        if blob is None or judged is None:
+            if belief.block_is_near or not _in_plain_sight(expected, image, middle):
+                return []
+            elsewhere = self._search_block(view, image, camera)
+            return [one for one in elsewhere if _distance(one.pixels[0], middle) > radius]
         if view in self._wrist_views and expected.visible > _WHOLE[0]:
             headings += _heading(view, blob, camera, belief, blob.area / expected.area)
         pixel = blob.middle - expected.middle + middle
@@ -245,6 +248,21 @@ class Detector:
                 sigma, cue = _MARKER_CENTRE_PX, Cue.MARKER
                 return [Sighting(view, Thing.CONTAINER, centre, _FLOOR, sigma, blurred, cue=cue)]
         return []
+
+
+def _block_patch(window: Window, expected: Outline) -> Blob | None:
+    """The patch that is the block, if there is one and none of it is cut off."""
+    blobs = find_blobs(window, ORANGE, max(12.0, expected.area))
+    if not blobs:
+        return None
+    blob = min(blobs, key=lambda one: _distance(one.middle, expected.middle) / one.area)
+    return blob if window.holds(blob) else None
+
+
+def _in_plain_sight(expected: Outline, image: Image, middle: Vector) -> bool:
+    """Whether a thing at `middle` [px] is in the image and hardly hidden."""
+    inside = (middle >= 0.0).all() and (middle < image.shape[1::-1]).all()
+    return bool(inside and expected.visible > _WHOLE[0])
 
 
 def _is_on_mat(place: Vector) -> bool:

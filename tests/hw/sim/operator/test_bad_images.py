@@ -162,6 +162,24 @@ def test_clear_images_after_rubbish_are_believed_again(clear):
     assert np.linalg.norm(off[:2]) < 3.0 * math.hypot(eyes.sigma, before.sigma)
 
 
+@pytest.mark.parametrize("pixel", [(12, 291), (4, 225)], ids=["in reach", "out of reach"])
+def test_a_block_first_seen_where_there_is_none_is_found_where_it_lies(clear, pixel):
+    """So it was live: the table's edge, in the first frames of a stream that builds up."""
+    rested, misled = Eyes(), Eyes()
+    rested.show(clear, 12)
+    misled.show({**clear, "gt": _orange_patch(pixel)}, 1)
+    assert np.linalg.norm(misled.gap - rested.gap) > 0.2
+    misled.show(clear, 12)
+    assert misled.gap == pytest.approx(rested.gap, abs=0.001)
+    assert misled.sigma < 1.5 * rested.sigma
+
+
+def _orange_patch(middle):
+    left, top = middle[0] - 9, middle[1] - 9
+    image = np.full(SHAPE, 130, np.uint8)
+    return cv2.rectangle(image, (left, top), (left + 18, top + 18), THE_THINGS_COLOURS[0], -1)
+
+
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000), size=st.integers(1, 80))
 def test_no_image_is_too_strange_to_look_at(seed, size):

@@ -93,6 +93,17 @@ def test_one_view_against_the_other_is_not_believed_but_both_are():
     assert belief.block == pytest.approx(elsewhere, abs=0.002)
 
 
+@pytest.mark.parametrize("view", ["gt", "gs"])
+def test_a_block_seen_far_away_by_one_view_is_believed_to_lie_on_the_table_there(view):
+    far_away = np.array((0.34, 0.30, 0.01))
+    belief = _settled()
+    for _ in range(4):
+        belief.predict(np.zeros(3), np.zeros(3), 0.08)
+        belief.hold_to_table()
+        belief.take([_sighting(belief, view, Thing.BLOCK, far_away)])
+    assert belief.block == pytest.approx(far_away, abs=0.003)
+
+
 def _stare(belief, glances, moved=0.0, **errors):
     """Look at the block in one view again and again, the image being the same."""
     for _ in range(glances):

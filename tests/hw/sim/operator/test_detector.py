@@ -174,6 +174,20 @@ def test_the_block_is_found_anywhere_on_the_mat_at_first(scene):
     assert belief.container[:2] == pytest.approx(scene.truth.container.position[:2], abs=0.003)
 
 
+@pytest.mark.parametrize("near", [False, True], ids=["far from the fingers", "near them"])
+def test_a_block_that_plainly_is_not_there_is_looked_for_elsewhere_unless_in_the_fingers(
+    scene, near
+):
+    belief = _belief(scene.truth)
+    belief.seen[Thing.BLOCK] = True
+    belief.state[BLOCK] = (0.30, 0.06, 0.01)
+    if near:
+        belief.state[TOOL] = (0.30, 0.06, 0.03)
+    glance = Detector({"eih": wrist_camera()}).look(scene.images(), belief)
+    found = {seen.view for seen in glance.sightings if seen.thing is Thing.BLOCK}
+    assert found == (set() if near else {"gt", "gs"})
+
+
 def test_a_container_whose_marker_cannot_be_read_is_found_by_its_blue(scene):
     belief = Belief(fixed_cameras(), {"eih": wrist_camera()})
     looker = Detector({"eih": wrist_camera()})
