@@ -42,6 +42,7 @@ _BUFFER_BYTES = 4_000_000
 _READS_IN_A_ROW = 32  # from one socket: a flood at one port must not hold the others up
 _STEP_S = 0.05
 _EVENT_NS = 500 * NS_PER_MS
+_LOOK_NS = 50 * NS_PER_MS
 _RTP_SSRC, _RTCP_SSRC = slice(8, 12), slice(4, 8)
 
 
@@ -114,9 +115,10 @@ class Carrier:
         self._answering = Answering()
         self._sessions = 0
         self._left = False
-        self._peer = ""
+        self._peer: Address = ("", 0)
         self._told: LinkEvent | None = None
-        self._told_ns = 0
+        self._told_ns = self._looked_ns = 0
+        self._changed = False  # more than counts may have
         self._selector = selectors.DefaultSelector()
         self._selector.register(outer, selectors.EVENT_READ, self._from_outside)
         self._selector.register(channel, selectors.EVENT_READ, self._from_application)
@@ -147,6 +149,9 @@ class Carrier:
         if isinstance(self._end, OperatorEnd):
             for call in self._end.step(now_ns):
                 self._send(call)
+        if not self._changed and now_ns - self._looked_ns < _LOOK_NS:
+            return
+        self._changed, self._looked_ns = False, now_ns
         event = self._event()
         if event != self._told and (
             now_ns - self._told_ns >= _EVENT_NS or _without_counts(event, self._told)
@@ -163,7 +168,7 @@ class Carrier:
             left=self._left,
             busy=caller is not None and caller.busy,
             refused=caller is not None and caller.refused,
-            address=self._peer,
+            address=f"{self._peer[0]}:{self._peer[1]}",
             counts=dict(end.counts),
             welcome=None if caller is None else caller.welcome,
         )
@@ -185,11 +190,10 @@ class Carrier:
             self._send(reply)
         if heard.connected:
             self._sessions += 1
-            self._left = False
-        if heard.connected or heard.message is not None:
-            self._peer = f"{address[0]}:{address[1]}"
-        if heard.left:
-            self._left = True
+        if heard.connected or heard.left:
+            self._left, self._changed = heard.left, True
+        if address != self._peer and (heard.connected or heard.message is not None):
+            self._peer, self._changed = address, True
         if heard.message is not None and heard.message.startswith(PREFIX):
             size_bytes = len(heard.message) + MESSAGE_OVERHEAD_BYTES + IP_UDP_HEADER_BYTES
             for answer in self._answering.answers(heard.message, now_ns, size_bytes):

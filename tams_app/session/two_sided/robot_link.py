@@ -38,7 +38,9 @@ from tams_app.video.repair import RepairRule
 
 _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
 _HEALTH_NS = NS_PER_S // 10
-_NOTES_KEPT = 4
+_NOTES_KEPT = 3
+_NOTE_LENGTH = 250  # a message has to fit into one datagram
+_NOTE_REPEATED_NS = NS_PER_S  # its loss is unlikely then; repeating it for good costs bandwidth
 _CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _FAREWELLS = 5
 
@@ -75,6 +77,7 @@ class RobotLink(Listener):
         self._output: TeleopOutput | None = None
         self._haptics, self._haptic = 0, ""
         self._notes: tuple[int, tuple[str, ...]] = (0, ())
+        self._noted_ns = 0
         self._state_due_ns = self._health_due_ns = 0
         self._state: StateMessage | None = None
 
@@ -212,7 +215,8 @@ class RobotLink(Listener):
     def note(self, text: str) -> None:
         """A sentence that the operator should read; from any thread."""
         noted, notes = self._notes
-        self._notes = (noted + 1, (*notes, text)[-_NOTES_KEPT:])
+        self._notes = (noted + 1, (*notes, text[:_NOTE_LENGTH])[-_NOTES_KEPT:])
+        self._noted_ns = self._clock.now_ns()
 
     def _pulse(self, haptic: Haptic) -> None:
         self._haptics += 1
@@ -240,6 +244,7 @@ class RobotLink(Listener):
         targets: Mapping[str, float] = {} if allocation is None else allocation.target_kbps
         ages = [self._video_age_ns(view, sent_ns) for view in self._views]
         noted, notes = self._notes
+        repeats = sent_ns - self._noted_ns < _NOTE_REPEATED_NS
         x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
         return StateMessage(
             sent_ns=sent_ns,
@@ -261,7 +266,7 @@ class RobotLink(Listener):
             confirms=self._confirms,
             stops=self._stops,
             noted=noted,
-            notes=notes,
+            notes=notes if repeats else (),
             ended="",
             failed=False,
         )
