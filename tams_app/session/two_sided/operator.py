@@ -10,10 +10,11 @@ from pathlib import Path
 import cv2
 
 from hw.controller import Controller
+from tams_app import __version__
 from tams_app.config import Config, VideoConfig
 from tams_app.errors import TamsError
-from tams_app.link.gateway_client import Endpoint
-from tams_app.link.messages import StateMessage, Welcome
+from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
 from tams_app.records import OperatorGlance, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
@@ -89,8 +90,10 @@ class OperatorSession:
             self.config, self._clock, self.folder, self._on_worker_failure, self.board.note
         )
         self._stack.callback(self._log.close)
+        greeting = encode(Greeting(PROTOCOL, __version__))
+        gateway = Gateway("operator", self._endpoint, greeting, helper_logs)
         self._link = link = OperatorLink(
-            self._clock, self._endpoint, self.signals, self._log, self._shown_now, helper_logs
+            self._clock, gateway, self.signals, self._log, self._shown_now
         )
         self._stack.callback(link.close)
         link.open()

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
 from hw.controller import Controller
 from tams_app import __version__
 from tams_app.errors import TamsError
 from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
 from tams_app.link.gateway import LinkEvent, Routes
-from tams_app.link.gateway_client import Endpoint, Gateway, Received
+from tams_app.link.gateway_client import Gateway, Received
 from tams_app.link.messages import (
     HAND_RATE_HZ,
     PROTOCOL,
-    Greeting,
     HandMessage,
     MessageError,
     StateMessage,
@@ -69,11 +67,10 @@ class OperatorLink:
     def __init__(
         self,
         clock: Clock,
-        endpoint: Endpoint,
+        gateway: Gateway,
         requests: Requests,
         log: SessionRecords,
         shown: Callable[[], tuple[int | None, ...]],
-        log_directory: Path | None,
     ) -> None:
         """`shown`: RTP timestamps of the frames on the screen, in the order of the views."""
         self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
@@ -86,8 +83,7 @@ class OperatorLink:
         self._noted: int | None = None
         self._offset = OffsetEstimate()
         self._health_due_ns = 0
-        greeting = encode(Greeting(PROTOCOL, __version__))
-        self._gateway = Gateway("operator", endpoint, greeting, log_directory)
+        self._gateway = gateway
 
     def open(self) -> None:
         """Begin to call; HelperError if that is impossible."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from hw.controller import Controller
 from tams_app.config import Config, Network
 from tams_app.errors import HelperError
-from tams_app.link.gateway_client import Endpoint
+from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.devices import Devices
@@ -64,9 +64,10 @@ class RobotSession(Session):
         )
 
     def _make_video(self, network: Network, codecs: Codecs, helper_logs: Path) -> Senders:
-        self.link = link = RobotLink(
-            self.config, self._clock, self._endpoint, self.signals, self._log, helper_logs
-        )
+        def gateway(welcome: bytes) -> Gateway:
+            return Gateway("robot", self._endpoint, welcome, helper_logs)
+
+        self.link = link = RobotLink(self.config, self._clock, self.signals, self._log, gateway)
         self._stack.callback(link.close)
         return RobotVideo(
             self.config,

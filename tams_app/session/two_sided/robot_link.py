@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from pathlib import Path
 
 import msgspec
 
@@ -14,7 +13,7 @@ from tams_app import __version__
 from tams_app.config import Config
 from tams_app.link.age import OffsetEstimate, age_bound_ns
 from tams_app.link.gateway import LinkEvent, Routes
-from tams_app.link.gateway_client import Endpoint, Gateway, Received
+from tams_app.link.gateway_client import Gateway, Received
 from tams_app.link.messages import (
     PROTOCOL,
     STATE_RATE_HZ,
@@ -55,13 +54,13 @@ class RobotLink(Listener):
         self,
         config: Config,
         clock: Clock,
-        endpoint: Endpoint,
         signals: Signals,
         log: SessionRecords,
-        log_directory: Path | None,
+        make_gateway: Callable[[bytes], Gateway],
     ) -> None:
+        """`make_gateway`: of what an operator is told when they connect."""
         self._config, self._clock, self._signals, self._log = config, clock, signals, log
-        self._endpoint, self._log_directory = endpoint, log_directory
+        self._make_gateway = make_gateway
         self._gateway: Gateway | None = None
         self.controller = LinkController(config.link, self._receive, self._pulse)
         self._views = config.video.views
@@ -110,9 +109,7 @@ class RobotLink(Listener):
             video=config.video.model_dump(mode="json"),
             repair=asdict(rule),
         )
-        self._gateway = gateway = Gateway(
-            "robot", self._endpoint, encode(welcome), self._log_directory
-        )
+        self._gateway = gateway = self._make_gateway(encode(welcome))
         gateway.launch()
         gateway.wait_ready()
         self._log.fact(SESSION_FACT, welcome.session)
