@@ -52,6 +52,7 @@ class Welcome(msgspec.Struct, frozen=True):
 class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     """A sample of the controller, and what the operator's side shows and asks for.
 
+    operator: a random number of the application that sends; its counts begin with it.
     sent_ns: when it was sent.
     echo_ns: the newest `StateMessage.sent_ns` that was heard, 0 before the first; echo_heard_ns:
         when that was.
@@ -61,6 +62,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     stops: how often they have asked for an emergency stop.
     """
 
+    operator: int
     sent_ns: int
     echo_ns: int
     echo_heard_ns: int
@@ -87,7 +89,7 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     reason: why the arm holds or is in fault, "" otherwise, as it is logged.
     haptics: how many pulses there have been; haptic: the last of them.
     first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
-    confirms, stops: those of the last `HandMessage` that counted.
+    confirms, stops: those of the last `HandMessage`.
     noted: how many sentences there have been for people; notes: the last of them.
     ended: why the session has ended, "" while it runs.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -93,7 +94,12 @@ class OperatorSession:
         greeting = encode(Greeting(PROTOCOL, __version__))
         gateway = Gateway("operator", self._endpoint, greeting, helper_logs)
         self._link = link = OperatorLink(
-            self._clock, gateway, self.signals, self._log, self._shown_now
+            self._clock,
+            gateway,
+            self.signals,
+            self._log,
+            self._shown_now,
+            secrets.randbits(63),
         )
         self._stack.callback(link.close)
         link.open()

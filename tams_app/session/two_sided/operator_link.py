@@ -71,14 +71,18 @@ class OperatorLink:
         requests: Requests,
         log: SessionRecords,
         shown: Callable[[], tuple[int | None, ...]],
+        identity: int,
     ) -> None:
-        """`shown`: RTP timestamps of the frames on the screen, in the order of the views."""
+        """`shown`: RTP timestamps of the frames on the screen, in the order of the views.
+
+        `identity`: a random number, another one for each application.
+        """
         self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
         self.controller: Controller | None = None  # once it is started
         self.state: StateMessage | None = None
         self.state_heard_ns = 0
         self._session = 0
-        self._acknowledged = (0, 0)  # confirms and stops, before this session of the link
+        self._identity = identity
         self._haptics: int | None = None
         self._noted: int | None = None
         self._offset = OffsetEstimate()
@@ -182,11 +186,7 @@ class OperatorLink:
         self._tell(state)
 
     def _begin(self, session: int) -> None:
-        """Only what was not acknowledged is asked for again in a new session of the link."""
         self._session = session
-        if self.state is not None:
-            confirms, stops = self._acknowledged
-            self._acknowledged = (confirms + self.state.confirms, stops + self.state.stops)
         self._offset = OffsetEstimate()
         self.state = None
         self._log.note("info", "connected to the robot")
@@ -211,8 +211,8 @@ class OperatorLink:
         if pose is not None:
             x, y, z = pose.position.tolist()
             numbers = (x, y, z, *pose.rotation)
-        confirms, stops = self._acknowledged
         return HandMessage(
+            operator=self._identity,
             sent_ns=self._clock.now_ns(),
             echo_ns=0 if state is None else state.sent_ns,
             echo_heard_ns=self.state_heard_ns,
@@ -226,9 +226,9 @@ class OperatorLink:
             b=sample.b,
             menu=sample.menu,
             shown=self._shown(),
-            confirms=requests.confirms - confirms,
+            confirms=requests.confirms,
             confirmed_ns=requests.confirmed_ns,
-            stops=requests.stops - stops,
+            stops=requests.stops,
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

@@ -67,6 +67,7 @@ class RobotLink(Listener):
         self._video_age_ns: Callable[[str, int], int | None] = lambda _view, _now_ns: None
         self._first_capture_ns: Callable[[str], int | None] = lambda _view: None
         self._session = 0
+        self._operator: int | None = None
         self._message: HandMessage | None = None  # the newest, whether it counted or not
         self._message_heard_ns = 0
         self._shown: dict[str, int | None] = dict.fromkeys(self._views)
@@ -176,10 +177,12 @@ class RobotLink(Listener):
         if received.session != self._session:
             self._session = received.session
             self.controller.let_go()
-            self._confirms = self._stops = 0
             self._offset = OffsetEstimate()
             self._shown = dict.fromkeys(self._views)
             self._log.note("info", "an operator is connected")
+        if message.operator != self._operator:
+            self._operator = message.operator
+            self._confirms = self._stops = 0
         heard_ns = received.heard_ns
         refusal = self.controller.take(message, heard_ns)
         bound_ns = age_bound_ns(heard_ns, message.echo_ns)

@@ -1,0 +1,74 @@
+"""Both applications' ends of a link in memory, under a virtual clock each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from tams_app.link.gateway import LinkEvent, Routes
+from tams_app.link.gateway_client import NO_EVENT, Received
+from tams_app.runtime.clock import VirtualClock
+
+
+class MemoryGateway:
+    """What `Gateway` is to an application; `other` is the one at the other computer."""
+
+    def __init__(self, clock: VirtualClock, welcome: bytes | None = None) -> None:
+        self.event: LinkEvent = msgspec.structs.replace(NO_EVENT, connected=True, welcome=welcome)
+        self.entrance_port = 4242
+        self.other: MemoryGateway | None = None
+        self.session = 1
+        self.delay_ns = 0  # of what is sent
+        self.cut = False
+        self.routes: Routes | None = None
+        self.farewells = 0
+        self._clock = clock
+        self._coming: list[tuple[int, int, bytes]] = []
+
+    def launch(self) -> None: ...
+
+    def wait_ready(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def follow(self, routes: Routes) -> None:
+        self.routes = routes
+
+    def say_goodbye(self) -> None:
+        self.farewells += 1
+
+    def send(self, message: bytes) -> None:
+        if not self.cut and self.other is not None:
+            self.other.arrive(self.other._clock.now_ns() + self.delay_ns, self.session, message)
+
+    def arrive(self, t_ns: int, session: int, message: bytes) -> None:
+        self._coming.append((t_ns, session, message))
+
+    def receive(self) -> list[Received]:
+        now_ns = self._clock.now_ns()
+        come = [one for one in self._coming if one[0] <= now_ns]
+        self._coming = [one for one in self._coming if one[0] > now_ns]
+        return [Received(*one) for one in come]
+
+
+@dataclass
+class MemoryLog:
+    """Keeps what it is told."""
+
+    records: list[Any] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    facts: dict[str, str] = field(default_factory=dict)
+
+    def record(self, item: Any) -> None:
+        self.records.append(item)
+
+    def note(self, level: str, text: str) -> None:
+        self.notes.append(text)
+
+    def fact(self, name: str, value: str) -> None:
+        self.facts[name] = value
+
+    def of(self, kind: type) -> list[Any]:
+        return [one for one in self.records if isinstance(one, kind)]

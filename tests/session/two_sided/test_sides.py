@@ -1,0 +1,285 @@
+"""What the two sides tell each other, in memory: samples, requests, pulses, sentences, the end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hw.controller import Controller
+from tams_app.config import load_config
+from tams_app.link.messages import Welcome, decode
+from tams_app.records import (
+    ControllerSample,
+    ControllerStatus,
+    HandHeard,
+    Haptic,
+    LinkHealth,
+    Pose,
+    StateHeard,
+)
+from tams_app.rotation import Rotation
+from tams_app.runtime.clock import VirtualClock
+from tams_app.session.control import Signals
+from tams_app.session.two_sided.operator_link import OperatorLink, Requests
+from tams_app.session.two_sided.robot_link import RobotLink
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.repair import RepairRule
+from tests.session.two_sided.exchange import MemoryGateway, MemoryLog
+from tests.synthetic_session import tick
+
+pytestmark = pytest.mark.untimed
+
+CONFIG = load_config()
+PERIOD_NS = NS_PER_S // 120
+VIEWS = CONFIG.video.views
+
+
+class HeldController(Controller):
+    """A controller whose hand moves 1 mm a sample."""
+
+    def __init__(self) -> None:
+        self.pulses: list[Haptic] = []
+        self.trigger = 0.0
+        self._x = 0.0
+
+    def start(self) -> None: ...
+
+    def sample(self, now_ns: int) -> ControllerSample:
+        self._x += 0.001
+        pose = Pose(np.array([self._x, 1.0, 0.0]), Rotation.identity())
+        return ControllerSample(
+            ControllerStatus.OK, pose, now_ns, now_ns, self.trigger, 0.0, False, False, False
+        )
+
+    def pulse(self, haptic: Haptic) -> None:
+        self.pulses.append(haptic)
+
+    def close(self) -> None: ...
+
+
+class Sides:
+    """Both sides, whose clocks differ by half an hour."""
+
+    def __init__(self, delay_ms: int = 20) -> None:
+        self.robot_clock, self.operator_clock = VirtualClock(2000 * NS_PER_S), VirtualClock()
+        self.there = MemoryGateway(self.robot_clock)
+        self.here = MemoryGateway(self.operator_clock)
+        self.there.other, self.here.other = self.here, self.there
+        self.there.delay_ns = self.here.delay_ns = delay_ms * NS_PER_MS
+        self.robot_log, self.operator_log = MemoryLog(), MemoryLog()
+        self.signals, self.requests = Signals(), Requests(self.operator_clock)
+        self.shown: dict[str, int | None] = dict.fromkeys(VIEWS)
+        self.welcome = b""
+
+        def make_gateway(welcome: bytes) -> MemoryGateway:
+            self.welcome = welcome
+            return self.there
+
+        self.robot = RobotLink(CONFIG, self.robot_clock, self.signals, self.robot_log, make_gateway)
+        self.robot.open(
+            RepairRule(True, 60, 300.0), True, lambda _view: 17, lambda _view, _now_ns: 5
+        )
+        self.robot.controller.start()
+        self.operator = OperatorLink(
+            self.operator_clock,
+            self.here,
+            self.requests,
+            self.operator_log,
+            lambda: tuple(self.shown.values()),
+            identity=4711,
+        )
+        self.hand = self.operator.controller = HeldController()
+        self.sample: ControllerSample | None = None
+        self.confirmed = self.stopped = 0
+
+    def run(self, seconds: float, *, robot: bool = True) -> None:
+        for _ in range(round(seconds * 120)):
+            for clock in (self.robot_clock, self.operator_clock):
+                clock.advance_ns(PERIOD_NS)
+            self.operator.step()
+            if not robot:
+                continue
+            now_ns = self.robot_clock.now_ns()
+            self.sample = self.robot.controller.sample(now_ns)
+            pending = self.signals.take()
+            self.confirmed += pending.confirm
+            self.stopped += pending.estop
+            self.robot.on_tick(replace(tick(0), started_ns=now_ns, due_ns=now_ns))
+
+    def cut(self, is_cut: bool) -> None:
+        self.here.cut = self.there.cut = is_cut
+
+    def reconnect(self) -> None:
+        """As after a new handshake."""
+        self.here.session = self.there.session = self.here.session + 1
+        self.cut(False)
+
+
+def test_a_sample_arrives_with_its_times_on_the_robots_clock():
+    sides = Sides()
+    sides.hand.trigger = 0.7
+    sides.run(1.0)
+    sample, now_ns = sides.sample, sides.robot_clock.now_ns()
+    assert sample.status is ControllerStatus.OK
+    assert sample.trigger == 0.7
+    assert now_ns - 2 * PERIOD_NS <= sample.pose_ns <= now_ns
+    heard = sides.robot_log.of(HandHeard)
+    assert [one.refusal for one in heard[-60:]] == [""] * 60
+
+
+def test_before_it_has_heard_an_echo_nothing_counts():
+    sides = Sides()
+    sides.there.cut = True  # the operator's side hears nothing
+    sides.run(1.0)
+    assert sides.sample.status is ControllerStatus.LINK_LOST
+    assert {one.refusal for one in sides.robot_log.of(HandHeard)} == {"without an echo"}
+
+
+def test_a_lost_link_is_told_as_one_and_found_again():
+    sides = Sides()
+    sides.run(1.0)
+    sides.cut(True)
+    sides.run(0.3)
+    assert sides.sample.status is ControllerStatus.LINK_LOST
+    sides.cut(False)
+    sides.run(0.3)
+    assert sides.sample.status is ControllerStatus.OK
+
+
+def test_an_emergency_stop_pressed_while_nothing_arrives_stops_once_when_it_does():
+    sides = Sides()
+    sides.run(1.0)
+    sides.cut(True)
+    sides.requests.estop()
+    sides.run(5.0)
+    assert sides.stopped == 0
+    sides.cut(False)
+    sides.run(1.0)
+    assert sides.stopped == 1
+
+
+def test_a_confirmation_arms_only_while_it_is_fresh():
+    sides = Sides()
+    sides.run(1.0)
+    sides.requests.confirm()
+    sides.run(0.5)
+    assert sides.confirmed == 1
+    sides.cut(True)
+    sides.requests.confirm()
+    sides.run(2.5)
+    sides.cut(False)
+    sides.run(1.0)
+    assert sides.confirmed == 1
+    assert "not confirmed: the operator did so too long ago" in sides.robot_log.notes
+
+
+def test_what_was_acknowledged_is_not_asked_for_again_in_a_new_session_of_the_link():
+    sides = Sides()
+    sides.run(1.0)
+    sides.requests.estop()
+    sides.run(0.5)
+    sides.cut(True)
+    sides.run(3.0)
+    sides.reconnect()
+    sides.run(1.0)
+    assert sides.stopped == 1
+
+
+def test_a_stop_that_was_not_acknowledged_is_asked_for_in_the_next_session_of_the_link():
+    sides = Sides()
+    sides.run(1.0)
+    sides.cut(True)
+    sides.requests.estop()
+    sides.run(3.0)
+    sides.reconnect()
+    sides.run(1.0)
+    assert sides.stopped == 1
+
+
+def test_each_pulse_is_felt_once():
+    sides = Sides()
+    sides.run(1.0)
+    sides.robot.controller.pulse(Haptic.ENGAGE)
+    sides.run(0.5)
+    sides.robot.controller.pulse(Haptic.FAULT)
+    sides.run(0.5)
+    assert sides.hand.pulses == [Haptic.ENGAGE, Haptic.FAULT]
+
+
+def test_each_sentence_is_read_once_although_messages_are_lost():
+    sides = Sides()
+    sides.run(1.0)
+    sides.robot.note("fault, link lost")
+    sides.there.cut = True
+    sides.run(0.1)
+    sides.there.cut = False
+    sides.run(0.5)
+    sides.robot.note("ready")
+    sides.run(2.0)
+    told = [note for note in sides.operator_log.notes if note != "connected to the robot"]
+    assert told == ["fault, link lost", "ready"]
+
+
+def test_a_long_sentence_leaves_room_in_the_datagram():
+    sides = Sides()
+    for _ in range(5):
+        sides.robot.note("x" * 5000)
+    sizes: list[int] = []
+    sides.there.send = lambda message: sizes.append(len(message))
+    sides.run(0.1)
+    assert 0 < max(sizes) < 1150
+
+
+def test_the_robots_side_knows_which_frames_are_shown():
+    sides = Sides()
+    sides.shown[VIEWS[1]] = 90_000
+    sides.run(1.0)
+    assert sides.robot.shown_timestamp(VIEWS[1]) == 90_000
+    assert sides.robot.shown_timestamp(VIEWS[0]) is None
+    sides.shown[VIEWS[1]] = None
+    sides.reconnect()
+    sides.run(1.0)
+    assert sides.robot.shown_timestamp(VIEWS[1]) is None, "another operator sees other frames"
+
+
+def test_the_operators_side_is_told_why_the_session_ended():
+    sides = Sides()
+    sides.run(1.0)
+    sides.robot.end("the trial is over", failed=False)
+    sides.run(0.5, robot=False)
+    assert sides.operator.state.ended == "the trial is over"
+    assert not sides.operator.state.failed
+    assert sides.there.farewells == 1
+
+
+def test_bytes_that_are_no_message_change_nothing_but_a_count():
+    sides = Sides()
+    sides.run(1.0)
+    for content in (b"", b"\x90", b"\xc1", bytes(900)):
+        sides.there.arrive(sides.robot_clock.now_ns(), 1, content)
+        sides.here.arrive(sides.operator_clock.now_ns(), 1, content)
+    sides.run(0.1)
+    assert sides.sample.status is ControllerStatus.OK
+    assert sides.robot.controller.refused["not understood"] == 4
+
+
+@pytest.mark.parametrize("there_ms", [1, 20, 90])
+def test_both_sides_know_the_clocks_difference_to_within_what_they_say(there_ms: int):
+    sides = Sides()
+    sides.here.delay_ns = there_ms * NS_PER_MS
+    truth_ns = sides.robot_clock.now_ns() - sides.operator_clock.now_ns()
+    sides.run(2.0)
+    robot, operator = (log.of(LinkHealth)[-1] for log in (sides.robot_log, sides.operator_log))
+    assert abs(operator.offset_ns - truth_ns) <= operator.uncertainty_ns
+    assert abs(robot.offset_ns + truth_ns) <= robot.uncertainty_ns
+    assert operator.uncertainty_ns <= (there_ms + 20 + 20) * NS_PER_MS
+    assert sides.operator_log.of(StateHeard)
+
+
+def test_the_welcome_says_what_receivers_must_know():
+    welcome = decode(Sides().welcome, Welcome)
+    assert welcome.video["views"] == list(VIEWS)
+    assert welcome.repair["latency_ms"] == 60
+    assert welcome.feedback
