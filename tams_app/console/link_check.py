@@ -100,11 +100,13 @@ class _Prober:
                 raise HelperError(
                     "the robot's side has another key: use the same file on both computers"
                 )
-            if self._clock.now_ns() >= deadline_ns:
+            if self._end.busy:
                 raise HelperError(
                     "the robot's side has another operator: measure when they have left"
-                    if self._end.busy
-                    else "nothing answers there: start `robot` first, and let UDP to it through"
+                )
+            if self._clock.now_ns() >= deadline_ns:
+                raise HelperError(
+                    "nothing answers there: start `robot` first, and let UDP to it through"
                 )
             for call in self._end.step(self._clock.now_ns()):
                 self._socket.sendto(*call)

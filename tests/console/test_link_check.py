@@ -1,0 +1,125 @@
+"""`doctor --link` against a real gateway on loopback."""
+
+from __future__ import annotations
+
+import io
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from tams_app.console.link_check import findings, run_link_check
+from tams_app.console.two_sided import endpoint_of
+from tams_app.errors import ConfigError, HelperError, TamsError
+from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.keys import new_key
+from tams_app.link.probing import TrainReport
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> Path:
+    new_key(tmp_path / "key")
+    return tmp_path / "key"
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+@pytest.fixture
+def robot(key: Path, tmp_path: Path) -> Iterator[Endpoint]:
+    endpoint = Endpoint("127.0.0.1", free_port(), key)
+    gateway = Gateway("robot", endpoint, b"welcome", tmp_path)
+    gateway.launch()
+    try:
+        gateway.wait_ready()
+        yield endpoint
+    finally:
+        gateway.close()
+
+
+def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
+    out = io.StringIO()
+    assert run_link_check(robot, Console(file=out, width=200)) == 0
+    text = out.getvalue()
+    assert "round trip:" in text
+    assert "lost 0.0%" in text
+    assert "robot to operator:" in text
+    assert "operator to robot:" in text
+    assert "latency_ms:" in text
+
+
+def test_another_key_is_told_in_a_sentence(robot: Endpoint, tmp_path: Path):
+    new_key(tmp_path / "other")
+    with pytest.raises(HelperError, match="another key"):
+        run_link_check(Endpoint(robot.host, robot.port, tmp_path / "other"), quiet())
+
+
+def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
+    with pytest.raises(HelperError, match="nothing answers there"):
+        run_link_check(Endpoint("127.0.0.1", free_port(), key), quiet())
+
+
+def test_an_operator_who_is_there_is_not_disturbed(robot: Endpoint, tmp_path: Path):
+    operator = Gateway("operator", robot, b"hello", tmp_path)
+    operator.launch()
+    try:
+        operator.wait_ready()
+        with pytest.raises(HelperError, match="another operator"):
+            run_link_check(robot, Talking(operator))
+    finally:
+        operator.close()
+
+
+class Talking(Console):
+    """A console whose first line waits until `operator` is connected; who then goes on talking."""
+
+    def __init__(self, operator: Gateway) -> None:
+        super().__init__(file=io.StringIO())
+        self._operator = operator
+
+    def print(self, *_: object, **__: object) -> None:
+        import time
+
+        while not self._operator.event.connected:
+            self._operator.receive()
+            time.sleep(0.01)
+        self._operator.send(b"m")
+        time.sleep(0.1)
+
+
+def quiet() -> Console:
+    return Console(file=io.StringIO())
+
+
+def test_a_link_that_answers_nothing_is_no_measurement():
+    with pytest.raises(TamsError, match="answers no measurement"):
+        list(findings([], TrainReport(1, 0, 0, 0), TrainReport(2, 0, 0, 0)))
+
+
+@pytest.mark.parametrize(
+    "given", ["", "host", "7400", ":7400", "host:", "127.0.0.1:0", "127.0.0.1:70000", "a:b"]
+)
+def test_what_is_no_host_and_port_is_refused_in_a_sentence(given: str):
+    with pytest.raises(ConfigError, match="is not HOST:PORT"):
+        endpoint_of("--listen", given, None)
+
+
+def test_without_a_key_only_loopback_is_allowed(key: Path):
+    assert endpoint_of("--listen", "127.0.0.1:7400", None).key is None
+    assert endpoint_of("--listen", "[::1]:7400", None).host == "::1"
+    for host in ("0.0.0.0", "[::]", "192.0.2.1"):
+        with pytest.raises(ConfigError, match="--key is needed"):
+            endpoint_of("--listen", f"{host}:7400", None)
+        assert endpoint_of("--listen", f"{host}:7400", key).key == key
+
+
+def test_a_key_that_cannot_be_used_is_refused_before_anything_starts(tmp_path: Path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        endpoint_of("--robot", "127.0.0.1:7400", tmp_path / "missing")
