@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +21,8 @@ _STATUSES = {status.value: status for status in ControllerStatus}
 _LOST = ControllerSample(
     ControllerStatus.LINK_LOST, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
+_NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
+_UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
 
 
 class LinkController(Controller):
@@ -27,7 +31,8 @@ class LinkController(Controller):
     A sample counts if it cannot be older than `LinkConfig.longest_age_ms`, judged by the echo of
     our own stamp in it (`age_bound_ns`): what was queued during an outage is counted and left out.
     Its times become ours by the shortest way that a message has taken lately, so that a pose of a
-    steady hand comes at a steady rate, and what is queued makes it older.
+    steady hand comes at a steady rate, and what is queued makes it older. They never go back, and
+    what has not changed keeps its time.
     """
 
     def __init__(
@@ -43,7 +48,7 @@ class LinkController(Controller):
         self._receive = receive
         self._pulse = pulse
         self._heard_ns: int | None = None
-        self._newest_sent_ns = 0
+        self._newest: HandMessage | None = None  # that counted
         self._offset = LeastOffset()
         self._sample = _LOST
         self._started = False
@@ -53,14 +58,18 @@ class LinkController(Controller):
 
     def sample(self, now_ns: int) -> ControllerSample:
         self._receive(now_ns)
+        if not self._started:
+            self.let_go()
+            return _NOT_STARTED
         heard_ns = self._heard_ns
-        if not self._started or heard_ns is None or now_ns - heard_ns > self._lost_after_ns:
+        if heard_ns is None or now_ns - heard_ns > self._lost_after_ns:
             self.let_go()
             return _LOST
         return self._sample
 
     def pulse(self, haptic: Haptic) -> None:
-        self._pulse(haptic)
+        if self._started:
+            self._pulse(haptic)
 
     def close(self) -> None:
         self._started = False
@@ -71,14 +80,23 @@ class LinkController(Controller):
         if refusal:
             self.refused[refusal] += 1
             return refusal
-        self._newest_sent_ns = message.sent_ns
+        before, last = self._newest, self._sample
         offset_ns = self._offset.step(heard_ns, heard_ns - message.sent_ns)
-        self._heard_ns = heard_ns
+        pose, pose_ns = _pose(message), message.pose_ns + offset_ns
+        buttons_ns = message.buttons_ns + offset_ns
+        if before is not None:
+            same_pose = message.pose_ns == before.pose_ns
+            same_buttons = message.buttons_ns == before.buttons_ns
+            if same_pose and message.pose == before.pose:
+                pose = last.pose
+            pose_ns = last.pose_ns if same_pose else max(pose_ns, last.pose_ns)
+            buttons_ns = last.buttons_ns if same_buttons else max(buttons_ns, last.buttons_ns)
+        self._newest, self._heard_ns = message, heard_ns
         self._sample = ControllerSample(
             _STATUSES[message.status],
-            _pose(message),
-            min(message.pose_ns + offset_ns, heard_ns),
-            min(message.buttons_ns + offset_ns, heard_ns),
+            pose,
+            pose_ns,
+            buttons_ns,
             trigger=message.trigger,
             grip=message.grip,
             a=message.a,
@@ -89,8 +107,7 @@ class LinkController(Controller):
 
     def let_go(self) -> None:
         """Forget the operator: what comes next is judged as if it were the first."""
-        self._heard_ns = None
-        self._newest_sent_ns = 0
+        self._heard_ns = self._newest = None
         self._offset = LeastOffset()
 
     def _refusal(self, message: HandMessage, heard_ns: int) -> str:
@@ -99,11 +116,19 @@ class LinkController(Controller):
             return "without an echo"
         if bound_ns > self._longest_ns:
             return "too old"
-        if message.sent_ns <= self._newest_sent_ns:
+        if self._newest is not None and message.sent_ns <= self._newest.sent_ns:
             return "overtaken"
+        if max(message.pose_ns, message.buttons_ns) > message.sent_ns:
+            return "from the future"
         if message.status not in _STATUSES:
             return "of unknown status"
+        if message.pose is not None and not _is_rotation(message.pose[3:]):
+            return "without a rotation"
         return ""
+
+
+def _is_rotation(quaternion: tuple[float, ...]) -> bool:
+    return abs(math.hypot(*quaternion) - 1.0) <= _UNIT_TOLERANCE  # never true of NaN
 
 
 def _pose(message: HandMessage) -> Pose | None:

@@ -35,6 +35,7 @@ _RING_NS = 250 * NS_PER_MS  # between two calls
 _ATTEMPT_NS = 5 * NS_PER_S  # a call that is not answered is begun anew, with other keys
 _CALLS_PER_S = 10  # a flood of calls must not take the time of the operator who is there
 _CALLS_KEPT = 4
+_CALL_KEPT_NS = 2 * _ATTEMPT_NS  # what was recorded of a call that came to nothing is void then
 
 
 @dataclass(slots=True)
@@ -77,6 +78,7 @@ class _Call:
     hello: bytes
     answer: bytes
     peer: _Peer
+    answered_ns: int  # the first time
 
 
 class _End:
@@ -158,6 +160,7 @@ class RobotEnd(_End):
     def _called(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
         heard = Heard()
         tag, hello = datagram[1 : 1 + TAG_BYTES], datagram[1 + TAG_BYTES :]
+        self._forget_calls(now_ns)
         call = self._calls.get(tag)
         if call is not None and call.hello == hello:  # the answer was lost, or it comes again
             heard.replies.append((call.answer, address))
@@ -174,11 +177,16 @@ class RobotEnd(_End):
         content, keys = caller.answer(BUSY if busy else WELCOME + self._welcome)
         answer = bytes((ANSWER,)) + tag + content
         if not busy:  # one that is busy now may not be when the same caller calls anew
-            self._calls[tag] = _Call(hello, answer, _Peer(keys))
+            self._calls[tag] = _Call(hello, answer, _Peer(keys), now_ns)
             while len(self._calls) > _CALLS_KEPT:
                 self._calls.popitem(last=False)
         heard.replies.append((answer, address))
         return heard
+
+    def _forget_calls(self, now_ns: int) -> None:
+        for tag, call in list(self._calls.items()):
+            if now_ns - call.answered_ns > _CALL_KEPT_NS:
+                del self._calls[tag]
 
     def _has_time_for_a_call(self, now_ns: int) -> bool:
         second = now_ns // NS_PER_S
@@ -192,6 +200,7 @@ class RobotEnd(_End):
         silent_ns = self.silent_ns(now_ns)
         if silent_ns is not None and silent_ns < LET_GO_NS:
             return None
+        self._forget_calls(now_ns)
         for tag, call in self._calls.items():
             message = call.peer.open(datagram)
             if message is None:
@@ -225,12 +234,12 @@ class OperatorEnd(_End):
         if silent_ns is not None and silent_ns < REDIAL_NS:
             self._dialer = None
             return []
+        if now_ns - self._rang_ns < _RING_NS:  # also after an answer that came to nothing
+            return []
         if self._dialer is None or now_ns - self._began_ns >= _ATTEMPT_NS:
             self._dialer = Dialer(self._key, self._greeting)
             self._tag = self._random(TAG_BYTES)
             self._began_ns = now_ns
-        elif now_ns - self._rang_ns < _RING_NS:
-            return []
         self._rang_ns = now_ns
         return [(bytes((HELLO,)) + self._tag + self._dialer.hello, self._robot)]
 
@@ -243,7 +252,10 @@ class OperatorEnd(_End):
             self.refused = not self.connected
             return Heard()
         if kind == MESSAGE or kind in _MEDIA:
-            return self._take(datagram, address, now_ns)
+            heard = self._take(datagram, address, now_ns)
+            if heard.message is not None or heard.media is not None:
+                self.busy = False  # said while it heard us, and we did not hear it
+            return heard
         return self._refuse(Heard(), "of no known kind")
 
     def _answered(self, datagram: bytes, address: Address, now_ns: int) -> Heard:

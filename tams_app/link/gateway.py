@@ -153,11 +153,11 @@ class Carrier:
             return
         self._changed, self._looked_ns = False, now_ns
         event = self._event()
-        if event != self._told and (
-            now_ns - self._told_ns >= _EVENT_NS or _without_counts(event, self._told)
-        ):
+        if event == self._told:
+            return
+        due = now_ns - self._told_ns >= _EVENT_NS or _without_counts(event, self._told)
+        if due and self._tell(EVENT + msgspec.msgpack.encode(event)):
             self._told, self._told_ns = event, now_ns
-            self._tell(EVENT + msgspec.msgpack.encode(event))
 
     def _event(self) -> LinkEvent:
         end = self._end
@@ -209,7 +209,10 @@ class Carrier:
                 content = channel.recv(LARGEST_BYTES)
             except BlockingIOError:
                 return
-            if not content:
+            except ConnectionResetError:
+                content = b""
+            if not content:  # the application has gone, and this process ends in a moment
+                self._selector.unregister(channel)
                 return
             kind, content = content[:1], content[1:]
             if kind == ROUTES:
@@ -230,9 +233,13 @@ class Carrier:
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
                 self._outer.sendto(*addressed)
 
-    def _tell(self, content: bytes) -> None:
-        with suppress(BlockingIOError, ConnectionRefusedError, BrokenPipeError):
-            self._channel.send(content)  # full: the application stalls, and newer ones follow
+    def _tell(self, content: bytes) -> bool:
+        """Hand something to the application; whether it can be. Full: it stalls, newer follow."""
+        try:
+            self._channel.send(content)
+        except (BlockingIOError, ConnectionResetError, BrokenPipeError):
+            return False
+        return True
 
 
 def _without_counts(event: LinkEvent, told: LinkEvent | None) -> bool:

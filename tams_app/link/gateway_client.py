@@ -76,7 +76,8 @@ class Gateway:
         self.event = NO_EVENT
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        # not SOCK_DGRAM, whose queue the kernel keeps to 10 messages whatever its buffer holds
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         for one in (ours, theirs):
             one.setblocking(False)
             one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _CHANNEL_BUFFER_BYTES)
@@ -141,5 +142,5 @@ class Gateway:
     def _put(self, content: bytes) -> None:
         try:
             self._channel.send(content)
-        except (BlockingIOError, BrokenPipeError, ConnectionRefusedError, ConnectionResetError):
+        except (BlockingIOError, BrokenPipeError, ConnectionResetError):
             return  # full, or gone: its owner notices its end, and the newest message counts

@@ -13,7 +13,7 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDFExpand
 from noise.connection import NoiseConnection
-from noise.exceptions import NoiseInvalidMessage
+from noise.exceptions import NoiseInvalidMessage, NoiseValueError
 
 from tams_app.errors import TamsError
 
@@ -21,7 +21,7 @@ _PATTERN = b"Noise_NNpsk0_25519_ChaChaPoly_SHA256"
 _PROLOGUE = b"TAMS link 1"
 MESSAGE_KEY_BYTES = 32
 MEDIA_KEY_BYTES = 32 + 12  # AES-256-GCM's key and salt (RFC 7714)
-_NOT_OURS = (InvalidTag, NoiseInvalidMessage, ValueError)
+_NOT_OURS = (InvalidTag, NoiseInvalidMessage, NoiseValueError, ValueError)
 
 
 class HandshakeError(TamsError):

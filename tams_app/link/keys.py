@@ -26,7 +26,9 @@ def new_key(path: Path) -> None:
             f"{path}: is there already; give another name, or delete it if no computer needs it"
         ) from error
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+        raise ConfigError(
+            f"{path}: cannot be written ({error.strerror}); name another place"
+        ) from error
     with os.fdopen(descriptor, "w") as file:
         file.write(line)
 
@@ -42,7 +44,9 @@ def read_key(path: Path) -> bytes:
             mode = os.fstat(file.fileno()).st_mode
             content = file.read(1000)
     except OSError as error:
-        raise ConfigError(f"--key: {path}: cannot be read: {error.strerror}") from error
+        raise ConfigError(
+            f"--key: {path}: cannot be read ({error.strerror}); name a file that key new FILE made"
+        ) from error
     if stat.S_IMODE(mode) & 0o077:
         raise ConfigError(f"--key: {path}: others can read it; run: chmod 600 {path}")
     mark, _, encoded = content.decode("ascii", "replace").strip().partition(" ")

@@ -19,8 +19,10 @@ _COUNTER = struct.Struct("!Q")
 _HEAD_BYTES = 1 + _COUNTER.size
 MESSAGE_OVERHEAD_BYTES = _HEAD_BYTES + 16
 MEDIA_OVERHEAD_BYTES = 16
+_VERSION = 2  # of RTP and RTCP
 _SHORTEST_PACKET_BYTES = 8
-_LONGEST_PACKET_BYTES = 1500
+_LONGEST_PACKET_BYTES = 1500  # pylibsrtp's buffer
+LONGEST_PLAIN_BYTES = _LONGEST_PACKET_BYTES - 144  # it keeps room for any trailer
 _REPLAY_WINDOW = 1024  # packets; a view sends some hundred a second
 
 
@@ -73,14 +75,14 @@ class Media:
         self._in = _srtp(keys.receive, Policy.SSRC_ANY_INBOUND)
 
     def protect(self, packet: bytes) -> bytes | None:
-        """An RTP or RTCP packet as it is sent; None if it is neither."""
+        """An RTP or RTCP packet as it is sent; None if it is neither, or longer than 1356 bytes."""
         protect = self._out.protect_rtcp if is_rtcp(packet) else self._out.protect
-        return _unless_refused(protect, packet)
+        return _unless_refused(protect, packet, LONGEST_PLAIN_BYTES)
 
     def unprotect(self, packet: bytes) -> bytes | None:
         """The RTP or RTCP packet; None if it is not authentic, or was received before."""
         unprotect = self._in.unprotect_rtcp if is_rtcp(packet) else self._in.unprotect
-        return _unless_refused(unprotect, packet)
+        return _unless_refused(unprotect, packet, _LONGEST_PACKET_BYTES)
 
 
 def is_rtcp(packet: bytes) -> bool:
@@ -88,9 +90,11 @@ def is_rtcp(packet: bytes) -> bool:
     return len(packet) > 1 and 192 <= packet[1] <= 223
 
 
-def _unless_refused(convert: Callable[[bytes], bytes], packet: bytes) -> bytes | None:
-    if not _SHORTEST_PACKET_BYTES <= len(packet) <= _LONGEST_PACKET_BYTES:
-        return None  # libsrtp copies into a buffer of fixed size
+def _unless_refused(
+    convert: Callable[[bytes], bytes], packet: bytes, longest_bytes: int
+) -> bytes | None:
+    if not _SHORTEST_PACKET_BYTES <= len(packet) <= longest_bytes or packet[0] >> 6 != _VERSION:
+        return None
     try:
         return convert(packet)
     except Error:

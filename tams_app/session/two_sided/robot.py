@@ -6,8 +6,9 @@ from pathlib import Path
 
 from hw.controller import Controller
 from tams_app.config import Config, Network
-from tams_app.errors import HelperError
+from tams_app.errors import ConfigError, HelperError
 from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.sealing import LONGEST_PLAIN_BYTES
 from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.devices import Devices
@@ -17,6 +18,8 @@ from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.two_sided.robot_video import RobotVideo
 from tams_app.session.uplink import Senders
 from tams_app.video.codecs import Codecs
+
+_MTU_BYTES = LONGEST_PLAIN_BYTES - 8  # what is sent again or repairs is up to 7 bytes longer
 
 
 class RobotSession(Session):
@@ -101,8 +104,13 @@ def for_robot(config: Config) -> Config:
     """The configuration of a session whose operator is at the other end of the link.
 
     A pose or a button is judged by its age at the operator's side; what the link may add until it
-    is lost comes on top.
+    is lost comes on top. ConfigError if its packets are too long for the link.
     """
+    if config.video.mtu_bytes > _MTU_BYTES:
+        raise ConfigError(
+            f"video.mtu_bytes must be at most {_MTU_BYTES} with two computers: "
+            "longer packets cannot be encrypted"
+        )
     fresh, link = config.freshness, config.link
     freshness = fresh.model_copy(
         update={

@@ -1,0 +1,159 @@
+"""Both ends of the link in this process: virtual time, and a network that the test decides on."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Callable
+
+from tams_app.link.ends import Address, Heard, OperatorEnd, RobotEnd
+from tams_app.units import NS_PER_MS
+
+KEY = b"k" * 32
+ROBOT: Address = ("10.0.0.1", 5000)
+DESK: Address = ("10.0.0.2", 40_000)
+STEP_NS = 10 * NS_PER_MS
+
+Deliver = Callable[[bytes], bool]
+
+
+def everything(_: bytes) -> bool:
+    """A network that loses nothing."""
+    return True
+
+
+def nothing(_: bytes) -> bool:
+    """A network that is cut."""
+    return False
+
+
+def rtp(sequence: int, ssrc: int = 7, size: int = 40) -> bytes:
+    """An RTP packet with an empty payload of `size` bytes, header included."""
+    head = struct.pack("!BBHII", 0x80, 96, sequence & 0xFFFF, 3000 * sequence, ssrc)
+    return head + bytes(size - len(head))
+
+
+def rtcp(ssrc: int = 7) -> bytes:
+    """An RTCP receiver report with one block."""
+    return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(24)
+
+
+def spoilt(datagram: bytes, draw: random.Random) -> bytes:
+    """A copy that is not what it was: bits flipped, cut short, made longer, or of another kind."""
+    changed = bytearray(datagram)
+    match draw.randrange(4):
+        case 0:
+            for _ in range(draw.randint(1, 3)):
+                changed[draw.randrange(len(changed))] ^= 1 << draw.randrange(8)
+        case 1:
+            del changed[draw.randrange(len(changed)) :]
+        case 2:
+            changed += draw.randbytes(draw.randint(1, 40))
+        case _:
+            at = draw.randrange(1, len(changed))
+            changed[at:] = draw.randbytes(len(changed) - at)
+    return datagram[:-1] if changed == datagram else bytes(changed)
+
+
+class Desk:
+    """An operator's end, where it is in the network, and all that it has sent."""
+
+    def __init__(self, key: bytes = KEY, address: Address = DESK, seed: int = 0) -> None:
+        self.end = OperatorEnd(key, ROBOT, b"greeting", random.Random(seed).randbytes)
+        self.address = address
+        self.sent: list[bytes] = []
+        self.heard: list[bytes] = []
+        self.media: list[bytes] = []
+        self.calls = 0
+
+
+class Rig:
+    """The robot's end and the network; operators' ends are given to each call."""
+
+    def __init__(self) -> None:
+        self.robot = RobotEnd(KEY, b"welcome")
+        self.now_ns = 1_000_000_000_000
+        self.up: Deliver = everything  # from an operator's end to the robot's
+        self.down: Deliver = everything
+        self.heard: list[bytes] = []
+        self.media: list[bytes] = []
+        self.sessions = 0
+        self.departures = 0
+        self.answers: list[bytes] = []
+
+    def at_robot(self, datagram: bytes, address: Address) -> Heard:
+        """A datagram reaches the robot's port."""
+        heard = self.robot.receive(datagram, address, self.now_ns)
+        self.sessions += heard.connected
+        self.departures += heard.left
+        if heard.message is not None:
+            self.heard.append(heard.message)
+        if heard.media is not None:
+            self.media.append(heard.media)
+        return heard
+
+    def at_desk(self, desk: Desk, datagram: bytes) -> Heard:
+        """A datagram reaches an operator's port."""
+        heard = desk.end.receive(datagram, ROBOT, self.now_ns)
+        if heard.message is not None:
+            desk.heard.append(heard.message)
+        if heard.media is not None:
+            desk.media.append(heard.media)
+        return heard
+
+    def send_up(self, desk: Desk, datagram: bytes) -> None:
+        """An operator's end sends; replies come back at once."""
+        desk.sent.append(datagram)
+        if not self.up(datagram):
+            return
+        for reply, to in self.at_robot(datagram, desk.address).replies:
+            assert to == desk.address
+            self.answers.append(reply)
+            if self.down(reply):
+                self.at_desk(desk, reply)
+
+    def say(self, desk: Desk, content: bytes) -> None:
+        """The operator's application sends a message, if there is a session."""
+        addressed = desk.end.message(content)
+        if addressed is not None:
+            assert addressed[1] == ROBOT
+            self.send_up(desk, addressed[0])
+
+    def tell(self, desk: Desk, content: bytes) -> bool:
+        """The robot's application sends a message; whether it was sent to this operator."""
+        addressed = self.robot.message(content)
+        if addressed is None or addressed[1] != desk.address:
+            return False
+        if self.down(addressed[0]):
+            self.at_desk(desk, addressed[0])
+        return True
+
+    def step(self, *desks: Desk) -> None:
+        """Ten milliseconds: each end calls if it must, and both sides send one message."""
+        self.now_ns += STEP_NS
+        for desk in desks:
+            for call, _ in desk.end.step(self.now_ns):
+                desk.calls += 1
+                self.send_up(desk, call)
+            self.say(desk, b"hand")
+            self.tell(desk, b"state")
+
+    def run_ms(self, duration_ms: float, *desks: Desk) -> None:
+        """Let time pass."""
+        for _ in range(round(duration_ms * NS_PER_MS / STEP_NS)):
+            self.step(*desks)
+
+    def gets_through(self, desk: Desk, content: bytes = b"probe") -> bool:
+        """Whether one message of the operator's reaches the robot, and one back them."""
+        self.say(desk, b"up " + content)
+        self.tell(desk, b"down " + content)
+        up, down = self.heard[-1:], desk.heard[-1:]
+        return up == [b"up " + content] and down == [b"down " + content]
+
+
+def connected() -> tuple[Rig, Desk]:
+    """A rig with one operator, who is connected."""
+    rig, desk = Rig(), Desk()
+    rig.run_ms(50, desk)
+    assert rig.gets_through(desk)
+    return rig, desk

@@ -1,0 +1,570 @@
+"""What becomes of a datagram: who gets in, who stays in, and what changes nothing."""
+
+from __future__ import annotations
+
+import random
+from itertools import count
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tams_app.link.ends import (
+    ANSWER,
+    GOODBYE,
+    HELLO,
+    LET_GO_NS,
+    MESSAGE,
+    REDIAL_NS,
+    REFUSAL,
+    TAG_BYTES,
+    Address,
+)
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.link.rig import (
+    ROBOT,
+    STEP_NS,
+    Deliver,
+    Desk,
+    Rig,
+    connected,
+    everything,
+    nothing,
+    rtcp,
+    rtp,
+    spoilt,
+)
+
+pytestmark = pytest.mark.untimed
+
+THIEF: Address = ("203.0.113.9", 666)
+LET_GO_MS = LET_GO_NS / NS_PER_MS
+REDIAL_MS = REDIAL_NS / NS_PER_MS
+
+
+def other_desk(seed: int = 1) -> Desk:
+    return Desk(address=("10.0.0.3", 40_001), seed=seed)
+
+
+def drops(kind: int, how_many: int) -> Deliver:
+    """A network that loses the first so many datagrams of a kind."""
+    numbers = count()
+    return lambda datagram: datagram[0] != kind or next(numbers) >= how_many
+
+
+# --- a call ---------------------------------------------------------------------------------------
+
+
+def test_an_operator_is_connected_at_once() -> None:
+    rig, desk = Rig(), Desk()
+    rig.step(desk)
+    assert (desk.end.connected, rig.robot.connected, rig.sessions) == (True, True, 1)
+    assert (desk.end.welcome, desk.end.busy, desk.end.refused) == (b"welcome", False, False)
+    assert rig.gets_through(desk)
+    assert desk.calls == 1
+
+
+def test_there_is_no_session_before_a_call() -> None:
+    rig, desk = Rig(), Desk()
+    assert rig.robot.message(b"x") is desk.end.message(b"x") is None
+    assert rig.robot.media(rtp(1)) is desk.end.media(rtp(1)) is None
+    assert rig.robot.silent_ns(rig.now_ns) is None
+
+
+@pytest.mark.parametrize("lost", [1, 5])
+def test_a_lost_hello_is_sent_again(lost: int) -> None:
+    rig, desk = Rig(), Desk()
+    rig.up = drops(HELLO, lost)
+    rig.run_ms(250 * lost, desk)
+    assert not desk.end.connected
+    rig.run_ms(30, desk)
+    assert rig.gets_through(desk)
+    assert desk.calls == lost + 1
+
+
+@pytest.mark.parametrize("lost", [1, 5])
+def test_a_lost_answer_is_sent_again_and_is_one_call(lost: int) -> None:
+    rig, desk = Rig(), Desk()
+    rig.down = drops(ANSWER, lost)
+    rig.run_ms(250 * lost + 30, desk)
+    assert rig.gets_through(desk)
+    assert rig.sessions == 1
+    assert len(rig.answers) == lost + 1
+    assert len(set(rig.answers)) == 1
+
+
+def test_lost_first_messages_do_not_end_the_call() -> None:
+    rig, desk = Rig(), Desk()
+    rig.up = drops(MESSAGE, 50)
+    rig.run_ms(520, desk)
+    assert rig.gets_through(desk)
+    assert desk.calls == 1
+
+
+def test_an_operator_calls_until_they_are_answered() -> None:
+    rig, desk = Rig(), Desk()
+    rig.up = nothing
+    rig.run_ms(60_000, desk)
+    assert 230 <= desk.calls <= 240
+    assert len(set(desk.sent)) == 12  # each attempt has keys of its own
+    rig.up = everything
+    rig.run_ms(260, desk)
+    assert rig.gets_through(desk)
+
+
+def test_another_key_is_told_and_changes_nothing_else() -> None:
+    rig, stranger = Rig(), Desk(key=b"x" * 32)
+    rig.run_ms(2000, stranger)
+    assert (stranger.end.refused, stranger.end.connected, rig.robot.connected) == (
+        True,
+        False,
+        False,
+    )
+    assert rig.sessions == 0
+    assert set(rig.robot.counts) == {"calls with another key"}
+    assert all(answer[0] == REFUSAL for answer in rig.answers)
+    desk = other_desk()
+    rig.run_ms(1500, stranger, desk)
+    assert rig.gets_through(desk)
+
+
+def test_a_forged_refusal_is_not_believed() -> None:
+    rig, desk = Rig(), Desk()
+    rig.up = nothing
+    rig.step(desk)
+    rig.at_desk(desk, bytes((REFUSAL,)) + bytes(TAG_BYTES))
+    assert not desk.end.refused
+    rig.up = everything
+    rig.run_ms(300, desk)
+    rig.at_desk(desk, bytes((REFUSAL,)) + desk.sent[0][1 : 1 + TAG_BYTES])
+    assert not desk.end.refused  # there is a session: what holds no key can say what it likes
+    assert rig.gets_through(desk)
+
+
+def test_a_robot_with_another_key_is_not_believed() -> None:
+    rig, desk = Rig(), Desk()
+    impostor = Rig()
+    rig.up = nothing
+    rig.step(desk)
+    tag = desk.sent[0][1 : 1 + TAG_BYTES]
+    theirs = Desk(key=b"x" * 32)
+    impostor.step(theirs)
+    rig.at_desk(desk, bytes((ANSWER,)) + tag + random.Random(0).randbytes(80))
+    assert not desk.end.connected
+    assert desk.end.counts == {"answers with another key": 1}
+    rig.up = everything
+    rig.run_ms(300, desk)
+    assert rig.gets_through(desk)
+
+
+# --- what was recorded ----------------------------------------------------------------------------
+
+
+def test_a_recorded_call_does_not_displace_the_operator() -> None:
+    rig, desk = connected()
+    for address in (THIEF, desk.address):
+        for _ in range(3):
+            rig.at_robot(desk.sent[0], address)
+            assert rig.gets_through(desk)
+    assert rig.sessions == 1
+
+
+def test_a_recorded_call_is_no_way_in_when_the_operator_has_gone() -> None:
+    rig, desk = connected()
+    rig.now_ns += 10 * LET_GO_NS
+    for datagram in desk.sent * 3:
+        rig.at_robot(datagram, THIEF)
+    assert rig.sessions == 1
+    addressed = rig.robot.message(b"state")
+    assert addressed is not None
+    assert addressed[1] == desk.address
+
+
+@pytest.mark.parametrize("later_ns", [0, LET_GO_NS, 3600 * NS_PER_S])
+@pytest.mark.parametrize("address", [THIEF, Desk().address])
+def test_a_recorded_session_changes_only_counters(later_ns: int, address: Address) -> None:
+    rig, desk = connected()
+    media = [desk.end.media(packet) for packet in (rtp(1), rtp(2), rtcp())]
+    for addressed in media:
+        assert addressed is not None
+        rig.send_up(desk, addressed[0])
+    assert len(rig.media) == 3
+    rig.now_ns += later_ns
+    heard, peer = list(rig.heard), rig.robot._peer
+    assert peer is not None
+    heard_ns = peer.heard_ns
+    for datagram in desk.sent:
+        rig.at_robot(datagram, address)
+    assert rig.heard == heard
+    assert len(rig.media) == 3
+    assert rig.sessions == 1
+    assert rig.robot._peer is peer
+    assert (peer.address, peer.heard_ns) == (desk.address, heard_ns)
+    assert rig.robot.counts["late"] + rig.robot.counts["not authentic"] > 0
+    assert rig.gets_through(desk)
+
+
+def test_a_session_recorded_at_another_run_of_the_robot_moves_nothing() -> None:
+    _, desk = connected()
+    rig = Rig()
+    for datagram in desk.sent:
+        rig.at_robot(datagram, desk.address)
+    assert (rig.heard, rig.sessions, rig.robot.connected) == ([], 0, False)
+
+
+def test_a_call_that_came_to_nothing_is_void_after_a_while() -> None:
+    """Otherwise its recording could take the operator's place for a moment, hours later."""
+    rig, desk, late = Rig(), Desk(), other_desk()
+    for one in (desk, late):  # both are answered: no operator is there yet
+        for call, _ in one.end.step(rig.now_ns):
+            rig.send_up(one, call)
+    rig.say(desk, b"first")
+    rig.say(late, b"second")
+    assert (rig.heard, late.end.connected) == ([b"first"], True)
+    recorded = list(late.sent)
+    rig.run_ms(11_000, desk)
+    rig.now_ns += LET_GO_NS
+    for datagram in recorded[::-1] * 2:
+        rig.at_robot(datagram, THIEF)
+    assert (rig.sessions, rig.heard[-1]) == (1, b"hand")
+
+
+def test_the_answer_of_a_recorded_session_is_not_taken() -> None:
+    rig, desk = Rig(), Desk()
+    rig.run_ms(50, desk)
+    again = Desk()  # the same tag, as if chance had drawn it twice
+    rig.up = nothing
+    rig.step(again)
+    assert again.sent[0][: 1 + TAG_BYTES] == desk.sent[0][: 1 + TAG_BYTES]
+    rig.at_desk(again, rig.answers[0])
+    assert not again.end.connected
+    assert again.end.counts["answers with another key"] == 1
+
+
+# --- one operator at a time -----------------------------------------------------------------------
+
+
+def test_a_second_operator_is_told_that_the_first_is_there() -> None:
+    rig, first = connected()
+    second = other_desk()
+    rig.run_ms(10_000, first, second)
+    assert (second.end.busy, second.end.connected, second.end.refused) == (True, False, False)
+    assert rig.sessions == 1
+    assert rig.gets_through(first)
+
+
+def test_operators_who_wait_do_not_use_up_the_calls_of_others() -> None:
+    """An answer that comes to nothing is followed by the next call after its time, not at once."""
+    rig, first = connected()
+    second = other_desk()
+    rig.run_ms(10_000, first, second)
+    assert second.calls <= 41
+    assert rig.robot.counts == {}
+
+
+def test_a_second_operator_gets_in_when_the_first_has_let_go() -> None:
+    rig, first = connected()
+    second = other_desk()
+    rig.run_ms(LET_GO_MS - 50, second)
+    assert (second.end.busy, rig.sessions) == (True, 1)
+    rig.run_ms(350, second)
+    assert rig.gets_through(second)
+    assert second.end.busy is False
+    rig.run_ms(5000, first, second)
+    assert first.end.busy is True
+    assert rig.gets_through(second)
+    assert rig.sessions == 2
+
+
+def test_the_robot_hears_only_the_operator_who_is_there() -> None:
+    rig, first = connected()
+    second = other_desk()
+    rig.run_ms(LET_GO_MS + 300, second)
+    heard = len(rig.heard)
+    rig.say(first, b"from the one before")
+    assert len(rig.heard) == heard
+    assert rig.gets_through(second)
+
+
+def test_a_goodbye_makes_room_at_once() -> None:
+    rig, first = connected()
+    second = other_desk()
+    rig.run_ms(500, first, second)
+    rig.say(first, GOODBYE)
+    assert (rig.robot.connected, rig.departures) == (False, 1)
+    assert GOODBYE not in rig.heard
+    rig.run_ms(300, second)
+    assert rig.gets_through(second)
+
+
+def test_after_the_robots_goodbye_the_operator_calls_again() -> None:
+    rig, desk = connected()
+    assert rig.tell(desk, GOODBYE)
+    assert not desk.end.connected
+    rig.robot = Rig().robot  # its session has ended, and another begins
+    rig.run_ms(300, desk)
+    assert rig.gets_through(desk)
+
+
+def test_an_operator_whose_computer_was_restarted_gets_in_when_the_former_session_is_silent() -> (
+    None
+):
+    rig, _ = connected()
+    again = Desk(seed=5)
+    rig.run_ms(LET_GO_MS - 50, again)
+    assert again.end.busy
+    rig.run_ms(350, again)
+    assert rig.gets_through(again)
+
+
+# --- silence --------------------------------------------------------------------------------------
+
+
+def test_a_robot_that_is_heard_is_not_called_again() -> None:
+    rig, desk = connected()
+    rig.run_ms(60_000, desk)
+    assert desk.calls == 1
+
+
+def test_video_alone_is_a_sign_of_life() -> None:
+    rig, desk = connected()
+    for number in range(600):
+        rig.now_ns += STEP_NS
+        addressed = rig.robot.media(rtp(number))
+        assert addressed is not None
+        rig.at_desk(desk, addressed[0])
+        assert desk.end.step(rig.now_ns) == []
+
+
+def test_a_silent_robot_is_called_again_and_the_session_goes_on_if_it_comes_back() -> None:
+    rig, desk = connected()
+    rig.down = nothing
+    rig.run_ms(REDIAL_MS - 50, desk)
+    assert desk.calls == 1
+    rig.run_ms(3000, desk)
+    assert desk.calls > 5
+    rig.down = everything
+    rig.run_ms(20, desk)
+    assert rig.gets_through(desk)
+    calls = desk.calls
+    rig.run_ms(REDIAL_MS, desk)
+    assert (rig.sessions, desk.calls) == (1, calls)
+
+
+def test_a_robot_that_is_heard_again_is_not_busy() -> None:
+    """The robot hears the operator, who does not hear it, and calls: another one would be busy."""
+    rig, desk = connected()
+    rig.down = lambda datagram: datagram[0] == ANSWER
+    rig.run_ms(REDIAL_MS + 500, desk)
+    assert desk.end.busy
+    rig.down = everything
+    rig.run_ms(20, desk)
+    assert not desk.end.busy
+    assert rig.sessions == 1
+
+
+def test_a_session_goes_on_after_an_outage_of_both_directions() -> None:
+    rig, desk = connected()
+    rig.up = rig.down = nothing
+    rig.run_ms(LET_GO_MS - 500, desk)
+    rig.up = rig.down = everything
+    rig.run_ms(20, desk)
+    assert rig.gets_through(desk)
+    assert rig.sessions == 1
+
+
+@pytest.mark.parametrize("outage_ms", [2500, 3200, 8000, 60_000])
+def test_operator_and_robot_find_each_other_after_an_outage_of_any_length(outage_ms: int) -> None:
+    rig, desk = connected()
+    rig.up = rig.down = nothing
+    rig.run_ms(outage_ms, desk)
+    rig.up = rig.down = everything
+    rig.run_ms(600, desk)
+    assert rig.gets_through(desk)
+
+
+def test_a_robot_that_was_restarted_is_found() -> None:
+    rig, desk = connected()
+    rig.robot = Rig().robot
+    rig.run_ms(REDIAL_MS + 300, desk)
+    assert rig.gets_through(desk)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32), st.floats(0, 0.6), st.floats(0, 0.6))
+def test_ends_find_each_other_through_any_loss(seed: int, up_loss: float, down_loss: float) -> None:
+    rig, desk, draw = Rig(), Desk(), random.Random(seed)
+    rig.up = lambda _: draw.random() >= up_loss
+    rig.down = lambda _: draw.random() >= down_loss
+    rig.run_ms(12_000, desk)
+    rig.up = rig.down = everything
+    rig.run_ms(6000, desk)
+    assert rig.gets_through(desk)
+
+
+# --- who moves ------------------------------------------------------------------------------------
+
+
+def test_an_operator_who_moves_to_another_address_is_followed() -> None:
+    rig, desk = connected()
+    desk.address = ("192.168.7.7", 1234)
+    assert not rig.tell(desk, b"state")
+    assert rig.gets_through(desk)
+
+
+def test_only_a_newer_message_moves_the_session() -> None:
+    rig, desk = connected()
+    overtaken, newest = desk.end.message(b"older"), desk.end.message(b"newer")
+    media = desk.end.media(rtp(1))
+    assert overtaken is not None
+    assert newest is not None
+    assert media is not None
+    rig.at_robot(newest[0], desk.address)
+    draw = random.Random(0)
+    for datagram in (overtaken[0], newest[0], media[0], desk.sent[0], spoilt(newest[0], draw)):
+        rig.at_robot(datagram, THIEF)
+        addressed = rig.robot.message(b"state")
+        assert addressed is not None
+        assert addressed[1] == desk.address
+    assert rig.gets_through(desk)
+
+
+# --- floods and nonsense --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", [b"k" * 32, b"x" * 32], ids=["recorded", "another key"])
+def test_a_flood_of_calls_does_not_stop_the_operator_who_is_there(key: bytes) -> None:
+    rig, desk = connected()
+    for number in range(500):
+        caller = Desk(key=key, seed=number)
+        for call, _ in caller.end.step(rig.now_ns):
+            rig.at_robot(call, THIEF)
+        if number % 10 == 0:
+            rig.step(desk)
+            assert rig.gets_through(desk)
+    assert rig.sessions == 1
+    assert rig.robot.counts["calls beyond ten a second"] > 400
+    assert len(rig.robot._calls) <= 4
+
+
+def test_few_calls_a_second_are_answered() -> None:
+    rig = Rig()
+    answered = 0
+    for number in range(300):
+        rig.now_ns += NS_PER_S // 100
+        call = bytes((HELLO,)) + random.Random(number).randbytes(90)
+        answered += len(rig.at_robot(call, THIEF).replies)
+    assert 20 <= answered <= 40
+
+
+def test_no_reply_is_longer_than_a_call_with_another_key() -> None:
+    """What anyone can send must not make the robot's computer flood a third one."""
+    rig = Rig()
+    draw = random.Random(3)
+    for length in range(200):
+        rig.now_ns += NS_PER_S
+        call = bytes((HELLO,)) + draw.randbytes(length)
+        for reply, _ in rig.at_robot(call, THIEF).replies:
+            assert len(reply) <= len(call)
+
+
+def state_of(rig: Rig, desk: Desk) -> tuple[object, ...]:
+    """All that a stranger must not change."""
+    robot, operator = rig.robot._peer, desk.end._peer
+    assert robot is not None
+    assert operator is not None
+    return (
+        id(robot),
+        robot.address,
+        robot.heard_ns,
+        robot._opener._newest,
+        id(operator),
+        operator.address,
+        operator.heard_ns,
+        operator._opener._newest,
+        desk.end.busy,
+        desk.end.refused,
+        desk.end.welcome,
+        desk.end.step(rig.now_ns),
+        rig.sessions,
+        rig.departures,
+        len(rig.heard),
+        len(desk.heard),
+        len(rig.media),
+        len(desk.media),
+    )
+
+
+def exchanged(rig: Rig, desk: Desk) -> list[bytes]:
+    """Real datagrams of every kind and both directions that were received."""
+    up = [desk.sent[0], rig.answers[0], bytes((REFUSAL,)) + desk.sent[0][1 : 1 + TAG_BYTES]]
+    for number in range(20):
+        for end in (desk.end, rig.robot):
+            for addressed in (
+                end.message(b"m" * number),
+                end.media(rtp(number)),
+                end.media(rtcp()),
+            ):
+                assert addressed is not None
+                up.append(addressed[0])
+    for datagram in up:
+        rig.at_robot(datagram, desk.address)
+        rig.at_desk(desk, datagram)
+    return up
+
+
+@given(st.binary(max_size=1600))
+def test_any_datagram_leaves_a_session_as_it_is(nonsense: bytes) -> None:
+    rig, desk = connected()
+    before = state_of(rig, desk)
+    rig.at_robot(nonsense, THIEF)
+    rig.at_desk(desk, nonsense)
+    assert state_of(rig, desk) == before
+    assert rig.gets_through(desk)
+
+
+def test_twenty_thousand_hostile_datagrams_leave_a_session_as_it_is() -> None:
+    rig, desk = connected()
+    real = exchanged(rig, desk)
+    draw = random.Random(4)
+    before = state_of(rig, desk)
+    for number in range(20_000):
+        match number % 4:
+            case 0:
+                datagram = draw.randbytes(draw.randrange(200))
+            case 1:
+                first = draw.choice((HELLO, ANSWER, MESSAGE, REFUSAL, 0x80, 0x81, 0xBF))
+                datagram = bytes((first,)) + draw.randbytes(draw.randrange(200))
+            case 2:
+                datagram = spoilt(draw.choice(real), draw)
+            case _:
+                datagram = draw.choice(real)
+        address = draw.choice((THIEF, desk.address, ROBOT))
+        rig.at_robot(datagram, address)
+        rig.at_desk(desk, datagram)
+        if number % 1000 == 999:
+            assert state_of(rig, desk) == before
+            assert rig.gets_through(desk, str(number).encode())
+            assert rig.sessions == 1
+            rig.now_ns += NS_PER_MS
+            before = state_of(rig, desk)
+    assert sum(rig.robot.counts.values()) > 15_000
+    assert sum(desk.end.counts.values()) > 15_000
+    for end, other in ((desk.end, rig.robot), (rig.robot, desk.end)):
+        addressed = end.media(rtp(100))
+        assert addressed is not None
+        assert other.receive(addressed[0], desk.address, rig.now_ns).media == rtp(100)
+
+
+def test_hostile_datagrams_before_a_call_begin_no_session() -> None:
+    talk, caller = connected()
+    real = exchanged(talk, caller)
+    rig, draw = Rig(), random.Random(5)
+    for number in range(5000):
+        rig.now_ns += NS_PER_MS
+        datagram = draw.randbytes(draw.randrange(200)) if number % 2 else draw.choice(real)
+        rig.at_robot(datagram, THIEF)
+        rig.at_robot(spoilt(draw.choice(real), draw), THIEF)
+    assert (rig.robot.connected, rig.heard, rig.media) == (False, [], [])
+    rig.run_ms(1500, caller := Desk(seed=9))
+    assert rig.gets_through(caller)

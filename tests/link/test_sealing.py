@@ -1,0 +1,238 @@
+"""What is sealed opens once, in order, at the other side of the same session, or not at all."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.link.handshake import Answerer, Dialer, SessionKeys
+from tams_app.link.sealing import (
+    LONGEST_PLAIN_BYTES,
+    MEDIA_OVERHEAD_BYTES,
+    MESSAGE_OVERHEAD_BYTES,
+    Media,
+    MessageOpener,
+    MessageSealer,
+    is_rtcp,
+)
+
+pytestmark = pytest.mark.untimed
+
+KEY = b"k" * 32
+KIND = 0xC3
+
+
+def session() -> tuple[SessionKeys, SessionKeys]:
+    """The keys of both sides of a new session."""
+    dialer = Dialer(KEY, b"")
+    answer, theirs = Answerer(KEY, dialer.hello).answer(b"")
+    return dialer.finish(answer)[1], theirs
+
+
+def messages() -> tuple[MessageSealer, MessageOpener]:
+    ours, theirs = session()
+    return MessageSealer(ours.send.messages, KIND), MessageOpener(theirs.receive.messages)
+
+
+def media() -> tuple[Media, Media]:
+    ours, theirs = session()
+    return Media(ours), Media(theirs)
+
+
+def rtp(sequence: int = 1, size: int = 60, ssrc: int = 7) -> bytes:
+    head = struct.pack("!BBHII", 0x80, 96, sequence & 0xFFFF, 3000 * sequence, ssrc)
+    return head + bytes(range(size - len(head)))
+
+
+def rtcp(ssrc: int = 7) -> bytes:
+    """A receiver report with one block."""
+    return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(range(24))
+
+
+def flipped(datagram: bytes) -> list[bytes]:
+    whole = int.from_bytes(datagram, "big")
+    return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in range(8 * len(datagram))]
+
+
+# --- messages -------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.binary(max_size=1500), max_size=10))
+def test_messages_open_as_they_were(contents: list[bytes]) -> None:
+    sealer, opener = messages()
+    for content in contents:
+        datagram = sealer.seal(content)
+        assert datagram[0] == KIND
+        assert len(datagram) == len(content) + MESSAGE_OVERHEAD_BYTES
+        assert opener.open(datagram) == content
+    assert opener.late == 0
+
+
+def test_a_message_cannot_be_read_on_the_way() -> None:
+    sealer, _ = messages()
+    sealed = [sealer.seal(b"what the operator does") for _ in range(2)]
+    assert all(b"operator" not in datagram for datagram in sealed)
+    assert sealed[0][9:] != sealed[1][9:]
+
+
+def test_a_message_opens_once() -> None:
+    sealer, opener = messages()
+    datagram = sealer.seal(b"move")
+    assert opener.open(datagram) == b"move"
+    assert opener.open(datagram) is None
+    assert opener.late == 1
+
+
+def test_an_older_message_after_a_newer_one_is_refused() -> None:
+    sealer, opener = messages()
+    older, newer = sealer.seal(b"older"), sealer.seal(b"newer")
+    assert opener.open(newer) == b"newer"
+    assert opener.open(older) is None
+    assert opener.late == 1
+
+
+def test_lost_messages_do_not_stop_those_that_follow() -> None:
+    sealer, opener = messages()
+    for _ in range(100):
+        sealer.seal(b"lost")
+    assert opener.open(sealer.seal(b"here")) == b"here"
+
+
+def test_every_flipped_bit_of_a_message_is_refused_and_changes_nothing() -> None:
+    sealer, opener = messages()
+    datagram = sealer.seal(b"move")
+    assert [opener.open(spoilt) for spoilt in flipped(datagram)] == [None] * (8 * len(datagram))
+    assert opener.late == 0
+    assert opener.open(datagram) == b"move"
+
+
+def test_a_message_of_any_other_length_is_refused() -> None:
+    sealer, opener = messages()
+    datagram = sealer.seal(b"move")
+    for length in range(len(datagram)):
+        assert opener.open(datagram[:length]) is None
+    assert opener.open(datagram + b"\0") is None
+    assert opener.open(datagram) == b"move"
+
+
+def test_a_message_of_the_other_direction_is_refused() -> None:
+    ours, theirs = session()
+    back = MessageSealer(theirs.send.messages, KIND).seal(b"reflected")
+    assert MessageOpener(theirs.receive.messages).open(back) is None
+    assert MessageOpener(ours.receive.messages).open(back) == b"reflected"
+
+
+def test_a_message_of_another_session_is_refused() -> None:
+    (sealer, _), (_, opener) = messages(), messages()
+    assert opener.open(sealer.seal(b"recorded")) is None
+
+
+# --- video and its feedback -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("packet", [rtp(), rtcp(), rtp(size=12), rtp(size=268)], ids=len)
+def test_packets_come_back_as_they_were(packet: bytes) -> None:
+    out, back = media()
+    protected = out.protect(packet)
+    assert protected is not None
+    assert len(packet) + MEDIA_OVERHEAD_BYTES <= len(protected) <= len(packet) + 20
+    assert packet[12:] == b"" or packet[12:] not in protected
+    assert back.unprotect(protected) == packet
+
+
+def test_streams_go_on_over_the_wrap_of_their_sequence_numbers() -> None:
+    out, back = media()
+    for number in range(65_500, 65_600):
+        for ssrc in (7, 8):
+            packet = rtp(number, ssrc=ssrc)
+            protected = out.protect(packet)
+            assert protected is not None
+            assert back.unprotect(protected) == packet
+
+
+def test_packets_that_were_overtaken_are_taken_once() -> None:
+    out, back = media()
+    packets = [rtp(number) for number in range(1, 200)]
+    sent = [out.protect(packet) for packet in packets]
+    order = list(range(len(packets)))
+    random.Random(0).shuffle(order)
+    for index in order:
+        protected = sent[index]
+        assert protected is not None
+        assert back.unprotect(protected) == packets[index]
+        assert back.unprotect(protected) is None
+
+
+@pytest.mark.parametrize("packet", [rtp(), rtcp()], ids=["rtp", "rtcp"])
+def test_every_flipped_bit_of_a_packet_is_refused_and_changes_nothing(packet: bytes) -> None:
+    out, back = media()
+    protected = out.protect(packet)
+    assert protected is not None
+    assert set(map(back.unprotect, flipped(protected))) == {None}
+    assert back.unprotect(protected) == packet
+
+
+@pytest.mark.parametrize("packet", [rtp(), rtcp()], ids=["rtp", "rtcp"])
+def test_a_packet_of_another_length_is_refused(packet: bytes) -> None:
+    out, back = media()
+    protected = out.protect(packet)
+    assert protected is not None
+    for length in range(len(protected)):
+        assert back.unprotect(protected[:length]) is None
+    assert back.unprotect(protected + b"\0") is None
+    assert back.unprotect(protected) == packet
+
+
+@pytest.mark.parametrize("packet", [rtp(), rtcp()], ids=["rtp", "rtcp"])
+def test_a_packet_of_the_other_direction_or_session_is_refused(packet: bytes) -> None:
+    out, _ = media()
+    protected = out.protect(packet)
+    assert protected is not None
+    assert out.unprotect(protected) is None
+    assert media()[1].unprotect(protected) is None
+
+
+def test_a_packet_that_is_too_long_to_be_protected_is_left_out() -> None:
+    out, back = media()
+    longest = rtp(size=12) + bytes(LONGEST_PLAIN_BYTES - 12)
+    protected = out.protect(longest)
+    assert protected is not None
+    assert back.unprotect(protected) == longest
+    for number, length in enumerate(range(LONGEST_PLAIN_BYTES + 1, 1600), 2):
+        assert out.protect(rtp(number, 12) + bytes(length - 12)) is None
+
+
+def test_nonsense_of_any_length_changes_nothing() -> None:
+    out, back = media()
+    sealer, opener = messages()
+    draw = random.Random(1)
+    for length in range(1601):
+        nonsense = draw.randbytes(length)
+        for first in (b"", b"\x80\x60", b"\x81\xc9", b"\x9f\x60", b"\xbf\xe0"):
+            packet = (first + nonsense)[:length]
+            assert back.unprotect(packet) is None
+            assert opener.open(packet) is None
+        assert opener.open((bytes((KIND,)) + nonsense)[:length]) is None
+    protected = out.protect(rtp())
+    assert protected is not None
+    assert back.unprotect(protected) == rtp()
+    assert opener.open(sealer.seal(b"move")) == b"move"
+    assert opener.late == 0
+
+
+def test_what_is_neither_rtp_nor_rtcp_is_not_protected() -> None:
+    out, _ = media()
+    draw = random.Random(2)
+    for length in range(1601):
+        first = bytes((draw.randrange(128),))  # version 0 or 1
+        assert out.protect((first + draw.randbytes(length))[:length]) is None
+
+
+@given(st.integers(0, 255))
+def test_rtcp_is_told_by_its_packet_type(second: int) -> None:
+    assert is_rtcp(bytes((0x80, second))) == (192 <= second <= 223)
+    assert not is_rtcp(b"\x80")
