@@ -130,5 +130,5 @@ def decode(content: bytes, kind: type[Message]) -> Message:
     """The message of `kind`; MessageError if it is none, with every field of its type."""
     try:
         return msgspec.msgpack.decode(content, type=kind)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError) as error:
         raise MessageError(f"no {kind.__name__}: {error}") from error

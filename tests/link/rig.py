@@ -80,6 +80,7 @@ class Rig:
         self.sessions = 0
         self.departures = 0
         self.answers: list[bytes] = []
+        self._probes = 0
 
     def at_robot(self, datagram: bytes, address: Address) -> Heard:
         """A datagram reaches the robot's port."""
@@ -143,12 +144,13 @@ class Rig:
         for _ in range(round(duration_ms * NS_PER_MS / STEP_NS)):
             self.step(*desks)
 
-    def gets_through(self, desk: Desk, content: bytes = b"probe") -> bool:
-        """Whether one message of the operator's reaches the robot, and one back them."""
-        self.say(desk, b"up " + content)
-        self.tell(desk, b"down " + content)
-        up, down = self.heard[-1:], desk.heard[-1:]
-        return up == [b"up " + content] and down == [b"down " + content]
+    def gets_through(self, desk: Desk) -> bool:
+        """Whether the next message of the operator reaches the robot, and the next one them."""
+        self._probes += 1
+        probe = f"probe {self._probes}".encode()
+        self.say(desk, probe)
+        self.tell(desk, probe)
+        return self.heard[-1:] == desk.heard[-1:] == [probe]
 
 
 def connected() -> tuple[Rig, Desk]:

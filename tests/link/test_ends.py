@@ -157,6 +157,17 @@ def test_a_robot_with_another_key_is_not_believed() -> None:
     assert rig.gets_through(desk)
 
 
+def test_an_answer_to_another_call_does_not_void_this_one() -> None:
+    rig, desk = Rig(), Desk()
+    rig.down = nothing
+    rig.step(desk)
+    rig.at_desk(desk, bytes((ANSWER,)) + bytes(TAG_BYTES) + bytes(80))
+    assert desk.end.counts == {"answers to no call": 1}
+    rig.at_desk(desk, rig.answers[0])
+    rig.down = everything
+    assert rig.gets_through(desk)
+
+
 # --- what was recorded ----------------------------------------------------------------------------
 
 
@@ -373,6 +384,13 @@ def test_a_session_goes_on_after_an_outage_of_both_directions() -> None:
     assert rig.sessions == 1
 
 
+def test_a_session_that_is_heard_again_is_no_new_one() -> None:
+    rig, desk = connected()
+    rig.now_ns += LET_GO_NS
+    assert rig.gets_through(desk)
+    assert rig.sessions == 1
+
+
 @pytest.mark.parametrize("outage_ms", [2500, 3200, 8000, 60_000])
 def test_operator_and_robot_find_each_other_after_an_outage_of_any_length(outage_ms: int) -> None:
     rig, desk = connected()
@@ -445,6 +463,17 @@ def test_a_flood_of_calls_does_not_stop_the_operator_who_is_there(key: bytes) ->
     assert rig.sessions == 1
     assert rig.robot.counts["calls beyond ten a second"] > 400
     assert len(rig.robot._calls) <= 4
+
+
+def test_few_calls_that_come_to_nothing_are_kept() -> None:
+    rig = Rig()
+    for number in range(100):
+        rig.now_ns += NS_PER_S // 10
+        for call, _ in other_desk(number).end.step(rig.now_ns):
+            rig.at_robot(call, THIEF)
+        assert len(rig.robot._calls) <= 4
+    rig.run_ms(1500, desk := Desk())
+    assert rig.gets_through(desk)
 
 
 def test_few_calls_a_second_are_answered() -> None:
@@ -544,7 +573,7 @@ def test_twenty_thousand_hostile_datagrams_leave_a_session_as_it_is() -> None:
         rig.at_desk(desk, datagram)
         if number % 1000 == 999:
             assert state_of(rig, desk) == before
-            assert rig.gets_through(desk, str(number).encode())
+            assert rig.gets_through(desk)
             assert rig.sessions == 1
             rig.now_ns += NS_PER_MS
             before = state_of(rig, desk)

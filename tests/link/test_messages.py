@@ -1,0 +1,230 @@
+"""Messages come back as they were, and what is none is refused whatever it is."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.link.messages import (
+    PROTOCOL,
+    Greeting,
+    HandMessage,
+    MessageError,
+    StateMessage,
+    Welcome,
+    decode,
+    encode,
+)
+
+pytestmark = pytest.mark.untimed
+
+KINDS = (Greeting, Welcome, HandMessage, StateMessage)
+NS = st.integers(0, 2**63 - 1)
+COUNT = st.integers(0, 2**31)
+NUMBER = st.floats(allow_nan=False)
+TEXT = st.text(max_size=20)
+STRANGE = (math.nan, math.inf, -math.inf)
+
+greetings = st.builds(Greeting, protocol=COUNT, version=TEXT)
+settings_of_video = st.dictionaries(TEXT, st.none() | st.booleans() | COUNT | TEXT, max_size=3)
+welcomes = st.builds(
+    Welcome,
+    protocol=COUNT,
+    version=TEXT,
+    session=TEXT,
+    name=TEXT,
+    strategy=TEXT,
+    network=TEXT,
+    seed=COUNT,
+    feedback=st.booleans(),
+    simulated=st.booleans(),
+    video=settings_of_video,
+    repair=settings_of_video,
+)
+hands = st.builds(
+    HandMessage,
+    sent_ns=NS,
+    echo_ns=NS,
+    echo_heard_ns=NS,
+    status=TEXT,
+    pose=st.none() | st.tuples(*[NUMBER] * 7),
+    pose_ns=NS,
+    buttons_ns=NS,
+    trigger=NUMBER,
+    grip=NUMBER,
+    a=st.booleans(),
+    b=st.booleans(),
+    menu=st.booleans(),
+    shown=st.lists(st.none() | st.integers(0, 2**32 - 1), max_size=3).map(tuple),
+    confirms=COUNT,
+    confirmed_ns=NS,
+    stops=COUNT,
+)
+states = st.builds(
+    StateMessage,
+    sent_ns=NS,
+    echo_ns=NS,
+    echo_heard_ns=NS,
+    arming=TEXT,
+    reason=TEXT,
+    deadman=st.booleans(),
+    orientation_mode=st.booleans(),
+    phase=TEXT,
+    tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
+    gripper_closed=st.none() | st.booleans(),
+    target_kbps=st.lists(NUMBER, max_size=3).map(tuple),
+    capacity_kbps=st.none() | NUMBER,
+    video_age_ms=st.lists(st.none() | NUMBER, max_size=3).map(tuple),
+    first_capture_ns=st.lists(st.none() | NS, max_size=3).map(tuple),
+    haptics=COUNT,
+    haptic=TEXT,
+    confirms=COUNT,
+    stops=COUNT,
+    noted=COUNT,
+    notes=st.lists(TEXT, max_size=4).map(tuple),
+    ended=TEXT,
+    failed=st.booleans(),
+)
+
+HAND = HandMessage(
+    sent_ns=5,
+    echo_ns=3,
+    echo_heard_ns=4,
+    status="ok",
+    pose=(0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0),
+    pose_ns=5,
+    buttons_ns=5,
+    trigger=1.0,
+    grip=0.0,
+    a=False,
+    b=False,
+    menu=False,
+    shown=(None, 3000),
+    confirms=1,
+    confirmed_ns=2,
+    stops=0,
+)
+
+
+def fields(message: HandMessage) -> list[Any]:
+    """A hand message as it is on the way: a list without names."""
+    return list(msgspec.msgpack.decode(encode(message)))
+
+
+def with_field(name: str, value: object) -> bytes:
+    """A hand message whose field `name` is something else."""
+    changed = fields(HAND)
+    changed[HandMessage.__struct_fields__.index(name)] = value
+    return msgspec.msgpack.encode(changed)
+
+
+@given(greetings | welcomes | hands | states)
+def test_messages_come_back_as_they_were(
+    message: Greeting | Welcome | HandMessage | StateMessage,
+) -> None:
+    assert decode(encode(message), type(message)) == message
+
+
+@given(greetings | welcomes | hands | states, st.data())
+def test_a_truncated_message_is_refused(
+    message: Greeting | Welcome | HandMessage | StateMessage, data: st.DataObject
+) -> None:
+    whole = encode(message)
+    length = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(MessageError):
+        decode(whole[:length], type(message))
+
+
+@given(hands, st.binary(min_size=1, max_size=20))
+def test_a_message_with_something_behind_it_is_refused(message: HandMessage, rest: bytes) -> None:
+    with pytest.raises(MessageError):
+        decode(encode(message) + rest, HandMessage)
+
+
+@given(st.binary(max_size=300), st.sampled_from(KINDS))
+def test_nonsense_is_refused_or_a_message_and_raises_nothing_else(
+    nonsense: bytes, kind: type[HandMessage]
+) -> None:
+    try:
+        message = decode(nonsense, kind)
+    except MessageError as error:
+        assert str(error).startswith(f"no {kind.__name__}: ")
+    else:
+        assert isinstance(message, kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_message_of_another_kind_is_refused(kind: type[HandMessage]) -> None:
+    others = [Greeting(PROTOCOL, "2"), HAND]
+    for message in others:
+        if type(message) is not kind:
+            with pytest.raises(MessageError):
+                decode(encode(message), kind)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("sent_ns", "5"),
+        ("sent_ns", 5.5),
+        ("sent_ns", None),
+        ("status", 1),
+        ("pose", [0.1, 0.2, 0.3]),
+        ("pose", [0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        ("pose", ["0.1", 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]),
+        ("trigger", True),
+        ("trigger", "1"),
+        ("a", 1),
+        ("menu", None),
+        ("shown", 7),
+        ("shown", [0.5]),
+        ("stops", "1"),
+    ],
+)
+def test_a_field_of_another_type_is_refused(name: str, value: object) -> None:
+    with pytest.raises(MessageError, match="no HandMessage"):
+        decode(with_field(name, value), HandMessage)
+
+
+@pytest.mark.parametrize("value", STRANGE)
+def test_numbers_that_are_none_arrive_as_such_for_the_safety_logic_to_judge(value: float) -> None:
+    pose = [value, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]
+    message = decode(with_field("pose", pose), HandMessage)
+    assert message.pose is not None
+    assert repr(message.pose[0]) == repr(value)
+    assert repr(decode(with_field("trigger", value), HandMessage).trigger) == repr(value)
+
+
+@pytest.mark.parametrize("value", STRANGE)
+def test_a_time_that_is_no_whole_number_is_refused(value: float) -> None:
+    with pytest.raises(MessageError):
+        decode(with_field("sent_ns", value), HandMessage)
+
+
+def test_fields_that_a_later_version_adds_are_left_out() -> None:
+    later = msgspec.msgpack.encode([*fields(HAND), "new", {"newer": 1}])
+    assert decode(later, HandMessage) == HAND
+    greeting = msgspec.msgpack.encode({"protocol": 1, "version": "3", "camera": "eih"})
+    assert decode(greeting, Greeting) == Greeting(1, "3")
+
+
+def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-3]), HandMessage)
+    assert (short.confirms, short.confirmed_ns, short.stops) == (0, 0, 0)
+    with pytest.raises(MessageError):
+        decode(msgspec.msgpack.encode(fields(HAND)[:-4]), HandMessage)
+
+
+@pytest.mark.parametrize("depth", [100, 10_000])
+def test_deeply_nested_nonsense_is_refused(depth: int) -> None:
+    for kind in KINDS:
+        with pytest.raises(MessageError):
+            decode(b"\x91" * depth, kind)
+    nested = msgspec.msgpack.encode({"protocol": 1, "version": "2"})[1:]
+    with pytest.raises(MessageError):
+        decode(b"\x83" + nested + b"\xa1x" + b"\x91" * depth, Greeting)
