@@ -1,5 +1,5 @@
-"""One rig per kind of controller: the simulated hand, here and published by another process, and
-OpenVR's binding over a fake runtime.
+"""One rig per kind of controller: the simulated hand, here, published by another process and at the
+other end of a link, and OpenVR's binding over a fake runtime.
 
 A rig holds a controller whose trigger is pressed and whose hand is never quite still, lets time
 pass, and makes the controller suffer what `SensorFault` names.
@@ -17,15 +17,18 @@ import numpy as np
 import openvr
 
 from hw.controller import Controller
+from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
 from hw.sim.operator.hand import Button, Hand, HandCommand
 from hw.sim.operator.remote_controller import ControllerPublisher, RemoteController
-from tams_app.config import ControllerConfig, OperatorConfig
+from tams_app.config import ControllerConfig, LinkConfig, OperatorConfig
+from tams_app.link.messages import HandMessage, decode, encode
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 
@@ -152,6 +155,55 @@ class RemoteRig(ControllerRig):
 
     def felt(self) -> int:
         return self._holding.pulses
+
+
+class LinkRig(ControllerRig):
+    """A simulated hand at another computer, whose clock is another; virtual time.
+
+    Each tick a message leaves, and the one before arrives.
+    """
+
+    _OFFSET_NS = 3 * HOUR_NS
+
+    def __init__(self) -> None:
+        self._clock = VirtualClock()
+        self._holding = _Holding()
+        self._hand = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
+        self._hand.start()
+        self._on_its_way: bytes | None = None
+        self._arrived: tuple[int, bytes] | None = None
+        self.controller = self.make_controller()
+
+    def make_controller(self) -> LinkController:
+        made = LinkController(LinkConfig(), self._receive, self._hand.pulse)
+        self._made = made
+        return made
+
+    def press_menu(self) -> None:
+        self._holding.button = Button.MENU
+
+    def inject(self, fault: SensorFault | None) -> None:
+        self._hand.inject(fault)
+
+    def advance(self) -> int:
+        echo_ns = self._clock.now_ns()
+        self._clock.advance_ns(TICK_NS)
+        now_ns = self._clock.now_ns()
+        if self._on_its_way is not None:
+            self._arrived = (now_ns, self._on_its_way)
+        sent_ns = now_ns + self._OFFSET_NS
+        sample = self._hand.sample(sent_ns)
+        self._on_its_way = encode(hand_message(sample, sent_ns, echo_ns))
+        return now_ns
+
+    def felt(self) -> int:
+        return self._holding.pulses
+
+    def _receive(self, now_ns: int) -> None:
+        arrived, self._arrived = self._arrived, None
+        if arrived is not None:
+            heard_ns, content = arrived
+            self._made.take(decode(content, HandMessage), heard_ns)
 
 
 class OpenVrRig(ControllerRig):

@@ -1,4 +1,6 @@
-"""What every controller keeps to: the simulated hand, here and from its process, and OpenVR's."""
+"""What every controller keeps to: the simulated hand, here, from its process and over a link, and
+OpenVR's.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ import pytest
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.units import NS_PER_MS
-from tests.contract.controller_rigs import ControllerRig, OpenVrRig, RemoteRig, VirtualControllerRig
+from tests.contract.controller_rigs import (
+    ControllerRig,
+    LinkRig,
+    OpenVrRig,
+    RemoteRig,
+    VirtualControllerRig,
+)
 from tests.hw.sim.operator.faulty_controller import SensorFault
 
 pytestmark = pytest.mark.waiting
@@ -26,11 +34,12 @@ WITH_BUTTONS = {  # that still stop the arm
 FRESH_WITHIN_NS = 100 * NS_PER_MS  # what the safety logic takes for fresh
 
 
-@pytest.fixture(params=["virtual", "remote", "openvr"])
+@pytest.fixture(params=["virtual", "remote", "link", "openvr"])
 def rig(request: pytest.FixtureRequest) -> Iterator[ControllerRig]:
     makers = {
         "virtual": lambda _: VirtualControllerRig(),
         "remote": RemoteRig,
+        "link": lambda _: LinkRig(),
         "openvr": OpenVrRig,
     }
     with ExitStack() as cleaning:

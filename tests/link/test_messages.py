@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -150,12 +151,8 @@ def test_a_message_with_something_behind_it_is_refused(message: HandMessage, res
 def test_nonsense_is_refused_or_a_message_and_raises_nothing_else(
     nonsense: bytes, kind: type[HandMessage]
 ) -> None:
-    try:
-        message = decode(nonsense, kind)
-    except MessageError as error:
-        assert str(error).startswith(f"no {kind.__name__}: ")
-    else:
-        assert isinstance(message, kind)
+    with suppress(MessageError):
+        assert isinstance(decode(nonsense, kind), kind)
 
 
 @pytest.mark.parametrize("kind", KINDS)

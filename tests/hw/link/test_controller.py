@@ -1,0 +1,426 @@
+"""A hand at another computer: what is old, forged or out of order never moves the arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tams_app.config import LinkConfig
+from tams_app.errors import ConfigError
+from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.session.two_sided.robot import for_robot
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.hw.link.exchange import HOUR_NS, TICK_NS, Exchange, queued
+from tests.teleop.rig import Bench, hand_for, make_config
+
+pytestmark = pytest.mark.untimed
+
+OK, LOST = ControllerStatus.OK, ControllerStatus.LINK_LOST
+DELAY_NS = 20 * NS_PER_MS
+JUMPS_NS = st.integers(0, HOUR_NS) | st.integers(-HOUR_NS, -150 * NS_PER_MS)
+
+
+@pytest.fixture
+def exchange() -> Exchange:
+    return Exchange().settled()
+
+
+def new_poses(samples: list[ControllerSample], since_ns: int) -> list[ControllerSample]:
+    """Samples that could move the arm by a pose that is newer than `since_ns`."""
+    return [s for s in samples if s.status is OK and s.pose is not None and s.pose_ns > since_ns]
+
+
+# --- samples --------------------------------------------------------------------------------------
+
+
+def test_without_a_message_the_link_is_lost() -> None:
+    silent = Exchange()
+    silent.up = lambda _: None
+    assert {sample.status for sample in silent.run_ms(300)} == {LOST}
+
+
+def test_samples_come_with_the_hands_pose_and_buttons(exchange: Exchange) -> None:
+    exchange.hand.velocity = np.array([0.2, 0.0, 0.0])
+    exchange.hand.trigger = 0.75
+    samples = exchange.run_ms(500)
+    assert {sample.status for sample in samples} == {OK}
+    assert samples[-1].trigger == 0.75
+    for before, after in pairwise(samples[5:]):
+        assert before.pose is not None
+        assert after.pose is not None
+        moved_m = np.linalg.norm(after.pose.position - before.pose.position)
+        assert moved_m == pytest.approx(0.2 * (after.pose_ns - before.pose_ns) / NS_PER_S, rel=1e-6)
+
+
+@settings(max_examples=40)
+@given(
+    offset_ns=st.integers(-90 * HOUR_NS, 1000 * HOUR_NS),
+    delays_ms=st.lists(st.none() | st.integers(0, 60), min_size=20, max_size=60),
+)
+def test_times_never_go_back_and_are_never_newer_than_the_hand(
+    offset_ns: int, delays_ms: list[int | None]
+) -> None:
+    exchange = Exchange(offset_ns=offset_ns)
+    ways = iter(delays_ms)
+
+    def delay(_: int) -> int | None:
+        delay_ms = next(ways, 20)
+        return None if delay_ms is None else delay_ms * NS_PER_MS
+
+    exchange.up = delay
+    pose_ns = buttons_ns = 0
+    for _ in range(len(delays_ms) + 10):
+        sample = exchange.tick()
+        if sample.status is LOST:
+            pose_ns = buttons_ns = 0
+            continue
+        assert pose_ns <= sample.pose_ns <= exchange.now_ns
+        assert buttons_ns <= sample.buttons_ns <= exchange.now_ns
+        pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
+
+
+def test_a_pose_that_does_not_change_grows_old(exchange: Exchange) -> None:
+    exchange.hand.frozen = True
+    exchange.run_ms(100)
+    first = exchange.tick()
+    exchange.up = lambda now_ns: DELAY_NS + now_ns % (15 * NS_PER_MS)
+    for sample in exchange.run_ms(30_000):  # longer than what the offset is taken from
+        assert (sample.status, sample.pose_ns) == (OK, first.pose_ns)
+        assert sample.pose is first.pose
+        assert sample.buttons_ns > sample.pose_ns
+
+
+@pytest.mark.parametrize("status", set(ControllerStatus) - {OK})
+def test_every_status_of_the_hand_is_passed_on(
+    exchange: Exchange, status: ControllerStatus
+) -> None:
+    exchange.hand.status = status
+    assert exchange.run_ms(100)[-1].status is status
+
+
+def test_pulses_go_out_only_while_it_is_in_use() -> None:
+    exchange = Exchange()
+    exchange.controller.pulse(Haptic.LIMIT)
+    exchange.controller.close()
+    exchange.controller.pulse(Haptic.FAULT)
+    assert exchange.pulses == [Haptic.LIMIT]
+
+
+# --- what does not count --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        (lambda e: {"echo_ns": 0}, "without an echo"),
+        (lambda e: {"echo_ns": e.now_ns + 1}, "without an echo"),
+        (lambda e: {"echo_ns": e.now_ns + HOUR_NS}, "without an echo"),
+        (lambda e: {"echo_ns": e.now_ns - 250 * NS_PER_MS - 1}, "too old"),
+        (lambda e: {"echo_ns": e.now_ns - HOUR_NS}, "too old"),
+        (lambda e: {"sent_ns": e.sent[-4].sent_ns}, "overtaken"),
+        (lambda e: {"sent_ns": e.sent[-10].sent_ns}, "overtaken"),
+        (lambda e: {"pose_ns": e.now_ns + e.offset_ns + 1}, "from the future"),
+        (lambda e: {"buttons_ns": e.now_ns + e.offset_ns + 1}, "from the future"),
+        (lambda e: {"status": "fine"}, "of unknown status"),
+        (lambda e: {"pose": (0.0,) * 7}, "without a rotation"),
+        (lambda e: {"pose": (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, math.nan)}, "without a rotation"),
+        (lambda e: {"pose": (0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 1.0)}, "without a rotation"),
+    ],
+)
+def test_what_does_not_count_changes_nothing_but_its_counter(
+    exchange: Exchange, changes: Callable[[Exchange], dict[str, object]], reason: str
+) -> None:
+    before = exchange.controller.sample(exchange.now_ns)
+    exchange.now_ns += NS_PER_MS
+    assert exchange.take(exchange.message(**changes(exchange))) == reason
+    assert exchange.controller.refused[reason] > 0
+    assert exchange.controller.sample(exchange.now_ns) is before
+    assert exchange.take(exchange.message()) == ""
+
+
+def test_a_sample_at_the_bound_counts(exchange: Exchange) -> None:
+    bound_ns = round(exchange.config.longest_age_ms * NS_PER_MS)
+    assert exchange.take(exchange.message(echo_ns=exchange.now_ns - bound_ns)) == ""
+
+
+def test_a_message_that_comes_twice_counts_once(exchange: Exchange) -> None:
+    message = exchange.message()
+    assert [exchange.take(message), exchange.take(message)] == ["", "overtaken"]
+
+
+def test_a_position_that_is_no_number_reaches_the_safety_logic_which_holds() -> None:
+    bench, exchange = engaged_bench()
+    pose = (math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    assert exchange.take(exchange.message(pose=pose)) == ""
+    exchange.up = lambda _: None
+    output = bench.tick(sample=exchange.tick())
+    assert (output.arming, output.reason) == (ArmingState.HOLDING, Reason.BAD_INPUT)
+
+
+# --- outages --------------------------------------------------------------------------------------
+
+
+def test_the_link_is_lost_after_its_time_and_not_before(exchange: Exchange) -> None:
+    heard_ns = exchange.now_ns
+    assert exchange.take(exchange.message()) == ""
+    limit_ns = round(exchange.config.lost_after_ms * NS_PER_MS)
+    exchange.on_their_way.clear()
+    assert exchange.controller.sample(heard_ns + limit_ns).status is OK
+    assert exchange.controller.sample(heard_ns + limit_ns + 1).status is LOST
+
+
+def test_messages_that_do_not_count_do_not_keep_the_link(exchange: Exchange) -> None:
+    exchange.down = lambda _: None  # so that echoes grow old
+    samples = exchange.run_ms(1000)
+    lost = [sample.status for sample in samples].index(LOST)
+    limit_ms = exchange.config.longest_age_ms + exchange.config.lost_after_ms
+    assert lost * TICK_NS < (limit_ms + 20) * NS_PER_MS
+    assert {sample.status for sample in samples[lost:]} == {LOST}
+
+
+def test_a_burst_of_what_was_queued_for_two_seconds_moves_nothing(exchange: Exchange) -> None:
+    start_ns = exchange.now_ns
+    end_ns = start_ns + 2 * NS_PER_S
+    exchange.up = exchange.down = queued(start_ns, end_ns, DELAY_NS)  # both ways at once
+    exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
+    exchange.run_ms(50)  # two were on their way
+    assert not new_poses(exchange.run_ms(1850), start_ns + DELAY_NS)
+    old = [message for _, message in exchange.on_their_way]
+    assert len(old) > 200
+    while exchange.now_ns < end_ns:
+        exchange.tick()
+    refused = exchange.controller.refused.total()
+    for message in old:
+        assert exchange.take(message) == "too old"
+        assert exchange.controller.sample(exchange.now_ns).status is LOST
+    assert exchange.controller.refused.total() == refused + len(old)
+    exchange.run_ms(100)
+    assert exchange.tick().status is OK
+
+
+@settings(max_examples=40)
+@given(
+    outage_ms=st.integers(300, 3000),
+    delay_ms=st.integers(0, 24),
+    down_too=st.booleans(),
+)
+def test_no_sample_that_counts_is_older_than_the_bound(
+    outage_ms: int, delay_ms: int, down_too: bool
+) -> None:
+    exchange = Exchange(delay_ms=delay_ms).settled()
+    start_ns = exchange.now_ns
+    way = queued(start_ns, start_ns + outage_ms * NS_PER_MS, delay_ms * NS_PER_MS)
+    exchange.up = way
+    if down_too:
+        exchange.down = way
+    sent_ns: dict[bytes, int] = {}
+    longest_ns = exchange.config.longest_age_ms * NS_PER_MS
+    lost_ns = exchange.config.lost_after_ms * NS_PER_MS
+    exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
+    for _ in range(round((outage_ms + 500) * NS_PER_MS / TICK_NS)):
+        sample = exchange.tick()
+        sent_ns[exchange.hand.position.tobytes()] = exchange.now_ns
+        if sample.status is OK and sample.pose is not None:
+            made_ns = sent_ns.get(sample.pose.position.tobytes(), start_ns)
+            assert exchange.now_ns - made_ns <= longest_ns + lost_ns
+    assert exchange.tick().status is OK
+
+
+@pytest.mark.parametrize("gap_ms", [150, 2000])
+def test_after_a_gap_times_are_based_anew(exchange: Exchange, gap_ms: int) -> None:
+    exchange.up = lambda _: None
+    assert exchange.run_ms(gap_ms)[-1].status is LOST
+    exchange.up = lambda _: 60 * NS_PER_MS  # the way back is longer
+    sample = exchange.run_ms(200)[-1]
+    assert sample.status is OK
+    assert exchange.now_ns - sample.pose_ns < 2 * TICK_NS  # by the longer way, not the former
+
+
+def test_a_gap_that_is_no_loss_keeps_the_times(exchange: Exchange) -> None:
+    exchange.up = lambda _: None
+    exchange.run_ms(60)
+    exchange.up = lambda _: DELAY_NS + 30 * NS_PER_MS
+    sample = exchange.run_ms(100)[-1]
+    assert sample.status is OK
+    assert exchange.now_ns - sample.pose_ns >= 30 * NS_PER_MS  # later than the best way
+
+
+# --- the operator's clock -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jump_ns", [-HOUR_NS, HOUR_NS, -NS_PER_S, NS_PER_S])
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_clock_that_jumps_never_makes_an_old_pose_new(
+    exchange: Exchange, jump_ns: int, moving: bool
+) -> None:
+    exchange.hand.velocity = np.array([0.1, 0.0, 0.0])
+    exchange.run_ms(200)
+    exchange.hand.frozen = not moving  # then the pose keeps its time of before
+    exchange.run_ms(50)
+    frozen_ns = exchange.now_ns
+    exchange.offset_ns += jump_ns
+    samples = exchange.run_ms(2000)
+    if not moving:
+        lost = next((n for n, s in enumerate(samples) if s.status is LOST), len(samples))
+        assert not new_poses(samples[:lost], frozen_ns)
+        # once the link is lost the arm is stopped; that the hand keeps still is seen all the same
+        assert len({sample.pose_ns for sample in samples[lost:] if sample.status is OK}) <= 1
+        exchange.hand.frozen = False
+    recovered = exchange.run_ms(400)
+    assert recovered[-1].status is OK
+    assert exchange.now_ns - recovered[-1].pose_ns < 3 * TICK_NS + DELAY_NS
+
+
+@pytest.mark.parametrize("jump_ns", [-HOUR_NS, -NS_PER_S])
+def test_a_clock_that_jumps_back_loses_the_link_for_a_moment(
+    exchange: Exchange, jump_ns: int
+) -> None:
+    exchange.offset_ns += jump_ns
+    statuses = [sample.status for sample in exchange.run_ms(400)]
+    assert LOST in statuses
+    first = statuses.index(LOST)
+    assert 100 <= first * TICK_NS / NS_PER_MS <= 150
+    assert statuses[first + 2 :] == [OK] * len(statuses[first + 2 :])
+
+
+@settings(max_examples=40)
+@given(JUMPS_NS, JUMPS_NS)
+def test_no_jumps_make_the_arm_faster_than_the_hand(first_ns: int, second_ns: int) -> None:
+    """With each jump the link is lost, or the pose's times go on at the hand's pace or slower."""
+    exchange = Exchange().settled()
+    exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
+    last = exchange.run_ms(200)[-1]
+    for jump_ns in (first_ns, second_ns):
+        exchange.offset_ns += jump_ns
+        for sample in exchange.run_ms(600):
+            if sample.status is OK and last.status is OK and sample.pose_ns > last.pose_ns:
+                assert sample.pose is not None
+                assert last.pose is not None
+                moved_m = np.linalg.norm(sample.pose.position - last.pose.position)
+                assert moved_m <= 0.25 * (sample.pose_ns - last.pose_ns) / NS_PER_S + 1e-9
+            last = sample
+
+
+def test_messages_in_any_order_count_only_as_they_grow_newer(exchange: Exchange) -> None:
+    exchange.now_ns += NS_PER_S // 20
+    messages = []
+    for _ in range(40):
+        exchange.now_ns += NS_PER_MS
+        messages.append(exchange.message(echo_ns=exchange.now_ns - 30 * NS_PER_MS))
+    order = np.random.default_rng(0).permutation(len(messages))
+    newest = -1
+    for index in order:
+        expected = "" if index > newest else "overtaken"
+        newest = max(newest, index)
+        assert exchange.take(messages[index]) == expected
+
+
+# --- with the teleoperation -----------------------------------------------------------------------
+
+
+def engaged_bench() -> tuple[Bench, Exchange]:
+    """The robot's side with an operator who is engaged, at rest."""
+    bench = Bench(for_robot(make_config()))
+    exchange = Exchange(bench.config.link, now_ns=bench.now_ns, offset_ns=5 * HOUR_NS).settled()
+    bench.now_ns = exchange.now_ns
+    bench.tick(sample=exchange.tick())
+    bench.arm_ready = True
+    bench.tick(sample=exchange.tick(), confirm=True)
+    exchange.hand.trigger = 1.0
+    for _ in range(30):
+        output = bench.tick(sample=exchange.tick())
+    assert output.arming is ArmingState.ENGAGED
+    assert bench.now_ns == exchange.now_ns
+    return bench, exchange
+
+
+def run(bench: Bench, exchange: Exchange, duration_ms: float) -> None:
+    for _ in range(round(duration_ms * NS_PER_MS / TICK_NS)):
+        bench.tick(sample=exchange.tick())
+
+
+def travel_through_a_gap(gap_ms: float, moves: bool) -> np.ndarray:
+    """Velocities commanded around a gap; a hand of 250 mm/s, which may stand still in the gap."""
+    bench, exchange = engaged_bench()
+    velocity = hand_for((0.0, 0.25, 0.0), bench.config)
+    exchange.hand.velocity = velocity
+    run(bench, exchange, 400)
+    start = len(bench.outputs)
+    exchange.up = lambda _: None
+    exchange.hand.velocity = velocity if moves else np.zeros(3)
+    run(bench, exchange, gap_ms)
+    exchange.up = lambda _: DELAY_NS
+    exchange.hand.velocity = velocity
+    run(bench, exchange, 400)
+    assert bench.outputs[-1].arming is ArmingState.ENGAGED
+    return bench.linear()[start:]
+
+
+@pytest.mark.parametrize("gap_ms", [60, 70, 80, 90])
+def test_nothing_of_a_gap_is_made_up_for(gap_ms: int) -> None:
+    """What the arm does is the same to the last digit whatever the hand did in the gap."""
+    moved, stood = (travel_through_a_gap(gap_ms, moves) for moves in (True, False))
+    assert moved == pytest.approx(stood, abs=1e-9)
+    assert np.linalg.norm(moved, axis=1).max() < 0.26
+    assert np.linalg.norm(moved[-1]) == pytest.approx(0.25, rel=0.01)
+
+
+def test_two_seconds_of_outage_and_a_burst_are_a_fault_and_no_motion() -> None:
+    bench, exchange = engaged_bench()
+    exchange.hand.velocity = hand_for((0.0, 0.25, 0.0), bench.config)
+    run(bench, exchange, 400)
+    start_ns = exchange.now_ns
+    exchange.up = exchange.down = queued(start_ns, start_ns + 2 * NS_PER_S, DELAY_NS)
+    first = len(bench.outputs)
+    run(bench, exchange, 3000)
+    states = [output.arming for output in bench.outputs[first:]]
+    fault = states.index(ArmingState.FAULT)
+    limit_ns = bench.config.link.lost_after_ms * NS_PER_MS + DELAY_NS + 2 * TICK_NS
+    assert fault * TICK_NS <= limit_ns
+    after = bench.outputs[first + fault :]
+    assert {(output.arming, output.reason) for output in after} == {
+        (ArmingState.FAULT, Reason.LINK_LOST)
+    }
+    assert after[0].stop
+    assert not np.any(bench.linear()[first + fault :])
+    assert not np.any(bench.angular()[first + fault :])
+    assert exchange.tick().status is OK  # the link is back, the arm waits for the operator
+
+
+def test_a_hand_that_is_frozen_at_its_own_side_is_a_fault() -> None:
+    bench, exchange = engaged_bench()
+    exchange.hand.frozen = True
+    run(bench, exchange, 1000)
+    assert bench.outputs[-1].reason is Reason.POSE_FROZEN
+
+
+# --- the configuration ----------------------------------------------------------------------------
+
+
+@given(st.floats(0, 1000), st.floats(0, 500))
+def test_a_round_trip_as_configured_is_never_too_old(latency_ms: float, jitter_ms: float) -> None:
+    link = LinkConfig(latency_ms=latency_ms, jitter_ms=jitter_ms)
+    assert link.longest_age_ms >= 2 * (latency_ms + jitter_ms) + 100
+    assert LinkConfig(latency_ms=latency_ms, max_age_ms=300).longest_age_ms == 300
+
+
+def test_the_robots_side_adds_to_the_hands_age_what_the_link_may_take() -> None:
+    config = make_config()
+    fresh, link = config.freshness, config.link
+    ours = for_robot(config).freshness
+    assert ours.hold_pose_ms == link.bridge_ms
+    assert ours.pose_frozen_ms == fresh.pose_frozen_ms + link.lost_after_ms
+    assert ours.buttons_ms == fresh.buttons_ms + link.lost_after_ms
+
+
+def test_packets_that_are_too_long_for_the_link_are_refused_before_it_begins() -> None:
+    for_robot(make_config(video__mtu_bytes=1348))
+    with pytest.raises(ConfigError, match="mtu_bytes must be at most 1348 with two computers"):
+        for_robot(make_config(video__mtu_bytes=1349))
