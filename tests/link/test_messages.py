@@ -49,6 +49,7 @@ welcomes = st.builds(
 )
 hands = st.builds(
     HandMessage,
+    operator=NS,
     sent_ns=NS,
     echo_ns=NS,
     echo_heard_ns=NS,
@@ -93,6 +94,7 @@ states = st.builds(
 )
 
 HAND = HandMessage(
+    operator=4711,
     sent_ns=5,
     echo_ns=3,
     echo_heard_ns=4,

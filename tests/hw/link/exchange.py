@@ -27,6 +27,7 @@ def hand_message(
         x, y, z = sample.pose.position.tolist()
         pose = (x, y, z, *sample.pose.rotation)
     return HandMessage(
+        operator=4711,
         sent_ns=sent_ns,
         echo_ns=echo_ns,
         echo_heard_ns=echo_heard_ns,
