@@ -1,0 +1,111 @@
+"""The plain frozen records that flow between the packages.
+
+Units inside TAMS: metres, radians, seconds; `*_ns` are integer nanoseconds of one monotonic clock,
+taken where the thing happened; `*_kbps` are kbit/s of IP datagram bytes (RTP packet + 28).
+Vectors are float64 arrays of shape (3,), joints of shape (6,); what a tick computes with is plain
+floats (`Floats3`).
+"""
+
+from tams_app.records.arm import (
+    Activity,
+    ArmFault,
+    ArmState,
+    CommandLink,
+    LinkFault,
+    ServoMode,
+)
+from tams_app.records.frames import (
+    CameraRates,
+    DroppedFrame,
+    EncodedFrame,
+    Frame,
+    FrameQuality,
+    Image,
+    ShownFrame,
+)
+from tams_app.records.geometry import (
+    Pose,
+    Twist,
+    Vector,
+)
+from tams_app.records.hand import (
+    ControllerSample,
+    ControllerStatus,
+    Haptic,
+)
+from tams_app.records.link import (
+    HandHeard,
+    LinkHealth,
+    StateHeard,
+)
+from tams_app.records.log import (
+    Note,
+    StopRecord,
+    SystemSample,
+    Tick,
+)
+from tams_app.records.policy import (
+    Allocation,
+    Phase,
+    PhaseChange,
+)
+from tams_app.records.trial import (
+    OperatorGlance,
+    Outcome,
+    SceneTruth,
+)
+from tams_app.records.uplink import (
+    IP_UDP_HEADER_BYTES,
+    LinkCapacity,
+    PacketArrival,
+    PacketFate,
+    PacketKind,
+    PacketRecord,
+    Reception,
+    UplinkReport,
+    UplinkSummary,
+)
+
+__all__ = [
+    "IP_UDP_HEADER_BYTES",
+    "Activity",
+    "Allocation",
+    "ArmFault",
+    "ArmState",
+    "CameraRates",
+    "CommandLink",
+    "ControllerSample",
+    "ControllerStatus",
+    "DroppedFrame",
+    "EncodedFrame",
+    "Frame",
+    "FrameQuality",
+    "HandHeard",
+    "Haptic",
+    "Image",
+    "LinkCapacity",
+    "LinkFault",
+    "LinkHealth",
+    "Note",
+    "OperatorGlance",
+    "Outcome",
+    "PacketArrival",
+    "PacketFate",
+    "PacketKind",
+    "PacketRecord",
+    "Phase",
+    "PhaseChange",
+    "Pose",
+    "Reception",
+    "SceneTruth",
+    "ServoMode",
+    "ShownFrame",
+    "StateHeard",
+    "StopRecord",
+    "SystemSample",
+    "Tick",
+    "Twist",
+    "UplinkReport",
+    "UplinkSummary",
+    "Vector",
+]
