@@ -25,7 +25,7 @@ from tams_app.runtime.worker import Worker
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.rig_operator import RigOperator
 from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
-from tams_app.session.two_sided.operator_link import OperatorLink, Requests
+from tams_app.session.two_sided.operator_link import OperatorLink, Requests, welcome_of
 from tams_app.session.two_sided.operator_video import OperatorVideo
 from tams_app.summary.joined import SESSION_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -37,6 +37,7 @@ _CALL_POLL_NS = 50 * NS_PER_MS
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
 _SILENT_NS = NS_PER_S
 _STOP_TOLD_S = 0.1
+_GREETING = encode(Greeting(PROTOCOL, __version__))
 
 
 class OperatorSession:
@@ -87,13 +88,19 @@ class OperatorSession:
             self._stack.callback(use_ordinary)
         helper_logs = self.folder / "helpers"
         helper_logs.mkdir()
+        self._gateway = gateway = Gateway("operator", self._endpoint, _GREETING, helper_logs)
+        self._stack.callback(gateway.close)
+        gateway.launch()
+        gateway.wait_ready()
+        self._helpers["link"] = gateway.process
+        self._welcome = welcome = self._call()
+        self.config = follow(welcome, self.config)
         self._log = Recorders(
             self.config, self._clock, self.folder, self._on_worker_failure, self.board.note
         )
         self._stack.callback(self._log.close)
-        greeting = encode(Greeting(PROTOCOL, __version__))
-        gateway = Gateway("operator", self._endpoint, greeting, helper_logs)
-        self._link = link = OperatorLink(
+        self._log.fact(SESSION_FACT, welcome.session)
+        self._link = OperatorLink(
             self._clock,
             gateway,
             self.signals,
@@ -101,12 +108,6 @@ class OperatorSession:
             self._shown_now,
             secrets.randbits(63),
         )
-        self._stack.callback(link.close)
-        link.open()
-        self._helpers["link"] = link.process
-        self._welcome = welcome = self._call()
-        self._log.fact(SESSION_FACT, welcome.session)
-        self.config = self.config.model_copy(update={"video": video_of(welcome, self.config)})
         self._start_video(welcome)
         hand = Worker("hand", self._hand_thread, self._on_worker_failure)
         self._stack.callback(hand.stop)
@@ -124,9 +125,9 @@ class OperatorSession:
         """Wait for the robot's side to answer; TamsError if it has another key, or we are ended."""
         told_ns, busy = self._clock.now_ns(), False
         where = f"{self._endpoint.host}:{self._endpoint.port}"
-        while (welcome := self._link.welcome()) is None:
-            self._link.listen()
-            now_ns, event = self._clock.now_ns(), self._link.event
+        while (welcome := welcome_of(self._gateway.event)) is None:
+            self._gateway.receive()
+            now_ns, event = self._clock.now_ns(), self._gateway.event
             if event.refused:
                 raise TamsError(
                     f"the robot's side at {where} has another key: "
@@ -165,7 +166,7 @@ class OperatorSession:
             self._robot_now_ns,
         )
         self._stack.callback(self._video.close)
-        self._link.follow(self._video.start(self._link.entrance_port))
+        self._gateway.follow(self._video.start(self._gateway.entrance_port))
 
     def _start_controller(self, helper_logs: Path) -> None:
         controller = self._make_controller(helper_logs)
@@ -215,7 +216,7 @@ class OperatorSession:
 
     def _look_at(self, state: StateMessage | None) -> None:
         event = self._link.event
-        if (welcome := self._link.welcome()) is not None and welcome != self._welcome:
+        if welcome_of(event) != self._welcome:
             self.fail("the robot's side has begun another session: start this one again")
         if state is not None and state.ended:
             if state.failed:
@@ -341,6 +342,12 @@ class OperatorSession:
         if shown is None or offset is None:
             return None
         return (self._clock.now_ns() + offset.offset_ns - shown.capture_ns) / NS_PER_MS
+
+
+def follow(welcome: Welcome, ours: Config) -> Config:
+    """Our configuration for the session that the robot's side runs, with its video."""
+    update = {"strategy": welcome.strategy, "network": welcome.network}
+    return ours.model_copy(update={**update, "video": video_of(welcome, ours)})
 
 
 def video_of(welcome: Welcome, ours: Config) -> VideoConfig:

@@ -9,7 +9,7 @@ from hw.controller import Controller
 from tams_app import __version__
 from tams_app.errors import TamsError
 from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
-from tams_app.link.gateway import LinkEvent, Routes
+from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Gateway, Received
 from tams_app.link.messages import (
     HAND_RATE_HZ,
@@ -29,7 +29,6 @@ from tams_app.records import (
     StateHeard,
 )
 from tams_app.runtime.clock import Clock, FixedRate
-from tams_app.runtime.process import HelperProcess
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_S
 
@@ -59,7 +58,7 @@ class Requests:
 
 
 class OperatorLink:
-    """Owner of the gateway; everything but `open`, `follow` and `close` is for the hand's thread.
+    """Uses a gateway that has been answered; all but `event` is for the hand's thread.
 
     `run` is that thread's body. `state`: what the robot's side told last, None before it.
     """
@@ -89,64 +88,15 @@ class OperatorLink:
         self._health_due_ns = 0
         self._gateway = gateway
 
-    def open(self) -> None:
-        """Begin to call; HelperError if that is impossible."""
-        self._gateway.launch()
-        self._gateway.wait_ready()
-
-    def listen(self) -> None:
-        """Hear of events while the hand's thread does not run yet."""
-        self._gateway.receive()
-
-    def welcome(self) -> Welcome | None:
-        """What the robot's side says of its session; None until it has answered.
-
-        TamsError if it speaks another version of the protocol.
-        """
-        content = self._gateway.event.welcome
-        if content is None:
-            return None
-        try:
-            welcome = decode(content, Welcome)
-        except MessageError as error:
-            raise TamsError(
-                "the robot's side runs a version of TAMS that this one does not understand: "
-                "install the same on both computers"
-            ) from error
-        if welcome.protocol != PROTOCOL:
-            raise TamsError(
-                f"the robot's side runs TAMS {welcome.version}, which this one ({__version__}) "
-                "does not understand: install the same on both computers"
-            )
-        return welcome
-
-    def follow(self, routes: Routes) -> None:
-        """Where the robot's streams are to go."""
-        self._gateway.follow(routes)
-
-    @property
-    def process(self) -> HelperProcess:
-        """The gateway's process."""
-        return self._gateway.process
-
     @property
     def event(self) -> LinkEvent:
         """How the link stands."""
         return self._gateway.event
 
     @property
-    def entrance_port(self) -> int:
-        """The port on loopback for what the receivers send."""
-        return self._gateway.entrance_port
-
-    @property
     def offset(self) -> ClockOffset | None:
         """The robot's clock minus ours; None before the first exchange."""
         return self._offset.now
-
-    def close(self) -> None:
-        """Say goodbye and end the gateway; may be called twice."""
-        self._gateway.close()
 
     # --- in the hand's thread -------------------------------------------------------------------
 
@@ -242,3 +192,25 @@ class OperatorLink:
             refused={},
             ignored=dict(event.counts),
         )
+
+
+def welcome_of(event: LinkEvent) -> Welcome | None:
+    """What the robot's side says of its session; None until it has answered.
+
+    TamsError if it speaks another version of the protocol.
+    """
+    if event.welcome is None:
+        return None
+    try:
+        welcome = decode(event.welcome, Welcome)
+    except MessageError as error:
+        raise TamsError(
+            "the robot's side runs a version of TAMS that this one does not understand: "
+            "install the same on both computers"
+        ) from error
+    if welcome.protocol != PROTOCOL:
+        raise TamsError(
+            f"the robot's side runs TAMS {welcome.version}, which this one ({__version__}) "
+            "does not understand: install the same on both computers"
+        )
+    return welcome
