@@ -289,9 +289,10 @@ def main() -> None:
     with ExitStack() as stack:
         try:
             carrier, port = _carrier(side.specification, stack)
-        except OSError as error:
+        except (OSError, UnicodeError, OverflowError) as error:  # no address, name or port
             host, wanted = side.specification["host"], side.specification["port"]
-            side.fail(f"{host}:{wanted} cannot be used: {error.strerror or error}")
+            reason = getattr(error, "strerror", None) or error
+            side.fail(f"{host}:{wanted} cannot be used: {reason}")
             return
         except TamsError as error:
             side.fail(str(error))

@@ -86,6 +86,28 @@ def test_times_never_go_back_and_are_never_newer_than_the_hand(
         pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
 
 
+def test_times_do_not_go_back_when_the_way_becomes_shorter(exchange: Exchange) -> None:
+    """A pose that waited at its own side for longer, behind one that waited on the way."""
+    exchange.run_ms(11_000)
+    exchange.controller.let_go()
+    sent_ns = exchange.now_ns + exchange.offset_ns
+    echo_ns = exchange.now_ns - 40 * NS_PER_MS
+    earlier = exchange.message(echo_ns=echo_ns)
+    later = exchange.message(
+        sent_ns=sent_ns + 8 * NS_PER_MS,
+        pose_ns=earlier.pose_ns + 1,
+        buttons_ns=earlier.buttons_ns + 1,
+        echo_ns=echo_ns,
+    )
+    exchange.now_ns += 30 * NS_PER_MS
+    assert exchange.take(earlier) == ""
+    before = exchange.controller.sample(exchange.now_ns)
+    exchange.now_ns += NS_PER_MS
+    assert exchange.take(later) == ""
+    after = exchange.controller.sample(exchange.now_ns)
+    assert (after.pose_ns, after.buttons_ns) == (before.pose_ns, before.buttons_ns)
+
+
 def test_a_pose_that_does_not_change_grows_old(exchange: Exchange) -> None:
     exchange.hand.frozen = True
     exchange.run_ms(100)

@@ -1,0 +1,352 @@
+"""The gateway as a process: real sockets, a real key file, and strangers at its port."""
+
+from __future__ import annotations
+
+import base64
+import os
+import random
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from tams_app.errors import HelperError
+from tams_app.link.ends import HELLO, RobotEnd
+from tams_app.link.gateway import EVENT, HEARD, MESSAGE, Carrier, LinkEvent, Routes, Streams
+from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.keys import new_key, read_key
+from tams_app.units import NS_PER_S
+from tests.link.gateways import LOOPBACK, Network, Pair, port_of, udp
+from tests.link.rig import rtcp, rtp, spoilt
+
+pytestmark = pytest.mark.waiting
+
+OTHERS_SSRC = 99
+BATCH = 500  # hostile datagrams, then a message must pass
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as opened:
+        yield opened
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> Path:
+    new_key(tmp_path / "arm.key")
+    return tmp_path / "arm.key"
+
+
+@pytest.fixture
+def pair(stack: ExitStack, tmp_path: Path, key: Path) -> Pair:
+    return Pair(stack, tmp_path, key)
+
+
+# --- what it carries ------------------------------------------------------------------------------
+
+
+def test_messages_pass_both_ways(pair: Pair) -> None:
+    operator = pair.operator()
+    assert operator.event.welcome == b"welcome"
+    for number in range(20):
+        pair.passes(operator, pair.robot, f"up {number}".encode())
+        pair.passes(pair.robot, operator, f"down {number}".encode())
+    event = pair.robot.event
+    assert (event.connected, event.sessions, event.left) == (True, 1, False)
+    assert event.address == f"{LOOPBACK}:{operator.port}"
+
+
+def test_a_message_tells_when_it_was_heard_and_in_which_session(pair: Pair) -> None:
+    operator = pair.operator()
+    pair.until(lambda: pair.robot.event.connected, lambda: operator.send(b"first"))
+    pair.take()
+    operator.send(b"second")
+    received = []
+    pair.heard.pop(pair.robot)
+    pair.until(lambda: bool(received), lambda: received.extend(pair.robot.receive()))
+    assert {one.session for one in received} == {1}
+    times = [one.heard_ns for one in received]
+    assert times == sorted(times)
+
+
+def test_seconds_of_messages_wait_for_an_application_that_stalls(stack: ExitStack) -> None:
+    gateway = Gateway("robot", Endpoint(LOOPBACK, 0, None), b"", None)
+    stack.callback(gateway.close)
+    sent = [f"{number:04}".encode() * 50 for number in range(250)]
+    for number, message in enumerate(sent):  # as the process sends them
+        gateway._theirs.send(MESSAGE + HEARD.pack(number, 1) + message)
+    received = gateway.receive()
+    assert [one.content for one in received] == sent
+    assert [one.heard_ns for one in received] == list(range(250))
+
+
+def test_streams_reach_the_ports_that_their_sources_have(stack: ExitStack, pair: Pair) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"there")
+    ends = {name: udp(stack) for name in ("rtp 7", "rtp 8", "rtcp 7", "rtcp 8")}
+    ports = {name: port_of(end) for name, end in ends.items()}
+    operator.follow(
+        Routes(
+            rtp={7: ports["rtp 7"], 8: ports["rtp 8"]},
+            rtcp={7: ports["rtcp 7"], 8: ports["rtcp 8"]},
+        )
+    )
+    source = udp(stack)
+    pair.passes(operator, pair.robot, b"after the routes")
+    for number in range(50):
+        for ssrc in (7, 8):
+            for packet, name in ((rtp(number, ssrc), f"rtp {ssrc}"), (rtcp(ssrc), f"rtcp {ssrc}")):
+                source.sendto(packet, (LOOPBACK, pair.robot.entrance_port))
+                assert ends[name].recv(2000) == packet
+    source.sendto(rtp(1, OTHERS_SSRC), (LOOPBACK, pair.robot.entrance_port))
+    pair.until(lambda: operator.event.counts.get("of no stream") == 1)
+    for end in ends.values():
+        end.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            end.recv(2000)
+
+
+def test_feedback_goes_the_other_way(stack: ExitStack, pair: Pair) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"there")
+    feedback, source = udp(stack), udp(stack)
+    pair.robot.follow(Routes(rtp={}, rtcp={7: port_of(feedback)}))
+    pair.passes(pair.robot, operator, b"after the routes")
+    source.sendto(rtcp(7), (LOOPBACK, operator.entrance_port))
+    assert feedback.recv(2000) == rtcp(7)
+
+
+@pytest.mark.parametrize("length", [0, 1, 11, 1356, 1357, 1500, 1501, 9000])
+def test_a_packet_of_any_length_from_the_application_ends_nothing(
+    stack: ExitStack, pair: Pair, length: int
+) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"there")
+    source = udp(stack)
+    packet = (rtp(1, size=12) + bytes(length))[:length]
+    source.sendto(packet, (LOOPBACK, pair.robot.entrance_port))
+    pair.passes(pair.robot, operator, b"still here")
+    assert pair.robot.process.exit_code is None
+
+
+# --- who gets in ----------------------------------------------------------------------------------
+
+
+def test_another_key_is_told_and_gets_nowhere(pair: Pair, tmp_path: Path) -> None:
+    new_key(tmp_path / "other.key")
+    stranger = pair.gateway("operator", pair.robot.port, tmp_path / "other.key")
+    pair.until(lambda: stranger.event.refused, lambda: stranger.send(b"move"))
+    assert not stranger.event.connected
+    pair.until(lambda: pair.robot.event.counts.get("calls with another key", 0) > 0)
+    assert (pair.robot.event.connected, pair.heard[pair.robot]) == (False, [])
+    pair.passes(pair.operator(), pair.robot, b"ours")
+
+
+def test_no_key_is_another_key(pair: Pair) -> None:
+    stranger = pair.gateway("operator", pair.robot.port, None)
+    pair.until(lambda: stranger.event.refused)
+
+
+def test_a_second_operator_waits_until_the_first_says_goodbye(pair: Pair) -> None:
+    first = pair.operator()
+    pair.passes(first, pair.robot, b"first")
+    second = pair.gateway("operator", pair.robot.port, pair.key)
+    pair.until(lambda: second.event.busy, lambda: first.send(b"first"))
+    first.close()
+    del pair.heard[first]
+    pair.until(lambda: pair.robot.event.left)
+    pair.passes(second, pair.robot, b"second")
+    assert not second.event.busy
+    pair.until(lambda: pair.robot.event.sessions == 2)
+    assert not pair.robot.event.left
+
+
+def test_the_key_is_in_no_command_line_log_or_event(
+    stack: ExitStack, pair: Pair, key: Path, tmp_path: Path
+) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"up")
+    new_key(tmp_path / "other.key")
+    other = pair.gateway("operator", pair.robot.port, tmp_path / "other.key")
+    pair.until(lambda: other.event.refused)
+    told = [msgspec.json.encode(one.event) for one in (operator, pair.robot, other)]
+    for gateway in (operator, pair.robot, other):
+        for name in ("cmdline", "environ"):
+            told.append(Path(f"/proc/{gateway.process.pid}/{name}").read_bytes())
+        gateway.close()
+    logs = [path for path in tmp_path.rglob("*") if path.is_file() and path.suffix != ".key"]
+    assert len(logs) == 3
+    told += [path.read_bytes() for path in logs]
+    for secret in (read_key(key), read_key(tmp_path / "other.key")):
+        forms = (secret, base64.b64encode(secret), secret.hex().encode(), repr(secret).encode())
+        assert not any(form in text for form in forms for text in told)
+
+
+@pytest.mark.parametrize(
+    ("host", "port"),
+    [("nowhere.invalid", 5000), ("a..b", 5000), (LOOPBACK, 65_536), ("203.0.113.1", 5000)],
+)
+def test_an_address_that_cannot_be_used_is_told_in_a_sentence(
+    tmp_path: Path, host: str, port: int
+) -> None:
+    _refused("robot", Endpoint(host, port, None), tmp_path, f"{host}:{port} cannot be used")
+
+
+def test_a_port_that_is_taken_is_told(pair: Pair, tmp_path: Path) -> None:
+    taken = Endpoint(LOOPBACK, pair.robot.port, None)
+    _refused("robot", taken, tmp_path, "cannot be used: Address already in use")
+
+
+def test_a_key_that_others_can_read_is_refused(key: Path, tmp_path: Path) -> None:
+    key.chmod(0o644)
+    _refused("robot", Endpoint(LOOPBACK, 0, key), tmp_path, "chmod 600")
+
+
+def _refused(side: str, endpoint: Endpoint, tmp_path: Path, sentence: str) -> None:
+    gateway = Gateway(side, endpoint, b"", tmp_path)  # type: ignore[arg-type]
+    gateway.launch()
+    try:
+        with pytest.raises(HelperError, match=sentence):
+            gateway.wait_ready()
+    finally:
+        gateway.close()
+
+
+# --- the end of one -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", ["robot", "operator"])
+def test_a_gateway_that_is_killed_is_noticed_and_raises_nothing(pair: Pair, side: str) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"there")
+    victim = pair.robot if side == "robot" else operator
+    assert victim.process.pid is not None
+    os.kill(victim.process.pid, signal.SIGKILL)
+    pair.until(lambda: victim.process.exit_code is not None)
+    for _ in range(100):
+        victim.send(b"x" * 1000)
+        victim.follow(Routes({}, {}))
+        victim.say_goodbye()
+        victim.receive()
+    assert victim.receive() == []
+
+
+def test_after_its_gateway_was_killed_the_robot_is_called_again(pair: Pair) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"before")
+    port, before = pair.robot.port, pair.robot
+    assert before.process.pid is not None
+    os.kill(before.process.pid, signal.SIGKILL)
+    pair.until(lambda: before.process.exit_code is not None)
+    del pair.heard[before]
+    pair.robot = pair.gateway("robot", port, pair.key)
+    pair.passes(operator, pair.robot, b"after")
+    pair.until(lambda: operator.event.sessions == 2)
+
+
+def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitStack) -> None:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    stack.callback(ours.close)
+    for one in (ours, theirs):
+        one.setblocking(False)
+    outer = udp(stack)
+    outer.setblocking(False)
+    end, times_ns = RobotEnd(bytes(32), b""), iter(range(0, 10**12, NS_PER_S))
+    carrier = Carrier(end, outer, theirs, Streams(), lambda: next(times_ns))
+    stack.callback(carrier.close)
+    filling = 0
+    with suppress(BlockingIOError):
+        while filling < 10_000:
+            theirs.send(bytes(1000))
+            filling += 1
+
+    def turn() -> None:
+        turns = iter((False, True))
+        carrier.run(lambda: next(turns))
+
+    end.counts["late"] += 1
+    turn()
+    for _ in range(filling):
+        assert ours.recv(2000) == bytes(1000)
+    turn()
+    told = ours.recv(2000)
+    assert told[:1] == EVENT
+    assert msgspec.msgpack.decode(told[1:], type=LinkEvent).counts == {"late": 1}
+    turn()
+    with pytest.raises(BlockingIOError):  # it is told once
+        ours.recv(2000)
+
+
+# --- strangers ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "datagrams",
+    [
+        100_000,
+        pytest.param(1_000_000, marks=(pytest.mark.verify, pytest.mark.timeout(1800))),
+    ],
+)
+def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagrams: int) -> None:
+    network = Network(stack, pair.robot.port)
+    operator = pair.operator(network.port)
+    source = udp(stack)
+    streams = {"rtp": udp(stack), "rtcp": udp(stack)}
+    operator.follow(Routes({7: port_of(streams["rtp"])}, {7: port_of(streams["rtcp"])}))
+    for number in range(30):
+        pair.passes(operator, pair.robot, f"up {number}".encode())
+        pair.passes(pair.robot, operator, f"down {number}".encode())
+        for packet, end in ((rtp(number), streams["rtp"]), (rtcp(), streams["rtcp"])):
+            source.sendto(packet, (LOOPBACK, pair.robot.entrance_port))
+            assert end.recv(2000) == packet
+    real = list(network.recorded)
+    assert {datagram[0] for datagram in real} >= {0x80, 0x81, 0xC1, 0xC2, 0xC3}
+    draw = random.Random(datagrams)
+    for heard in pair.heard.values():
+        heard.clear()
+    sent: list[bytes] = []
+    for number in range(datagrams):
+        datagram = _hostile(number, real, draw)
+        if number % 8 == 7:
+            network.to_operator(datagram)
+        elif number % 2:
+            network.to_robot(datagram)
+        else:
+            source.sendto(datagram, (LOOPBACK, pair.robot.port))
+        if number % BATCH == BATCH - 1:
+            message = f"message {number}".encode()
+            sent.append(message)
+            pair.passes(operator, pair.robot, message)
+            pair.passes(pair.robot, operator, message)
+    for gateway in (operator, pair.robot):
+        heard = pair.heard[gateway]
+        assert [m for n, m in enumerate(heard) if m not in heard[:n]] == sent
+        assert gateway.process.exit_code is None
+        assert gateway.event.sessions == 1
+    pair.until(lambda: sum(pair.robot.event.counts.values()) > datagrams // 2)
+    pair.until(lambda: sum(operator.event.counts.values()) > datagrams // 20)
+    for end in streams.values():
+        end.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            end.recv(2000)
+
+
+def _hostile(number: int, real: list[bytes], draw: random.Random) -> bytes:
+    """Noise, noise that begins as ours does, copies that were changed, and recordings."""
+    match number % 5:
+        case 0:
+            return draw.randbytes(draw.randrange(1500))
+        case 1:
+            first = draw.choice((0x80, 0x81, 0xBF, HELLO, 0xC2, 0xC3, 0xC4))
+            return bytes((first,)) + draw.randbytes(draw.randrange(120))
+        case 2:
+            return spoilt(draw.choice(real), draw)
+        case 3:
+            whole = draw.choice(real)
+            return whole[: draw.randrange(len(whole))]
+        case _:
+            return draw.choice(real)
