@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.config import LinkConfig
-from tams_app.errors import ConfigError
+from tams_app.link.sealing import MEDIA_OVERHEAD_BYTES
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.session.two_sided.robot import for_robot
 from tams_app.teleop.safety import ArmingState, Reason
@@ -442,7 +442,8 @@ def test_the_robots_side_adds_to_the_hands_age_what_the_link_may_take() -> None:
     assert ours.buttons_ms == fresh.buttons_ms + link.lost_after_ms
 
 
-def test_packets_that_are_too_long_for_the_link_are_refused_before_it_begins() -> None:
-    for_robot(make_config(video__mtu_bytes=1348))
-    with pytest.raises(ConfigError, match="mtu_bytes must be at most 1348 with two computers"):
-        for_robot(make_config(video__mtu_bytes=1349))
+@pytest.mark.parametrize("asked", [600, 1177, 1178, 1400])
+def test_no_datagram_of_the_link_carries_more_than_1200_bytes(asked: int) -> None:
+    sent = for_robot(make_config(video__mtu_bytes=asked)).video.mtu_bytes
+    assert sent == min(asked, 1177)
+    assert sent + 7 + MEDIA_OVERHEAD_BYTES <= 1200
