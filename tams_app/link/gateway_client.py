@@ -76,7 +76,7 @@ class Gateway:
         self.event = NO_EVENT
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
-        # not SOCK_DGRAM, whose queue the kernel keeps to 10 messages whatever its buffer holds
+        # messages whole, and the end of either side is a broken pipe or an empty read for the other
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         for one in (ours, theirs):
             one.setblocking(False)

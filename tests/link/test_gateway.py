@@ -255,7 +255,7 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
         one.setblocking(False)
     outer = udp(stack)
     outer.setblocking(False)
-    end, times_ns = RobotEnd(bytes(32), b""), iter(range(0, 10**12, NS_PER_S))
+    end, times_ns = RobotEnd(bytes(32), b""), iter(range(NS_PER_S, 10**12, NS_PER_S))
     carrier = Carrier(end, outer, theirs, Streams(), lambda: next(times_ns))
     stack.callback(carrier.close)
     filling = 0
