@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from tams_app.units import NS_PER_S
 
-_WINDOW_NS = 10 * NS_PER_S  # two clocks drift apart by at most a millisecond in it
+_WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
 
 
 def age_bound_ns(heard_ns: int, echo_ns: int) -> int | None:

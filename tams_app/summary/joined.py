@@ -21,7 +21,7 @@ from tams_app.summary.tables import Integers, capture_indices, percentiles, rati
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 SESSION_FACT = "link_session"  # the same in both logs
-_WINDOW_NS = 10 * NS_PER_S  # two clocks drift apart by at most a millisecond in it
+_WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
 _PERCENTILES = ("p50", "p95", "p99", "max")
 
 
