@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,7 @@ _MODULES = {
     "guard": "hw.guard.process",
     "quality": "tams_app.video.quality_process",
     "operator": "tams_app.session.operator_process",
+    "link": "tams_app.link.gateway",
 }
 
 
@@ -180,9 +181,14 @@ class Application:
     """`run_tams.py run` in a process of its own, on the rig, armed once; ends it when left."""
 
     def __init__(
-        self, out: Path, quality: bool = False, operator: str = "scripted", **overrides: object
+        self,
+        out: Path,
+        quality: bool = False,
+        operator: str = "scripted",
+        words: Sequence[str] = ("run", "--arm"),
+        **overrides: object,
     ) -> None:
-        """`quality`: the frames are compared as well. `operator`: who works."""
+        """`quality`: the frames are compared as well. `operator`: who works. `words`: what runs."""
         self.out = out / "logs"
         settings = {
             "include": [str(DEFAULT_CONFIG)],
@@ -196,7 +202,7 @@ class Application:
         path.write_text(yaml.safe_dump(settings), encoding="utf-8")
         self.lines: list[str] = []
         self.process = subprocess.Popen(
-            [sys.executable, "run_tams.py", "run", "--arm", "--config", str(path)],
+            [sys.executable, "run_tams.py", *words, "--config", str(path)],
             cwd=PROJECT_DIRECTORY,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -234,15 +240,19 @@ class Application:
     def engaged(self) -> Witness:
         """Wait until the operator moves the arm; returns a witness who looks at it."""
         self.says("engaged")
+        self.note_helpers()
+        assert not any(line.startswith("fault") for line in self.lines), self.lines
+        self.witness = Witness(self._control_port())
+        until(self.witness.moves, "the arm to move")
+        return self.witness
+
+    def note_helpers(self) -> None:
+        """Find the helper processes that there are now, for `helper`."""
         self._note_children()
         words = {child: child.cmdline() for child in self._children}
         for name, module in _MODULES.items():
             if found := [child for child in words if module in words[child]]:
                 (self._helpers[name],) = found
-        assert not any(line.startswith("fault") for line in self.lines), self.lines
-        self.witness = Witness(self._control_port())
-        until(self.witness.moves, "the arm to move")
-        return self.witness
 
     def says(self, beginning: str, after: int = 0) -> None:
         """Wait for a line that begins so and is not among the first `after`."""

@@ -1,0 +1,107 @@
+"""What the log of the robot's side says of an outage: when the arm rested, what was commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tams_app.recording import SessionLog
+from tams_app.records import Tick, Vector
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+REST_M_S = 0.001
+_BEFORE = 10  # reports: a tenth of a second
+_RESTS_FOR_NS = 100 * NS_PER_MS  # a report or two of the same place are no rest yet
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """How the arm stopped after a link that was lost.
+
+    sample_ns: when the last sample that counted was heard; fault_ns: the first tick in fault;
+    rest_ns: from when on the arm rested, by its own reports; speed_mm_s: its speed when the last
+    sample came; travel_mm: how far it went from then until it rested.
+    """
+
+    sample_ns: int
+    fault_ns: int
+    reason: str
+    rest_ns: int
+    speed_mm_s: float
+    travel_mm: float
+
+    def rest_after_ms(self, lost_after_ms: float) -> float:
+        """From when the samples' time was up until the arm rested."""
+        return (self.rest_ns - self.sample_ns) / NS_PER_MS - lost_after_ms
+
+
+def outage(log: SessionLog, from_ns: int) -> Outage:
+    """The first fault after `from_ns`; StopIteration if there is none."""
+    fault = next(
+        tick for tick in log.ticks if tick.started_ns > from_ns and tick.arming == ArmingState.FAULT
+    )
+    heard = [one.t_ns for one in log.hands_heard if not one.refusal]
+    sample_ns = max(t_ns for t_ns in heard if t_ns < fault.started_ns)
+    t_ns, at_m = arm_way(log.ticks)
+    speeds = np.linalg.norm(np.diff(at_m, axis=0), axis=1) / np.diff(t_ns) * NS_PER_S
+    first = int(np.searchsorted(t_ns, sample_ns))
+    # a report that shows no motion since the one before: the arm rested when that one was made
+    rest = next(
+        number
+        for number in range(first, len(speeds))
+        if np.all(speeds[number:][t_ns[number:-1] < t_ns[number] + _RESTS_FOR_NS] < REST_M_S)
+    )
+    before = max(first - _BEFORE, 0)
+    before_m_s = (
+        np.linalg.norm(at_m[first] - at_m[before]) / (t_ns[first] - t_ns[before]) * NS_PER_S
+    )
+    travel_m = float(np.linalg.norm(at_m[rest] - at_m[first]))
+    return Outage(
+        sample_ns,
+        fault.started_ns,
+        fault.reason,
+        int(t_ns[rest]),
+        float(before_m_s) * 1000.0,
+        travel_m * 1000.0,
+    )
+
+
+def arm_way(ticks: Iterable[Tick]) -> tuple[Vector, Vector]:
+    """Times [ns] and places [m], shape (n, 3), of the arm's reports."""
+    times: list[int] = []
+    places = []
+    for tick in ticks:
+        if tick.arm is not None and (not times or tick.arm.received_ns > times[-1]):
+            times.append(tick.arm.received_ns)
+            places.append(tick.arm.tcp.position)
+    return np.array(times), np.array(places)
+
+
+def commanded_mm(log: SessionLog, from_ns: int) -> tuple[float, int]:
+    """How far the arm was told to go from `from_ns` until it was armed anew; how many ticks."""
+    ticks = ticks_until(log, from_ns, lambda tick: tick.arming == ArmingState.READY)
+    period_s = float(np.median(np.diff([tick.due_ns for tick in log.ticks]))) / NS_PER_S
+    return 1000.0 * sum(float(np.linalg.norm(tick.twist.linear)) * period_s for tick in ticks), len(
+        ticks
+    )
+
+
+def travelled_mm(log: SessionLog, from_ns: int) -> float:
+    """How far the arm went from `from_ns` until it was armed anew, by its reports."""
+    _, at_m = arm_way(ticks_until(log, from_ns, lambda tick: tick.arming == ArmingState.READY))
+    return float(np.linalg.norm(np.diff(at_m, axis=0), axis=1).sum()) * 1000.0
+
+
+def ticks_until(log: SessionLog, from_ns: int, end: Callable[[Tick], bool]) -> list[Tick]:
+    """Ticks from `from_ns` to before the first that `end` is true of."""
+    found: list[Tick] = []
+    for tick in log.ticks:
+        if tick.started_ns < from_ns:
+            continue
+        if end(tick):
+            break
+        found.append(tick)
+    return found

@@ -1,0 +1,197 @@
+"""A session on two computers for faults: the robot's side as a process, and a hand at the other."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from hw.controller import Controller
+from tams_app.config import load_config
+from tams_app.link.gateway_client import Endpoint
+from tams_app.link.messages import StateMessage
+from tams_app.recording import SessionLog
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.session.two_sided.operator import OperatorSession
+from tams_app.teleop.safety import ArmingState
+from tests.faults.applications import PATIENCE_S, Application, only_log, until
+from tests.faults.hand import Hand
+
+HOST = "127.0.0.1"
+FULL_SPEED_M_S = 0.3  # of the hand: more than the arm's, which is then at its limit
+_CONFIRM_EACH_S = 1.0
+_PRESSED_S = 1.0
+_ATTEMPTS = 5
+_WAY_TO_SPEED_MM = 60.0
+_WAY_S = 2.0
+
+
+class RobotSide(Application):
+    """`run_tams.py robot` on the rig in a process of its own; ends it when left."""
+
+    def __init__(self, out: Path, key: Path | None = None, **overrides: object) -> None:
+        self.port = free_port()
+        words = ["robot", "--sim", "--listen", f"{HOST}:{self.port}"]
+        words += [] if key is None else ["--key", str(key)]
+        settings: dict[str, object] = {
+            "network": "none",
+            "policy": {"budget": {"mode": "feedback"}},
+            **overrides,
+        }
+        out.mkdir(exist_ok=True)
+        super().__init__(out, words=words, **settings)
+
+    def waits(self) -> None:
+        """Until an operator may call."""
+        self.says("waiting for an operator")
+        self.note_helpers()
+
+
+class OperateSide(Application):
+    """`run_tams.py operate` with the simulated operator, in a process of its own."""
+
+    def __init__(self, out: Path, port: int, key: Path | None = None) -> None:
+        words = ["operate", "--sim", "--robot", f"{HOST}:{port}"]
+        words += [] if key is None else ["--key", str(key)]
+        out.mkdir(exist_ok=True)
+        super().__init__(out, operator="seeing", words=words)
+
+
+class _HandSession(OperatorSession):
+    """The operator's side with a controller that is told what to do."""
+
+    hand: Hand
+
+    def _make_controller(self, helper_logs: Path) -> Controller:
+        self.hand = Hand(self.config)
+        return self.hand
+
+
+class HandSide:
+    """The operator's side in this process, with `hand` in place of the operator; a context."""
+
+    def __init__(
+        self, out: Path, port: int, key: Path | None = None, seconds: float | None = None
+    ) -> None:
+        """`port`: where it calls, on loopback. `seconds`: after which it ends."""
+        out.mkdir()
+        self._out = out
+        self._notes: list[str] = []
+        self.said: list[str] = []
+        config = load_config(
+            overrides={
+                "rig.enabled": True,
+                "headless": True,
+                "seconds": seconds,
+                "control.realtime_priority": 0,
+                "recording.directory": str(out),
+                "recording.min_free_mb": 1.0,
+            }
+        )
+        folder = out / "session"
+        folder.mkdir()
+        endpoint = Endpoint(HOST, port, key)
+        self.session = _HandSession(config, MonotonicClock(), folder, endpoint, self.said.append)
+        self._stack = ExitStack()
+
+    def __enter__(self) -> HandSide:
+        self.session.start()
+        self._stack.callback(self.session.close)
+        until(lambda: self.state is not None, "the robot's state")
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    @property
+    def hand(self) -> Hand:
+        """What the operator holds."""
+        return self.session.hand
+
+    @property
+    def state(self) -> StateMessage | None:
+        """What the robot's side told last."""
+        return self.session._link.state
+
+    @property
+    def arming(self) -> str:
+        """As the robot's side told last, "" before it did."""
+        return "" if self.state is None else self.state.arming
+
+    @property
+    def reason(self) -> str:
+        """Why the arm does not move, as the robot's side told last."""
+        return "" if self.state is None else self.state.reason
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences for the operator so far."""
+        self._notes += self.session.board.take_notes()
+        return self._notes
+
+    def becomes(self, arming: ArmingState, within_s: float = 60.0) -> None:
+        """Wait until the robot's side tells so."""
+        until(lambda: self.arming == arming, f"{arming}, not {self.arming}", within_s)
+
+    def engages(self) -> None:
+        """Arm, whatever has stopped the arm before, and press the trigger; the hand rests."""
+        self.hand.velocity = np.zeros(3)
+        deadline_s = time.monotonic() + PATIENCE_S
+        while self.arming != ArmingState.ENGAGED:
+            assert time.monotonic() < deadline_s, f"{self.arming}: {self.reason}"
+            self.hand.trigger = 0.0
+            self._arms(deadline_s)
+            self.hand.trigger = 1.0  # which is in vain if just now something is stale
+            _waits(lambda: self.arming == ArmingState.ENGAGED, _PRESSED_S)
+        time.sleep(0.1)
+
+    def _arms(self, deadline_s: float) -> None:
+        asked_s = 0.0
+        while not (self.arming == ArmingState.READY and not self.reason):
+            self.session.poll()
+            assert not self.session.failure, self.session.failure
+            assert time.monotonic() < deadline_s, f"{self.arming}: {self.reason}"
+            if time.monotonic() - asked_s > _CONFIRM_EACH_S:
+                asked_s = time.monotonic()
+                self.session.signals.confirm()
+            time.sleep(0.02)
+
+    def moves(self) -> None:
+        """Engage, and go at full speed towards the other side until the arm is under way."""
+        for _ in range(_ATTEMPTS):  # the machine's load may stop the arm: then again
+            self.engages()
+            y_mm = self._y_mm()
+            self.hand.velocity = np.array([0.0, -np.sign(y_mm) or 1.0, 0.0]) * FULL_SPEED_M_S
+            deadline_s = time.monotonic() + _WAY_S
+            while self.arming == ArmingState.ENGAGED and time.monotonic() < deadline_s:
+                if abs(self._y_mm() - y_mm) > _WAY_TO_SPEED_MM:
+                    return
+                time.sleep(0.005)
+        raise AssertionError(f"the arm does not move: {self.arming}")
+
+    def log(self) -> SessionLog:
+        """What it recorded, once it is closed."""
+        return only_log(self._out)
+
+    def _y_mm(self) -> float:
+        state = self.state
+        assert state is not None
+        assert state.tcp_mm is not None
+        return state.tcp_mm[1]
+
+
+def free_port() -> int:
+    """A UDP port that is free now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind((HOST, 0))
+        return int(one.getsockname()[1])
+
+
+def _waits(condition: Callable[[], bool], seconds: float) -> None:
+    deadline_s = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline_s:
+        time.sleep(0.005)
