@@ -1,7 +1,9 @@
 """What a session on two computers does to control, and what an outage does to the arm.
 
-`python -m benchmarks.link [age] [cut] [burst]` measures, each with the machine's load beside it:
+`python -m benchmarks.link [CASE ...]` measures, each with the machine's load beside it:
 
+age (as root): over namespaces with tbf and a relay between, the samples' age beyond the way of one
+of them, late ticks of the robot's side, and the video's latency beside that of one computer.
 cut: the link is cut while the arm moves at its full speed: the time from when the samples' time is
 up (`link.lost_after_ms` after the last that counted) until the arm rests by its own reports (below
 1 mm/s), its way from the last sample on. Both ways, and each way alone.
@@ -17,17 +19,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.link.ages import ages
 from benchmarks.link.outages import bursts, cuts, load
+from tams_app.errors import SetupError
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.link", description=__doc__)
     cases: dict[str, Callable[[Path, int], dict[str, Any]]] = {
+        "age": lambda folder, _: ages(folder, options.seconds),
         "cut": lambda folder, times: cuts(folder, times, "both ways"),
         "cut-there": lambda folder, times: cuts(folder, times, "samples only"),
         "cut-back": lambda folder, times: cuts(folder, times, "video and state only"),
         "burst": bursts,
     }
+    parser.add_argument("--seconds", type=float, default=60.0, help="of a session (default 60)")
     parser.add_argument("cases", nargs="*", choices=[[], *cases], help="default: all")
     parser.add_argument("--times", type=int, default=20, help="outages of each kind (default 20)")
     parser.add_argument("--json", type=Path, help="kept there; cases not measured now stay")
@@ -38,7 +44,10 @@ def main() -> None:
     for name in options.cases or cases:
         with tempfile.TemporaryDirectory(prefix="tams-link-") as folder:
             before = load()
-            found[name] = cases[name](Path(folder), options.times)
+            try:
+                found[name] = cases[name](Path(folder), options.times)
+            except SetupError as error:
+                found[name] = {"skipped": str(error)}
         found[name]["load"] = [before, load()]
         print(f"{name}: {json.dumps({k: v for k, v in found[name].items() if k != 'outages'})}")
         if options.json:

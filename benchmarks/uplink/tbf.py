@@ -85,6 +85,7 @@ def namespaces(kbps: float) -> Iterator[tuple[str, str]]:
         ):
             _ip("-n", space, "addr", "add", f"{host}/24", "dev", interface)
             _ip("-n", space, "link", "set", interface, "up")
+            _ip("-n", space, "link", "set", "lo", "up")
         shape = f"rate {kbps:g}kbit burst {_BURST_BYTES} latency {QUEUE_MS}ms"
         tbf = f"tc qdisc add dev {INTERFACE} root tbf {shape}"
         _ip("netns", "exec", here, *tbf.split())

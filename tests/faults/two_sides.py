@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 from hw.controller import Controller
 from tams_app.config import load_config
@@ -48,7 +49,15 @@ class RobotSide(Application):
     def waits(self) -> None:
         """Until an operator may call."""
         self.says("waiting for an operator")
+        until(self._is_started, "the robot's side to have started")
         self.note_helpers()
+
+    def recorded(self) -> SessionLog:
+        """Its log, once it has ended."""
+        return only_log(self.out)
+
+    def _is_started(self) -> bool:
+        return any(line.startswith("fault, link lost") for line in self.lines)
 
 
 class OperateSide(Application):
@@ -79,7 +88,6 @@ class HandSide:
     ) -> None:
         """`port`: where it calls, on loopback. `seconds`: after which it ends."""
         out.mkdir()
-        self._out = out
         self._notes: list[str] = []
         self.said: list[str] = []
         config = load_config(
@@ -173,9 +181,9 @@ class HandSide:
                 time.sleep(0.005)
         raise AssertionError(f"the arm does not move: {self.arming}")
 
-    def log(self) -> SessionLog:
-        """What it recorded, once it is closed."""
-        return only_log(self._out)
+    def helper(self, name: str) -> psutil.Process:
+        """The helper process of that name."""
+        return psutil.Process(self.session._helpers[name].pid)
 
     def _y_mm(self) -> float:
         state = self.state

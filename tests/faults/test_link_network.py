@@ -1,0 +1,177 @@
+"""What a network may do between two computers while the arm moves at full speed.
+
+A cut both ways, a burst and a second operator are in test_link_lost.py.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tams_app.config import load_config
+from tams_app.errors import TamsError
+from tams_app.link.keys import new_key
+from tams_app.recording import SessionLog
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.faults.link_log import Outage, outage
+from tests.faults.two_sides import HOST, HandSide, RobotSide
+from tests.impaired_link import Conditions, ImpairedLink
+
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.verify,
+    pytest.mark.usefixtures("real_time"),
+    pytest.mark.timeout(200),
+]
+
+LINK = load_config().link
+REST_MS, SLACK_MS = 100.0, 100.0
+CUT_S, WHILE_S = 1.0, 2.0
+WAY = Conditions(latency_ms=20.0, jitter_ms=5.0)
+
+
+class Two:
+    """Both sides under one key, and the network between them."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        self.folder = folder
+        self.key = folder / "key"
+        new_key(self.key)
+        self.robot = stack.enter_context(RobotSide(folder / "robot", self.key))
+        self.robot.waits()
+        address = (HOST, self.robot.port)
+        self.link = stack.enter_context(ImpairedLink(address, WAY, WAY))
+        self.operator = ExitStack()
+        stack.enter_context(self.operator)
+        side = HandSide(folder / "operator", self.link.port, self.key)
+        self.side = self.operator.enter_context(side)
+
+    def goes_on_for(self, seconds: float) -> None:
+        """The hand goes to and fro, and the arm is engaged all the time."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            time.sleep(0.3)
+            self.side.hand.velocity = -self.side.hand.velocity
+            assert self.side.arming == ArmingState.ENGAGED, self.side.reason
+
+    def log(self) -> SessionLog:
+        """The robot's side's, once the operator has left."""
+        self.operator.close()
+        return self.robot.interrupted()
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> Iterator[Two]:
+    with ExitStack() as stack:
+        yield Two(tmp_path, stack)
+
+
+def lost(two: Two, *, there: bool, back: bool) -> tuple[Outage, int]:
+    """Cut so while the arm moves; how it stopped, and when the cut was [ns]. Then arm it anew."""
+    two.side.moves()
+    cut_ns = two.link.passage("cut" if there else "open", "cut" if back else "open")
+    time.sleep(CUT_S)
+    two.link.passage("open", "open")
+    two.side.becomes(ArmingState.FAULT)
+    two.side.moves()
+    assert any(note.startswith("fault, link lost") for note in two.side.notes)
+    log = two.log()
+    assert any(stop.reason == Reason.LINK_LOST.label for stop in log.stops)
+    return outage(log, cut_ns), cut_ns
+
+
+def test_samples_that_no_longer_come_stop_the_arm(two: Two):
+    found, _ = lost(two, there=True, back=False)
+    assert found.reason == Reason.LINK_LOST.label
+    assert found.rest_after_ms(LINK.lost_after_ms) < REST_MS + SLACK_MS
+
+
+def test_an_operator_who_no_longer_hears_the_robot_moves_nothing_beyond_the_bound(two: Two):
+    """Their samples come, and with them no newer echo: after the bound they do not count."""
+    found, cut_ns = lost(two, there=False, back=True)
+    assert found.reason == Reason.LINK_LOST.label
+    limit_ms = LINK.longest_age_ms + LINK.lost_after_ms + REST_MS + SLACK_MS
+    assert (found.rest_ns - cut_ns) / NS_PER_MS < limit_ms
+
+
+@pytest.mark.parametrize("kind", ["reorder", "duplicate"])
+def test_datagrams_out_of_order_or_twice_disturb_nothing(two: Two, kind: str):
+    two.side.moves()
+    two.link.there = replace(WAY, **{kind: 0.2})  # type: ignore[arg-type]
+    two.link.back = replace(WAY, **{kind: 0.2})  # type: ignore[arg-type]
+    from_ns = two.link.tell()
+    two.goes_on_for(WHILE_S)
+    log = two.log()
+    heard = [one for one in log.hands_heard if one.t_ns > from_ns]
+    assert all(one.refusal == "" for one in heard)
+    assert np.all(np.diff([one.sent_ns for one in heard]) > 0)
+    assert log.link_health[-1].ignored["late"] > 10
+
+
+def test_an_operator_whose_address_changes_goes_on(two: Two):
+    two.side.moves()
+    for _ in range(5):
+        two.link.move()
+        two.goes_on_for(0.4)
+    log = two.log()
+    assert sum(note.text == "an operator is connected" for note in log.notes) == 1
+
+
+def test_a_session_played_again_from_elsewhere_changes_nothing(two: Two):
+    two.side.moves()
+    two.link.replay()
+    two.goes_on_for(1.0)
+    two.operator.close()
+    time.sleep(1.0)
+    silent_ns = time.monotonic_ns()
+    two.link.replay()  # now there is no operator: nothing makes one of it
+    time.sleep(4.0)  # also when who was there has let go
+    two.link.replay()
+    time.sleep(1.0)
+    log = two.robot.interrupted()
+    after = [tick for tick in log.ticks if tick.started_ns > silent_ns]
+    assert {tick.arming for tick in after} == {ArmingState.FAULT}
+    assert all(tick.twist.is_zero for tick in after)
+    assert [one for one in log.hands_heard if one.t_ns > silent_ns] == []
+    assert sum(note.text == "an operator is connected" for note in log.notes) == 1
+
+
+def test_an_operator_with_another_key_is_told_so_and_the_one_who_is_there_goes_on(two: Two):
+    two.side.moves()
+    two.side.hand.velocity = np.zeros(3)
+    other = two.folder / "other-key"
+    new_key(other)
+    with (
+        pytest.raises(TamsError, match="has another key"),
+        HandSide(two.folder / "other", two.robot.port, other, seconds=20.0),
+    ):
+        pass
+    assert two.side.arming == ArmingState.ENGAGED, two.side.reason
+    log = two.log()
+    assert log.link_health[-1].ignored["calls with another key"] >= 1
+    assert sum(note.text == "an operator is connected" for note in log.notes) == 1
+
+
+def test_a_link_that_is_away_for_long_is_called_anew_and_armed_anew_only_by_the_operator(two: Two):
+    """Longer than the robot's side keeps a silent operator: keys and session are new then."""
+    two.side.moves()
+    two.link.passage("cut", "cut")
+    time.sleep(5.0)
+    back_ns = two.link.passage("open", "open")
+    two.side.becomes(ArmingState.FAULT)
+    time.sleep(1.0)
+    assert two.side.arming == ArmingState.FAULT
+    confirmed_ns = time.monotonic_ns()
+    two.side.moves()
+    log = two.log()
+    between = [tick for tick in log.ticks if back_ns < tick.started_ns < confirmed_ns]
+    assert between[-1].started_ns - between[0].started_ns > 0.8 * NS_PER_S
+    assert {tick.arming for tick in between} == {ArmingState.FAULT}
+    assert sum(note.text == "an operator is connected" for note in log.notes) == 2

@@ -1,0 +1,197 @@
+"""Each process of a session on two computers killed or stopped while the arm moves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tams_app.config import load_config
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS
+from tests.faults.applications import until
+from tests.faults.link_log import commanded_mm, outage
+from tests.faults.two_sides import HandSide, OperateSide, RobotSide
+
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.verify,
+    pytest.mark.usefixtures("real_time"),
+    pytest.mark.timeout(300),
+]
+
+LOST_AFTER_MS = load_config().link.lost_after_ms
+REST_MS, SLACK_MS = 100.0, 150.0  # the sample before may be some time old
+ATTEMPTS = 10
+STOPPED_S = 1.0
+LINK_LOST = "fault, link lost"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[RobotSide]:
+    with RobotSide(tmp_path / "robot") as started:
+        started.waits()
+        yield started
+
+
+@pytest.fixture
+def side(robot: RobotSide, tmp_path: Path) -> Iterator[HandSide]:
+    with ExitStack() as stack:
+        one = stack.enter_context(HandSide(tmp_path / "operator", robot.port))
+        one.moves()
+        yield one
+
+
+@pytest.fixture
+def operate(robot: RobotSide, tmp_path: Path) -> Iterator[OperateSide]:
+    """The simulated operator at work, and the arm moving."""
+    with OperateSide(tmp_path / "operate", robot.port) as started:
+        robot.engaged()
+        started.note_helpers()
+        yield started
+
+
+def rests_in_time(robot: RobotSide, from_ns: int, reason: str) -> None:
+    """The arm was stopped for `reason` and stood soon after; the robot's log says so. Ends it."""
+    log = robot.interrupted()
+    found = outage(log, from_ns)
+    assert found.reason.startswith(reason)
+    assert (found.rest_ns - from_ns) / NS_PER_MS < LOST_AFTER_MS + REST_MS + SLACK_MS
+    assert any(stop.reason.startswith(reason) for stop in log.stops)
+    assert commanded_mm(log, found.fault_ns)[0] == 0.0
+
+
+def fails(side: HandSide) -> str:
+    """The sentence with which the operator's side fails."""
+
+    def failed() -> bool:
+        side.session.poll()
+        return bool(side.session.failure)
+
+    until(failed, "the operator's side to fail")
+    return side.session.failure
+
+
+def test_a_killed_gateway_of_the_robot_ends_its_session_and_the_operator_hears_nothing(
+    robot: RobotSide, side: HandSide
+) -> None:
+    killed_ns = time.monotonic_ns()
+    robot.helper("link").kill()
+    code, words = robot.ends()
+    assert code == 1
+    assert "the helper process link ended unasked" in words
+
+    def told() -> bool:
+        side.session.poll()
+        return any(note.startswith("nothing is heard of the robot") for note in side.notes)
+
+    until(told, "the operator's side to tell that nothing is heard")
+    found = outage(robot.recorded(), killed_ns)
+    assert found.reason.startswith((Reason.LINK_LOST.label, Reason.SESSION_FAILED.label))
+    assert (found.rest_ns - killed_ns) / NS_PER_MS < LOST_AFTER_MS + REST_MS + SLACK_MS
+
+
+def test_a_stopped_gateway_of_the_robot_stops_the_arm_and_what_waited_in_it_moves_nothing(
+    robot: RobotSide, side: HandSide
+) -> None:
+    before = len(robot.lines)
+    stopped_ns = time.monotonic_ns()
+    robot.helper("link").suspend()
+    robot.says(LINK_LOST, before)
+    time.sleep(STOPPED_S)
+    resumed_ns = time.monotonic_ns()
+    robot.helper("link").resume()
+    side.becomes(ArmingState.FAULT)
+    side.moves()
+    log = robot.interrupted()
+    assert outage(log, stopped_ns).reason == Reason.LINK_LOST.label
+    assert commanded_mm(log, resumed_ns)[0] == 0.0
+
+
+def test_a_killed_gateway_of_the_operator_stops_the_arm_and_ends_their_session(
+    robot: RobotSide, side: HandSide
+) -> None:
+    killed_ns = time.monotonic_ns()
+    side.helper("link").kill()
+    assert "the helper process link ended unasked" in fails(side)
+    rests_in_time(robot, killed_ns, Reason.LINK_LOST.label)
+
+
+def test_a_stopped_gateway_of_the_operator_stops_the_arm_and_it_is_armed_again_when_it_goes_on(
+    robot: RobotSide, side: HandSide
+) -> None:
+    before = len(robot.lines)
+    stopped_ns = time.monotonic_ns()
+    side.helper("link").suspend()
+    robot.says(LINK_LOST, before)
+    time.sleep(STOPPED_S)
+    side.helper("link").resume()
+    side.becomes(ArmingState.FAULT)
+    side.moves()
+    rests_in_time(robot, stopped_ns, Reason.LINK_LOST.label)
+
+
+def test_a_killed_operators_application_stops_the_arm_and_one_that_is_started_anew_moves_it(
+    robot: RobotSide, operate: OperateSide, tmp_path: Path
+) -> None:
+    """As a computer that is rebooted."""
+    before = len(robot.lines)
+    killed_ns = time.monotonic_ns()
+    operate.process.kill()
+    robot.says(LINK_LOST, before)
+    with HandSide(tmp_path / "anew", robot.port) as anew:
+        anew.moves()
+    rests_in_time(robot, killed_ns, Reason.LINK_LOST.label)
+
+
+def test_a_stopped_operators_application_stops_the_arm_and_works_on_when_it_goes_on(
+    robot: RobotSide, operate: OperateSide
+) -> None:
+    before = len(robot.lines)
+    stopped_ns = time.monotonic_ns()
+    application = psutil.Process(operate.process.pid)
+    application.suspend()
+    robot.says(LINK_LOST, before)
+    time.sleep(STOPPED_S)
+    before = len(robot.lines)
+    application.resume()
+    robot.says("engaged", before)
+    rests_in_time(robot, stopped_ns, Reason.LINK_LOST.label)
+
+
+def test_a_killed_simulated_operator_ends_their_session_and_stops_the_arm(
+    robot: RobotSide, operate: OperateSide
+) -> None:
+    before = len(robot.lines)
+    killed_ns = time.monotonic_ns()
+    operate.helper("operator").kill()
+    code, words = operate.ends()
+    assert code == 1
+    assert "operator" in words
+    robot.says("fault", before)
+    log = robot.interrupted()
+    found = outage(log, killed_ns)
+    assert found.reason in {Reason.RUNTIME_QUIT.label, Reason.LINK_LOST.label}
+    assert commanded_mm(log, found.fault_ns)[0] == 0.0
+
+
+def test_a_stopped_simulated_operator_is_a_frozen_pose(
+    robot: RobotSide, operate: OperateSide
+) -> None:
+    witness = robot.witness
+    assert witness is not None
+    for _ in range(ATTEMPTS):
+        until(witness.moves, "the arm to move")
+        before = len(robot.lines)
+        operate.helper("operator").suspend()
+        stopped = robot.says_within(2.0, "fault, pose frozen", before)
+        operate.helper("operator").resume()
+        if stopped:  # else they had just let go of the trigger
+            break
+    witness.waits_for_the_stop()
+    log = robot.interrupted()
+    assert any(stop.reason == Reason.POSE_FROZEN.label for stop in log.stops)
