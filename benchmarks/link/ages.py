@@ -12,6 +12,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -47,7 +48,9 @@ def ages(folder: Path, seconds: float) -> dict[str, Any]:
         robot, operator, summary = _two_sides(folder, here, there, seconds)
     reference = _one_computer(folder, seconds)
     counted = [one for one in robot.hands_heard if not one.refusal and one.echo_ns]
-    refused = sum(one.refusal != "" for one in robot.hands_heard)
+    refused = Counter(one.refusal for one in robot.hands_heard if one.refusal)
+    first_ns = counted[0].t_ns
+    later = Counter(one.refusal for one in robot.hands_heard if one.refusal and one.t_ns > first_ns)
     sent_ms = [(one.t_ns - one.sent_ns) / NS_PER_MS - latency_ms for one in counted]
     pose_ms = [(one.t_ns - one.pose_ns) / NS_PER_MS - latency_ms for one in counted if one.pose_ns]
     two_ms, one_ms = _latency_ms(robot, operator), _latency_ms(reference, reference)
@@ -59,7 +62,8 @@ def ages(folder: Path, seconds: float) -> dict[str, Any]:
         "pose_age_beyond_one_way_ms": _percentiles(pose_ms),
         "age_at_use_beyond_one_way_ms": _percentiles(_at_use_ms(robot, latency_ms)),
         "samples": len(counted),
-        "samples_refused": refused,
+        "samples_refused": dict(refused),
+        "samples_refused_later": dict(later),  # than the first that counted
         "late_fraction": summary["control"]["late_fraction"],
         "stops": [stop["reason"] for stop in summary["arm"]["stops"]],
         "completion_time_s": summary["outcome"]["completion_time_s"],

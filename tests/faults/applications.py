@@ -237,11 +237,15 @@ class Application:
             stream.close()
         assert all(child.status() == psutil.STATUS_ZOMBIE for child in alive), alive
 
-    def engaged(self) -> Witness:
-        """Wait until the operator moves the arm; returns a witness who looks at it."""
-        self.says("engaged")
+    def engaged(self, after: int = 0) -> Witness:
+        """Wait until the operator moves the arm; returns a witness who looks at it.
+
+        Nothing has stopped it since the first `after` lines.
+        """
+        self.says("engaged", after)
         self.note_helpers()
-        assert not any(line.startswith("fault") for line in self.lines), self.lines
+        later = self.lines[after:]
+        assert not any(line.startswith("fault") for line in later), later
         self.witness = Witness(self._control_port())
         until(self.witness.moves, "the arm to move")
         return self.witness

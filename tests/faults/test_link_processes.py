@@ -11,6 +11,7 @@ import psutil
 import pytest
 
 from tams_app.config import load_config
+from tams_app.records import Activity
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS
 from tests.faults.applications import until
@@ -28,6 +29,7 @@ LOST_AFTER_MS = load_config().link.lost_after_ms
 REST_MS, SLACK_MS = 100.0, 150.0  # the sample before may be some time old
 ATTEMPTS = 10
 STOPPED_S = 1.0
+STANDS_S = 0.5
 LINK_LOST = "fault, link lost"
 
 
@@ -49,14 +51,16 @@ def side(robot: RobotSide, tmp_path: Path) -> Iterator[HandSide]:
 @pytest.fixture
 def operate(robot: RobotSide, tmp_path: Path) -> Iterator[OperateSide]:
     """The simulated operator at work, and the arm moving."""
+    before = len(robot.lines)
     with OperateSide(tmp_path / "operate", robot.port) as started:
-        robot.engaged()
+        robot.engaged(before)
         started.note_helpers()
         yield started
 
 
 def rests_in_time(robot: RobotSide, from_ns: int, reason: str) -> None:
     """The arm was stopped for `reason` and stood soon after; the robot's log says so. Ends it."""
+    time.sleep(STANDS_S)
     log = robot.interrupted()
     found = outage(log, from_ns)
     assert found.reason.startswith(reason)
@@ -90,9 +94,16 @@ def test_a_killed_gateway_of_the_robot_ends_its_session_and_the_operator_hears_n
         return any(note.startswith("nothing is heard of the robot") for note in side.notes)
 
     until(told, "the operator's side to tell that nothing is heard")
-    found = outage(robot.recorded(), killed_ns)
-    assert found.reason.startswith((Reason.LINK_LOST.label, Reason.SESSION_FAILED.label))
-    assert (found.rest_ns - killed_ns) / NS_PER_MS < LOST_AFTER_MS + REST_MS + SLACK_MS
+    log = robot.recorded()
+    fault = next(
+        one for one in log.ticks if one.started_ns > killed_ns and one.arming == ArmingState.FAULT
+    )
+    assert fault.reason.startswith((Reason.LINK_LOST.label, Reason.SESSION_FAILED.label))
+    assert (fault.started_ns - killed_ns) / NS_PER_MS < LOST_AFTER_MS + SLACK_MS
+    assert commanded_mm(log, fault.started_ns)[0] == 0.0
+    last = log.ticks[-1].arm
+    assert last is not None
+    assert last.activity is Activity.STOPPED
 
 
 def test_a_stopped_gateway_of_the_robot_stops_the_arm_and_what_waited_in_it_moves_nothing(
@@ -115,8 +126,10 @@ def test_a_stopped_gateway_of_the_robot_stops_the_arm_and_what_waited_in_it_move
 def test_a_killed_gateway_of_the_operator_stops_the_arm_and_ends_their_session(
     robot: RobotSide, side: HandSide
 ) -> None:
+    before = len(robot.lines)
     killed_ns = time.monotonic_ns()
     side.helper("link").kill()
+    robot.says(LINK_LOST, before)
     assert "the helper process link ended unasked" in fails(side)
     rests_in_time(robot, killed_ns, Reason.LINK_LOST.label)
 
@@ -173,9 +186,11 @@ def test_a_killed_simulated_operator_ends_their_session_and_stops_the_arm(
     assert code == 1
     assert "operator" in words
     robot.says("fault", before)
+    time.sleep(STANDS_S)
     log = robot.interrupted()
     found = outage(log, killed_ns)
-    assert found.reason in {Reason.RUNTIME_QUIT.label, Reason.LINK_LOST.label}
+    gone = (Reason.RUNTIME_QUIT, Reason.CONTROLLER_DISCONNECTED, Reason.LINK_LOST)
+    assert found.reason in {reason.label for reason in gone}
     assert commanded_mm(log, found.fault_ns)[0] == 0.0
 
 
