@@ -1,31 +1,15 @@
-"""A gateway or its owner that is killed: the other goes on, and notices by the process's end."""
+"""A gateway whose application is killed says goodbye for it."""
 
 from __future__ import annotations
 
 import time
 
-import psutil
 import pytest
 
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tests.faults.applications import until
 
 pytestmark = pytest.mark.waiting
-
-
-def test_what_is_sent_to_a_killed_gateway_is_lost_and_raises_nothing():
-    gateway = Gateway("operator", Endpoint("127.0.0.1", 9, None), b"greeting", None)
-    gateway.launch()
-    try:
-        gateway.wait_ready()
-        psutil.Process(gateway.process.pid).kill()
-        until(lambda: gateway.process.exit_code is not None, "the gateway's end")
-        for _ in range(10):  # the kernel tells of it in different ways, one after the other
-            gateway.send(b"message")
-            assert gateway.receive() == []
-            time.sleep(0.001)
-    finally:
-        gateway.close()
 
 
 def test_a_gateway_whose_application_is_gone_lives_until_it_can_say_goodbye():

@@ -30,6 +30,7 @@ REST_MS, SLACK_MS = 100.0, 150.0  # the sample before may be some time old
 ATTEMPTS = 10
 STOPPED_S = 1.0
 STANDS_S = 0.5
+HEARD_S = 2.0
 LINK_LOST = "fault, link lost"
 
 
@@ -161,19 +162,27 @@ def test_a_killed_operators_application_stops_the_arm_and_one_that_is_started_an
     rests_in_time(robot, killed_ns, Reason.LINK_LOST.label)
 
 
-def test_a_stopped_operators_application_stops_the_arm_and_works_on_when_it_goes_on(
+def test_a_stopped_operators_application_stops_the_arm_which_waits_when_it_goes_on(
     robot: RobotSide, operate: OperateSide
 ) -> None:
+    """The simulated operator confirms once only: after a fault that is a person's to do."""
     before = len(robot.lines)
     stopped_ns = time.monotonic_ns()
     application = psutil.Process(operate.process.pid)
     application.suspend()
     robot.says(LINK_LOST, before)
     time.sleep(STOPPED_S)
-    before = len(robot.lines)
+    resumed_ns = time.monotonic_ns()
     application.resume()
-    robot.says("engaged", before)
-    rests_in_time(robot, stopped_ns, Reason.LINK_LOST.label)
+    time.sleep(HEARD_S)
+    log = robot.interrupted()
+    found = outage(log, stopped_ns)
+    assert found.reason == Reason.LINK_LOST.label
+    assert (found.rest_ns - stopped_ns) / NS_PER_MS < LOST_AFTER_MS + REST_MS + SLACK_MS
+    heard = [one for one in log.hands_heard if one.t_ns > resumed_ns and not one.refusal]
+    assert len(heard) > 50
+    assert commanded_mm(log, found.fault_ns)[0] == 0.0
+    assert log.ticks[-1].arming == ArmingState.FAULT
 
 
 def test_a_killed_simulated_operator_ends_their_session_and_stops_the_arm(
