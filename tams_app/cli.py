@@ -186,11 +186,17 @@ def robot(
     budget: Annotated[str | None, typer.Option(help="feedback, sender or oracle.")] = None,
     seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
     seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
+    fps: Annotated[
+        int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
+    ] = None,
     arm: Annotated[
         bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
     ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Everything but motion of the arm.")
+    ] = False,
+    record_reference: Annotated[
+        bool, typer.Option("--record-reference", help="Keep lossless captures too.")
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
 ) -> None:
@@ -204,6 +210,9 @@ def robot(
             "policy.budget.mode": budget,
             "seconds": seconds,
             "seed": seed,
+            "video.fps": fps,
+            "rig.fixed_fps": None if fps is None else True,
+            "recording.record_reference": True if record_reference else None,
             "headless": True,
             "name": "robot",
             "video.bind_host": "127.0.0.1",

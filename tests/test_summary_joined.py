@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 
 from tams_app.errors import LogError
 from tams_app.recording import FrameShown, SessionLog
-from tams_app.records import HandHeard, LinkHealth, StateHeard, UplinkSummary
+from tams_app.records import HandHeard, LinkHealth, OperatorGlance, StateHeard, UplinkSummary
 from tams_app.summary import summarise
 from tams_app.summary.joined import (
+    OPERATOR_FACT,
     SESSION_FACT,
     clock_offsets,
     in_order,
+    joined,
     summarise_both,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -46,10 +48,14 @@ def pair(
 
     robot = replace(whole, shown=[], facts={SESSION_FACT: "a"})
     robot.hands_heard = [
-        HandHeard(t_ns + UP_NS + late(), there(t_ns), there(t_ns) - NS_PER_MS, t_ns - DOWN_NS, "")
+        HandHeard(
+            t_ns + UP_NS + late(), there(t_ns), there(t_ns) - NS_PER_MS, t_ns - DOWN_NS, "", 7
+        )
         for t_ns in range(START_NS, whole.ended_ns, NS_PER_S // 120)
     ]
-    operator = SessionLog(header(), there(whole.ended_ns), facts={SESSION_FACT: "a"})
+    operator = SessionLog(
+        header(), there(whole.ended_ns), facts={SESSION_FACT: "a", OPERATOR_FACT: "7"}
+    )
     operator.states_heard = [
         StateHeard(there(t_ns + DOWN_NS + late()), t_ns, there(t_ns - UP_NS))
         for t_ns in range(START_NS, whole.ended_ns, NS_PER_S // 60)
@@ -141,7 +147,7 @@ def test_twice_the_same_side_is_refused(which: str):
 def test_logs_of_two_sessions_are_refused():
     _, robot, operator = pair()
     with pytest.raises(LogError, match="two different sessions"):
-        in_order(robot, replace(operator, facts={SESSION_FACT: "b"}))
+        in_order(robot, replace(operator, facts={**operator.facts, SESSION_FACT: "b"}))
 
 
 def test_a_session_of_one_computer_is_no_half_of_one():
@@ -154,3 +160,36 @@ def test_sides_that_never_heard_of_each_other_cannot_be_joined():
     _, robot, operator = pair()
     with pytest.raises(LogError, match="nothing to join"):
         clock_offsets(replace(robot, hands_heard=[]), operator)
+
+
+def test_of_two_operators_in_one_session_each_is_joined_with_their_own_samples():
+    _, robot, operator = pair()
+    alone = summarise_both(robot, operator)
+    another = [
+        replace(one, sent_ns=one.sent_ns + HOUR_NS, pose_ns=one.pose_ns + HOUR_NS, operator=8)
+        for one in robot.hands_heard
+    ]
+    both = summarise_both(replace(robot, hands_heard=[*another, *robot.hands_heard]), operator)
+    assert both["link"] == alone["link"]
+
+
+def test_what_the_operator_saw_counts_for_the_phase_that_the_robot_was_in():
+    _, robot, operator = pair()
+    seen = OperatorGlance(
+        t_ns=START_NS + NS_PER_S - HOUR_NS,
+        stage="approach",
+        to_block={"gt": 1.0},
+        to_container={"gt": 1.0},
+        about_block=True,
+        block_sigma=0.001,
+        container_sigma=0.001,
+        lag_ns=0,
+        hanging=(),
+    )
+    operator.glances = [seen]
+    operator.facts["operator"] = "seeing"
+    summary = summarise_both(robot, operator)
+    assert summary["operator"]["kind"] == "seeing"
+    robot, operator = in_order(robot, operator)
+    (glance,) = joined(robot, operator, clock_offsets(robot, operator)).glances
+    assert abs(glance.t_ns - (START_NS + NS_PER_S)) <= 3 * NS_PER_MS

@@ -23,6 +23,9 @@ _LOST = ControllerSample(
 )
 _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
+_WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
+_SHORTER_WAY_NS = 5 * NS_PER_MS
+_ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing up
 
 
 class LinkController(Controller):
@@ -30,9 +33,12 @@ class LinkController(Controller):
 
     A sample counts if it cannot be older than `LinkConfig.longest_age_ms`, judged by the echo of
     our own stamp in it (`age_bound_ns`): what was queued during an outage is counted and left out.
-    Its times become ours by the shortest way that a message has taken lately, so that a pose of a
-    steady hand comes at a steady rate, and what is queued makes it older. They never go back, and
-    what has not changed keeps its time.
+    Its times become ours by the shortest way that a message has taken in the last 300 ms, so that a
+    pose of a steady hand comes at a steady rate, and what is queued makes it older. They never go
+    back, and what has not changed keeps its time. Where the way has become shorter by more than
+    5 ms or `LinkConfig.jitter_ms` (a queue has drained, the route is another) poses wait for 50 ms,
+    after which the hand begins anew (`HandMotion`): else what it did in a longer time would be
+    taken for a faster hand.
     """
 
     def __init__(
@@ -49,7 +55,10 @@ class LinkController(Controller):
         self._pulse = pulse
         self._heard_ns: int | None = None
         self._newest: HandMessage | None = None  # that counted
-        self._offset = LeastOffset()
+        self._offset = LeastOffset(_WAY_WINDOW_NS)
+        self._offset_ns = 0  # of the sample that counted last
+        self._shorter_way_ns = max(_SHORTER_WAY_NS, config.jitter_ms * NS_PER_MS)
+        self._anew_ns = 0  # poses wait until then, 0: they do not
         self._sample = _LOST
         self._started = False
 
@@ -81,17 +90,13 @@ class LinkController(Controller):
             self.refused[refusal] += 1
             return refusal
         before, last = self._newest, self._sample
-        offset_ns = self._offset.step(heard_ns, heard_ns - message.sent_ns)
-        pose, pose_ns = _pose(message), message.pose_ns + offset_ns
+        offset_ns = self._offset_of(message, heard_ns)
+        pose, pose_ns = self._pose(message, offset_ns)
         buttons_ns = message.buttons_ns + offset_ns
         if before is not None:
-            same_pose = message.pose_ns == before.pose_ns
             same_buttons = message.buttons_ns == before.buttons_ns
-            if same_pose and message.pose == before.pose:
-                pose = last.pose
-            pose_ns = last.pose_ns if same_pose else max(pose_ns, last.pose_ns)
             buttons_ns = last.buttons_ns if same_buttons else max(buttons_ns, last.buttons_ns)
-        self._newest, self._heard_ns = message, heard_ns
+        self._newest, self._heard_ns, self._offset_ns = message, heard_ns, offset_ns
         self._sample = ControllerSample(
             _STATUSES[message.status],
             pose,
@@ -105,10 +110,34 @@ class LinkController(Controller):
         )
         return ""
 
+    def _offset_of(self, message: HandMessage, heard_ns: int) -> int:
+        """What makes the operator's times ours; what has become little less is less by and by."""
+        least_ns = self._offset.step(heard_ns, heard_ns - message.sent_ns)
+        if self._newest is None or self._offset_ns - least_ns > self._shorter_way_ns:
+            return least_ns
+        return max(least_ns, self._offset_ns - (message.sent_ns - self._newest.sent_ns) // 4)
+
+    def _pose(self, message: HandMessage, offset_ns: int) -> tuple[Pose | None, int]:
+        """The pose and its time on our clock: the last one's while it has not changed or waits."""
+        before, last = self._newest, self._sample
+        pose, pose_ns = _pose(message), message.pose_ns + offset_ns
+        if before is None or pose is None or last.pose is None:
+            self._anew_ns = 0
+            return pose, max(pose_ns, 0 if before is None else last.pose_ns)
+        if self._offset_ns - offset_ns > self._shorter_way_ns:
+            self._anew_ns = last.pose_ns + _ANEW_NS
+        if pose_ns < self._anew_ns:
+            return last.pose, last.pose_ns
+        self._anew_ns = 0
+        if message.pose_ns == before.pose_ns:
+            return (last.pose if message.pose == before.pose else pose), last.pose_ns
+        return pose, max(pose_ns, last.pose_ns)
+
     def let_go(self) -> None:
         """Forget the operator: what comes next is judged as if it were the first."""
         self._heard_ns = self._newest = None
-        self._offset = LeastOffset()
+        self._anew_ns = 0
+        self._offset = LeastOffset(_WAY_WINDOW_NS)
 
     def _refusal(self, message: HandMessage, heard_ns: int) -> str:
         bound_ns = age_bound_ns(heard_ns, message.echo_ns)

@@ -100,7 +100,12 @@ def run_and_report(
     folder = create_session_folder(config)
     session = make(folder)
     signals: list[str] = []
-    show_session(session, console, interrupted=signals.append)
+    try:
+        show_session(session, console, interrupted=signals.append)
+    except TamsError as error:
+        if signals:  # it was ended before it had started
+            raise SignalledError(str(error)) from error
+        raise
     try:
         report(folder, console)
     except TamsError:

@@ -6,13 +6,14 @@ import os
 import select
 import socket
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 from rich.console import Console
 
 from tams_app import __version__
 from tams_app.errors import HelperError, TamsError
-from tams_app.link.ends import GOODBYE, OperatorEnd
+from tams_app.link.ends import GOODBYE, Address, OperatorEnd
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.messages import PROTOCOL, Greeting, encode
@@ -42,6 +43,13 @@ _BUFFER_BYTES = 4_000_000
 def run_link_check(endpoint: Endpoint, console: Console | None = None) -> int:
     """Measure the link to a `robot` that runs, and print what was found; the exit code."""
     console = console or Console()
+    try:
+        return _measure(endpoint, console)
+    except OSError as error:
+        raise HelperError(f"the network refuses: {error.strerror or error}") from error
+
+
+def _measure(endpoint: Endpoint, console: Console) -> int:
     with _Prober(endpoint, MonotonicClock()) as prober:
         console.print(f"measuring the link to {endpoint.host}:{endpoint.port}, about ten seconds")
         prober.connect()
@@ -82,8 +90,7 @@ class _Prober:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         self._socket.setblocking(False)
         greeting = encode(Greeting(PROTOCOL, __version__))
-        called = (str(address[0]), endpoint.port)
-        self._end = OperatorEnd(key, called, greeting, os.urandom)
+        self._end = OperatorEnd(key, cast("Address", address), greeting, os.urandom)
 
     def __enter__(self) -> _Prober:
         return self
@@ -163,7 +170,7 @@ class _Prober:
                 return
             datagram, address = self._socket.recvfrom(65_536)
             now_ns = self._clock.now_ns()
-            heard = self._end.receive(datagram, address[:2], now_ns)
+            heard = self._end.receive(datagram, address, now_ns)
             if heard.connected:
                 self._send(ping(_PINGS))  # the first message confirms the call
             if heard.message is not None:

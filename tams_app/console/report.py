@@ -47,7 +47,10 @@ def report_both(first: Path, second: Path, console: Console | None = None) -> No
     folder = folders[0] if robot is logs[0] else folders[1]
     summary = summarise_both(robot, operator)
     save_summary_of(summary, folder)
-    save_bitrates(robot, folder / FIGURE_NAME)
+    try:
+        save_bitrates(robot, folder / FIGURE_NAME)
+    except OSError as error:
+        raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
     console = console or Console()
     console.print(summary_tables(summary), link_table(summary["link"]))
     if missing := _missing(summary):

@@ -60,8 +60,9 @@ def endpoint_of(option: str, given: str, key: Path | None) -> Endpoint:
             f"{option}: {host} can be reached from other computers, so --key is needed: "
             "make one with: key new FILE"
         )
-    if key is not None:
-        read_key(key)  # what is wrong with it is told before anything is started
+    if key is None:
+        return Endpoint(str(address), int(port), None)  # what was judged, not what it is later
+    read_key(key)  # what is wrong with it is told before anything is started
     return Endpoint(host, int(port), key)
 
 

@@ -25,19 +25,20 @@ def age_bound_ns(heard_ns: int, echo_ns: int) -> int | None:
 
 
 class LeastOffset:
-    """The least difference between two stamps of a message over the last ten seconds.
+    """The least difference between two stamps of a message over the last `window_ns`.
 
     Of the time when messages are heard and their `sent_ns` it is the offset of the clocks plus the
     shortest delay on the way: what it is added to is as if nothing had been queued.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, window_ns: int) -> None:
+        self._window_ns = window_ns
         self._least: deque[tuple[int, int]] = deque()  # (when, difference), rising differences
 
     def step(self, now_ns: int, difference_ns: int) -> int:
         """Take one in; the least one now [ns]."""
         least = self._least
-        while least and now_ns - least[0][0] > _WINDOW_NS:
+        while least and now_ns - least[0][0] > self._window_ns:
             least.popleft()
         while least and least[-1][1] >= difference_ns:
             least.pop()

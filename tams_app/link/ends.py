@@ -21,7 +21,7 @@ from tams_app.link.handshake import Answerer, Dialer, HandshakeError, SessionKey
 from tams_app.link.sealing import Media, MessageOpener, MessageSealer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-Address: TypeAlias = tuple[str, int]
+Address: TypeAlias = tuple[str, int] | tuple[str, int, int, int]  # of IPv4, of IPv6
 
 HELLO, ANSWER, MESSAGE, REFUSAL = 0xC1, 0xC2, 0xC3, 0xC4
 TAG_BYTES = 8  # of a call, chosen by the caller: tells which call an answer is to
@@ -33,8 +33,10 @@ LET_GO_NS = 3 * NS_PER_S  # an operator who is not heard for so long has let go
 REDIAL_NS = 2 * NS_PER_S  # not heard for so long: call again
 _RING_NS = 250 * NS_PER_MS  # between two calls
 _ATTEMPT_NS = 5 * NS_PER_S  # a call that is not answered is begun anew, with other keys
-_CALLS_PER_S = 10  # a flood of calls must not take the time of the operator who is there
+# A flood must not take the time of the operator who is there: a call is looked at in .1 ms.
+_CALLS_PER_S = 500
 _CALLS_KEPT = 4
+_ANSWERS_TO_A_CALL = 40  # of an attempt's ring each; a recorded one is not worth reflecting
 _CALL_KEPT_NS = 2 * _ATTEMPT_NS  # what was recorded of a call that came to nothing is void then
 
 
@@ -79,6 +81,7 @@ class _Call:
     answer: bytes
     peer: _Peer
     answered_ns: int  # the first time
+    answers: int = 1
 
 
 class _End:
@@ -163,10 +166,13 @@ class RobotEnd(_End):
         self._forget_calls(now_ns)
         call = self._calls.get(tag)
         if call is not None and call.hello == hello:  # the answer was lost, or it comes again
+            call.answers += 1
+            if call.answers > _ANSWERS_TO_A_CALL:
+                return self._refuse(heard, "calls that were answered")
             heard.replies.append((call.answer, address))
             return heard
         if not self._has_time_for_a_call(now_ns):
-            return self._refuse(heard, "calls beyond ten a second")
+            return self._refuse(heard, "calls beyond what is looked at")
         try:
             caller = Answerer(self._key, hello)
         except HandshakeError:
@@ -206,6 +212,8 @@ class RobotEnd(_End):
             if message is None:
                 continue
             del self._calls[tag]
+            if message == GOODBYE:
+                return Heard(left=True)
             self._peer = call.peer
             self._peer.address, self._peer.heard_ns = address, now_ns
             return Heard(message=message, connected=True)

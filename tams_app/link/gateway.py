@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import msgspec
 
@@ -182,8 +182,8 @@ class Carrier:
             except OSError:  # an ICMP message: nothing listens there (yet)
                 continue
             now_ns = self._now_ns()
-            heard = self._end.receive(datagram, address[:2], now_ns)
-            self._act(heard, address[:2], now_ns)
+            heard = self._end.receive(datagram, address, now_ns)
+            self._act(heard, address, now_ns)
 
     def _act(self, heard: Heard, address: Address, now_ns: int) -> None:
         for reply in heard.replies:
@@ -273,7 +273,7 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     else:
         # bound to no address of this computer: it may get another one on the way
         anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
-        called = (str(address[0]), port)
+        called = cast("Address", address)  # whole: of IPv6 with its scope
         end, outer = OperatorEnd(key, called, content, os.urandom), _udp(family, anywhere, 0)
     stack.callback(outer.close)
     channel = socket.socket(fileno=int(specification["channel"]))

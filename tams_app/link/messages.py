@@ -53,6 +53,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     """A sample of the controller, and what the operator's side shows and asks for.
 
     operator: a random number of the application that sends; its counts begin with it.
+    simulated: whether no person holds the controller: that moves no real arm.
     sent_ns: when it was sent.
     echo_ns: the newest `StateMessage.sent_ns` that was heard, 0 before the first; echo_heard_ns:
         when that was.
@@ -60,9 +61,11 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     shown: by view, the RTP timestamp of the frame on the screen; None before the first.
     confirms: how often the operator has confirmed; confirmed_ns: when they did last.
     stops: how often they have asked for an emergency stop.
+    noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
     """
 
     operator: int
+    simulated: bool
     sent_ns: int
     echo_ns: int
     echo_heard_ns: int
@@ -79,6 +82,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     confirms: int = 0
     confirmed_ns: int = 0
     stops: int = 0
+    noted: int = 0
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):
@@ -90,7 +94,8 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     haptics: how many pulses there have been; haptic: the last of them.
     first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
     confirms, stops: those of the last `HandMessage`.
-    noted: how many sentences there have been for people; notes: the last of them.
+    noted: how many sentences there have been for people; notes: the last of them, until the
+        operator's side has heard of them.
     ended: why the session has ended, "" while it runs.
     """
 

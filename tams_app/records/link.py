@@ -10,7 +10,8 @@ class HandHeard:
     """A sample of the hand as the robot's side heard it.
 
     t_ns, echo_ns: on the robot's clock; sent_ns, pose_ns: on that of the operator's side.
-    refusal: why it did not count, "" if it did.
+    refusal: why it did not count, "" if it did. operator: the number of the application that sent
+        it, `link_operator` in its own log.
     """
 
     t_ns: int
@@ -18,6 +19,7 @@ class HandHeard:
     pose_ns: int
     echo_ns: int
     refusal: str
+    operator: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,13 @@ import numpy as np
 from tams_app.errors import LogError
 from tams_app.recording import SessionLog
 from tams_app.recording.topics import FrameShown
+from tams_app.records import HandHeard
 from tams_app.summary.summarise import summarise
 from tams_app.summary.tables import Integers, capture_indices, percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 SESSION_FACT = "link_session"  # the same in both logs
+OPERATOR_FACT = "link_operator"  # of the operator's side: the number in what it sends
 _WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
 _PERCENTILES = ("p50", "p95", "p99", "max")
 
@@ -51,7 +53,13 @@ def in_order(first: SessionLog, second: SessionLog) -> tuple[SessionLog, Session
     sessions = {one.facts.get(SESSION_FACT) for one in (robot, operator)}
     if len(sessions) > 1 or None in sessions:
         raise LogError("these are the logs of two different sessions")
-    return robot, operator
+    return replace(robot, hands_heard=_from(operator, robot)), operator
+
+
+def _from(operator: SessionLog, robot: SessionLog) -> list[HandHeard]:
+    """What the robot's side has heard from this operator's, of perhaps several."""
+    number = operator.facts.get(OPERATOR_FACT)
+    return [one for one in robot.hands_heard if str(one.operator) == number]
 
 
 def clock_offsets(robot: SessionLog, operator: SessionLog) -> ClockOffsets:
@@ -85,7 +93,13 @@ def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> Se
                 FrameShown(view, indices[one.index], t_ns)
                 for one, t_ns in zip(there, times_ns.tolist(), strict=True)
             ]
-    return replace(robot, shown=shown, glances=operator.glances)
+    seen_ns = np.array([one.t_ns for one in operator.glances], dtype=np.int64)
+    glances = [
+        replace(one, t_ns=t_ns)
+        for one, t_ns in zip(operator.glances, offsets.to_robot(seen_ns).tolist(), strict=True)
+    ]
+    kind = {name: operator.facts[name] for name in ("operator",) if name in operator.facts}
+    return replace(robot, shown=shown, glances=glances, facts={**robot.facts, **kind})
 
 
 def summarise_both(first: SessionLog, second: SessionLog) -> dict[str, Any]:

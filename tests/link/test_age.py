@@ -99,7 +99,7 @@ def test_an_echo_that_we_cannot_have_sent_bounds_nothing(echo_ns: int) -> None:
     )
 )
 def test_the_least_offset_is_that_of_the_last_ten_seconds(steps: list[tuple[int, int]]) -> None:
-    least, now_ns = LeastOffset(), 0
+    least, now_ns = LeastOffset(10 * NS_PER_S), 0
     seen: list[tuple[int, int]] = []
     for elapsed_ns, difference_ns in steps:
         now_ns += elapsed_ns
@@ -117,7 +117,7 @@ def test_by_the_least_offset_nothing_seems_newer_than_it_can_be(
     ours: Watch, theirs: Watch, delays_ns: list[int]
 ) -> None:
     """What is sent later than the best message seems later, but for drift within the window."""
-    least = LeastOffset()
+    least = LeastOffset(10 * NS_PER_S)
     for trip in trips(list(delays_ns), PERIOD_NS):
         heard_ns, sent_ns = ours.shows_ns(trip.heard_ns), theirs.shows_ns(trip.sent_ns)
         ours_ns = sent_ns + least.step(heard_ns, heard_ns - sent_ns)

@@ -50,6 +50,7 @@ welcomes = st.builds(
 hands = st.builds(
     HandMessage,
     operator=NS,
+    simulated=st.booleans(),
     sent_ns=NS,
     echo_ns=NS,
     echo_heard_ns=NS,
@@ -95,6 +96,7 @@ states = st.builds(
 
 HAND = HandMessage(
     operator=4711,
+    simulated=False,
     sent_ns=5,
     echo_ns=3,
     echo_heard_ns=4,
@@ -213,10 +215,10 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
-    short = decode(msgspec.msgpack.encode(fields(HAND)[:-3]), HandMessage)
-    assert (short.confirms, short.confirmed_ns, short.stops) == (0, 0, 0)
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-4]), HandMessage)
+    assert (short.confirms, short.confirmed_ns, short.stops, short.noted) == (0, 0, 0, 0)
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(fields(HAND)[:-4]), HandMessage)
+        decode(msgspec.msgpack.encode(fields(HAND)[:-5]), HandMessage)
 
 
 @pytest.mark.parametrize("depth", [100, 10_000])

@@ -13,7 +13,7 @@ import cv2
 from hw.controller import Controller
 from tams_app import __version__
 from tams_app.config import Config, VideoConfig
-from tams_app.errors import TamsError
+from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
 from tams_app.records import OperatorGlance, ShownFrame
@@ -27,13 +27,14 @@ from tams_app.session.rig_operator import RigOperator
 from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests, welcome_of
 from tams_app.session.two_sided.operator_video import OperatorVideo
-from tams_app.summary.joined import SESSION_FACT
+from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tams_app.video.repair import RepairRule
 
 _CALL_POLL_NS = 50 * NS_PER_MS
+_REFUSED_NS = NS_PER_S
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
 _SILENT_NS = NS_PER_S
 _STOP_TOLD_S = 0.1
@@ -69,7 +70,7 @@ class OperatorSession:
         self._screen: FrameBlock | None = None
         self._video: OperatorVideo | None = None
         self._welcome: Welcome | None = None
-        self._silent = False
+        self._silent = self._busy = False
 
     # --- start ----------------------------------------------------------------------------------
 
@@ -94,19 +95,24 @@ class OperatorSession:
         gateway.wait_ready()
         self._helpers["link"] = gateway.process
         self._welcome = welcome = self._call()
+        if self.config.rig.enabled and not welcome.simulated:
+            raise ConfigError("--sim: the robot there is real, and moves for a person only")
         self.config = follow(welcome, self.config)
         self._log = Recorders(
             self.config, self._clock, self.folder, self._on_worker_failure, self.board.note
         )
         self._stack.callback(self._log.close)
+        identity = secrets.randbits(63)
         self._log.fact(SESSION_FACT, welcome.session)
+        self._log.fact(OPERATOR_FACT, str(identity))
         self._link = OperatorLink(
             self._clock,
             gateway,
             self.signals,
             self._log,
             self._shown_now,
-            secrets.randbits(63),
+            identity,
+            simulated=self.config.rig.enabled,
         )
         self._start_video(welcome)
         hand = Worker("hand", self._hand_thread, self._on_worker_failure)
@@ -123,12 +129,17 @@ class OperatorSession:
 
     def _call(self) -> Welcome:
         """Wait for the robot's side to answer; TamsError if it has another key, or we are ended."""
-        told_ns, busy = self._clock.now_ns(), False
+        told_ns = refused_ns = self._clock.now_ns()
+        busy = False
         where = f"{self._endpoint.host}:{self._endpoint.port}"
         while (welcome := welcome_of(self._gateway.event)) is None:
             self._gateway.receive()
             now_ns, event = self._clock.now_ns(), self._gateway.event
-            if event.refused:
+            if self._gateway.process.exit_code is not None:
+                raise HelperError(f"the gateway ended unasked; see {self.folder}/helpers")
+            if not event.refused:
+                refused_ns = now_ns
+            elif now_ns - refused_ns > _REFUSED_NS:  # not authentic: an answer still may come
                 raise TamsError(
                     f"the robot's side at {where} has another key: "
                     "use the same key file on both computers"
@@ -137,7 +148,8 @@ class OperatorSession:
                 raise TamsError(f"{self._requested_end} before the robot's side had answered")
             limit_s = self.config.seconds
             if limit_s is not None and self.elapsed_s() >= limit_s:
-                raise TamsError(f"nothing answered at {where} within {limit_s:g} s")
+                what = "another operator was connected" if busy else "nothing answered"
+                raise TamsError(f"{what} at {where} for {limit_s:g} s")
             if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
                 told_ns, busy = now_ns, event.busy
                 self._say(
@@ -195,6 +207,7 @@ class OperatorSession:
         self._stack.callback(operator.close)
         self._helpers["operator"] = operator.launch()
         operator.wait_ready()
+        self._log.fact("operator", operator.choice.kind)
         self._screen.hide()
         return operator.controller
 
@@ -226,7 +239,10 @@ class OperatorSession:
             self.end("the robot's side has ended the session")
         silent = state is None or self._clock.now_ns() - self._link.state_heard_ns > _SILENT_NS
         if silent and not self._silent:
-            self.note("warning", "nothing is heard of the robot: the arm holds; calling again")
+            self.note("warning", "nothing is heard of the robot: calling again")
+        if event.busy and not self._busy:
+            self.note("warning", "another operator is connected: waiting until they leave")
+        self._busy = event.busy
         self._silent = silent
 
     def elapsed_s(self) -> float:
@@ -345,9 +361,18 @@ class OperatorSession:
 
 
 def follow(welcome: Welcome, ours: Config) -> Config:
-    """Our configuration for the session that the robot's side runs, with its video."""
-    update = {"strategy": welcome.strategy, "network": welcome.network}
-    return ours.model_copy(update={**update, "video": video_of(welcome, ours)})
+    """Our configuration for the session that the robot's side runs, with its video.
+
+    ConfigError if it has other views.
+    """
+    video = video_of(welcome, ours)
+    if video.views != ours.video.views:
+        raise ConfigError(
+            f"the robot's side has the views {', '.join(video.views)}, this configuration "
+            f"{', '.join(ours.video.views)}: give both the same"
+        )
+    update = {"strategy": welcome.strategy, "network": welcome.network, "video": video}
+    return ours.model_copy(update=update)
 
 
 def video_of(welcome: Welcome, ours: Config) -> VideoConfig:

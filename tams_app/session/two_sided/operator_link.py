@@ -71,17 +71,19 @@ class OperatorLink:
         log: SessionRecords,
         shown: Callable[[], tuple[int | None, ...]],
         identity: int,
+        simulated: bool,
     ) -> None:
         """`shown`: RTP timestamps of the frames on the screen, in the order of the views.
 
-        `identity`: a random number, another one for each application.
+        `identity`: a random number, another one for each application. `simulated`: whether no
+        person holds the controller.
         """
         self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
         self.controller: Controller | None = None  # once it is started
         self.state: StateMessage | None = None
         self.state_heard_ns = 0
         self._session = 0
-        self._identity = identity
+        self._identity, self._simulated = identity, simulated
         self._haptics: int | None = None
         self._noted: int | None = None
         self._offset = OffsetEstimate()
@@ -163,6 +165,7 @@ class OperatorLink:
             numbers = (x, y, z, *pose.rotation)
         return HandMessage(
             operator=self._identity,
+            simulated=self._simulated,
             sent_ns=self._clock.now_ns(),
             echo_ns=0 if state is None else state.sent_ns,
             echo_heard_ns=self.state_heard_ns,
@@ -179,6 +182,7 @@ class OperatorLink:
             confirms=requests.confirms,
             confirmed_ns=requests.confirmed_ns,
             stops=requests.stops,
+            noted=self._noted or 0,
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
@@ -38,8 +39,7 @@ from tams_app.video.repair import RepairRule
 _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
 _HEALTH_NS = NS_PER_S // 10
 _NOTES_KEPT = 3
-_NOTE_LENGTH = 250  # a message has to fit into one datagram
-_NOTE_REPEATED_NS = NS_PER_S  # its loss is unlikely then; repeating it for good costs bandwidth
+_NOTE_BYTES = 220  # a message has to fit into one datagram
 _CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _FAREWELLS = 5
 
@@ -66,6 +66,7 @@ class RobotLink(Listener):
         self._views = config.video.views
         self._video_age_ns: Callable[[str, int], int | None] = lambda _view, _now_ns: None
         self._first_capture_ns: Callable[[str], int | None] = lambda _view: None
+        self._told: set[str] = set()
         self._session = 0
         self._operator: int | None = None
         self._message: HandMessage | None = None  # the newest, whether it counted or not
@@ -77,7 +78,7 @@ class RobotLink(Listener):
         self._output: TeleopOutput | None = None
         self._haptics, self._haptic = 0, ""
         self._notes: tuple[int, tuple[str, ...]] = (0, ())
-        self._noted_ns = 0
+        self._notes_lock = threading.Lock()
         self._state_due_ns = self._health_due_ns = 0
         self._state: StateMessage | None = None
 
@@ -169,7 +170,7 @@ class RobotLink(Listener):
                 self._take(received, decode(received.content, HandMessage))
             except MessageError as error:
                 self.controller.refused["not understood"] += 1
-                self.note(f"a message of the operator's side was left out: {error}")
+                self._tell_once(f"messages of the operator's side are left out: {error}")
         if gateway.event.left:
             self.controller.let_go()
 
@@ -184,6 +185,9 @@ class RobotLink(Listener):
             self._operator = message.operator
             self._confirms = self._stops = 0
         heard_ns = received.heard_ns
+        if message.simulated and not self._config.rig.enabled:
+            self._tell_once("a simulated operator moves no real arm: its samples are left out")
+            return
         refusal = self.controller.take(message, heard_ns)
         bound_ns = age_bound_ns(heard_ns, message.echo_ns)
         self._offset.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
@@ -207,16 +211,22 @@ class RobotLink(Listener):
                 pose_ns=message.pose_ns,
                 echo_ns=message.echo_ns,
                 refusal=refusal,
+                operator=message.operator,
             )
         )
+
+    def _tell_once(self, sentence: str) -> None:
+        if sentence not in self._told:
+            self._told.add(sentence)
+            self._log.note("warning", sentence)
 
     # --- to the operator ------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
         """A sentence that the operator should read; from any thread."""
-        noted, notes = self._notes
-        self._notes = (noted + 1, (*notes, text[:_NOTE_LENGTH])[-_NOTES_KEPT:])
-        self._noted_ns = self._clock.now_ns()
+        with self._notes_lock:
+            noted, notes = self._notes
+            self._notes = (noted + 1, (*notes, cut(text))[-_NOTES_KEPT:])
 
     def _pulse(self, haptic: Haptic) -> None:
         self._haptics += 1
@@ -244,14 +254,14 @@ class RobotLink(Listener):
         targets: Mapping[str, float] = {} if allocation is None else allocation.target_kbps
         ages = [self._video_age_ns(view, sent_ns) for view in self._views]
         noted, notes = self._notes
-        repeats = sent_ns - self._noted_ns < _NOTE_REPEATED_NS
+        new = notes[-max(0, noted - message.noted) :] if message and message.noted < noted else ()
         x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
         return StateMessage(
             sent_ns=sent_ns,
             echo_ns=0 if message is None else message.sent_ns,
             echo_heard_ns=self._message_heard_ns,
             arming=tick.arming,
-            reason=describe(self._output) if self._output is not None else "",
+            reason=cut(describe(self._output)) if self._output is not None else "",
             deadman=tick.deadman,
             orientation_mode=tick.orientation_mode,
             phase=tick.phase.value,
@@ -266,7 +276,7 @@ class RobotLink(Listener):
             confirms=self._confirms,
             stops=self._stops,
             noted=noted,
-            notes=notes if repeats else (),
+            notes=new,
             ended="",
             failed=False,
         )
@@ -279,7 +289,7 @@ class RobotLink(Listener):
             sent_ns=self._clock.now_ns(),
             noted=noted,
             notes=notes,
-            ended=reason or "the session is over",
+            ended=cut(reason or "the session is over"),
             failed=failed,
         )
 
@@ -294,3 +304,8 @@ class RobotLink(Listener):
             refused=dict(self.controller.refused),
             ignored={} if event is None else dict(event.counts),
         )
+
+
+def cut(text: str) -> str:
+    """A sentence in at most 220 bytes."""
+    return text.encode()[:_NOTE_BYTES].decode(errors="ignore")

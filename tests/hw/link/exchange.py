@@ -28,6 +28,7 @@ def hand_message(
         pose = (x, y, z, *sample.pose.rotation)
     return HandMessage(
         operator=4711,
+        simulated=False,
         sent_ns=sent_ns,
         echo_ns=echo_ns,
         echo_heard_ns=echo_heard_ns,

@@ -179,10 +179,9 @@ def test_a_message_that_comes_twice_counts_once(exchange: Exchange) -> None:
 
 def test_a_position_that_is_no_number_reaches_the_safety_logic_which_holds() -> None:
     bench, exchange = engaged_bench()
-    pose = (math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    assert exchange.take(exchange.message(pose=pose)) == ""
-    exchange.up = lambda _: None
-    output = bench.tick(sample=exchange.tick())
+    exchange.hand.position = np.full(3, np.nan)
+    outputs = [bench.tick(sample=exchange.tick()) for _ in range(4)]
+    output = outputs[-1]
     assert (output.arming, output.reason) == (ArmingState.HOLDING, Reason.BAD_INPUT)
 
 
@@ -328,6 +327,27 @@ def test_no_jumps_make_the_arm_faster_than_the_hand(first_ns: int, second_ns: in
                 moved_m = np.linalg.norm(sample.pose.position - last.pose.position)
                 assert moved_m <= 0.25 * (sample.pose_ns - last.pose_ns) / NS_PER_S + 1e-9
             last = sample
+
+
+@pytest.mark.parametrize(
+    ("before_ms", "after_ms"), [(60, 20), (110, 10), (25, 21), (30, 0), (20, 70)]
+)
+def test_a_way_that_becomes_shorter_makes_the_hand_no_faster(before_ms: int, after_ms: int) -> None:
+    exchange = Exchange(delay_ms=before_ms).settled()
+    exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
+    exchange.run_ms(500)
+    delay_ns = after_ms * NS_PER_MS
+    exchange.up = lambda _now_ns: delay_ns
+    last, fastest_m_s, moved_m = exchange.tick(), 0.0, 0.0
+    for sample in exchange.run_ms(1500):
+        interval_s = (sample.pose_ns - last.pose_ns) / NS_PER_S
+        if 0 < interval_s <= 0.05:  # else the hand begins anew
+            step_m = float(np.linalg.norm(sample.pose.position - last.pose.position))
+            fastest_m_s = max(fastest_m_s, step_m / interval_s)
+            moved_m += step_m
+        last = sample
+    assert fastest_m_s <= 0.25 * 4 / 3 + 1e-6
+    assert moved_m >= 0.25 * 1.5 - 0.25 * 0.4, "it goes on within .4 s"
 
 
 def test_messages_in_any_order_count_only_as_they_grow_newer(exchange: Exchange) -> None:

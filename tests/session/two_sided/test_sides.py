@@ -89,6 +89,7 @@ class Sides:
             self.operator_log,
             lambda: tuple(self.shown.values()),
             identity=4711,
+            simulated=True,
         )
         self.hand = self.operator.controller = HeldController()
         self.sample: ControllerSample | None = None
