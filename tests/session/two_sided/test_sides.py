@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hw.controller import Controller
-from tams_app.config import load_config
+from tams_app.config import Config, load_config
 from tams_app.link.messages import Welcome, decode
 from tams_app.records import (
     ControllerSample,
@@ -62,7 +62,7 @@ class HeldController(Controller):
 class Sides:
     """Both sides, whose clocks differ by half an hour."""
 
-    def __init__(self, delay_ms: int = 20) -> None:
+    def __init__(self, delay_ms: int = 20, config: Config = CONFIG) -> None:
         self.robot_clock, self.operator_clock = VirtualClock(2000 * NS_PER_S), VirtualClock()
         self.there = MemoryGateway(self.robot_clock)
         self.here = MemoryGateway(self.operator_clock)
@@ -77,7 +77,7 @@ class Sides:
             self.welcome = welcome
             return self.there
 
-        self.robot = RobotLink(CONFIG, self.robot_clock, self.signals, self.robot_log, make_gateway)
+        self.robot = RobotLink(config, self.robot_clock, self.signals, self.robot_log, make_gateway)
         self.robot.open(
             RepairRule(True, 60, 300.0), True, lambda _view: 17, lambda _view, _now_ns: 5
         )
@@ -284,3 +284,24 @@ def test_the_welcome_says_what_receivers_must_know():
     assert welcome.video["views"] == list(VIEWS)
     assert welcome.repair["latency_ms"] == 60
     assert welcome.feedback
+
+
+def test_a_simulated_operator_moves_no_real_arm():
+    rig = CONFIG.rig.model_copy(update={"enabled": False})
+    sides = Sides(config=CONFIG.model_copy(update={"rig": rig}))
+    sides.requests.confirm()
+    sides.run(1.0)
+    assert sides.sample.status is ControllerStatus.LINK_LOST
+    assert sides.confirmed == 0
+    assert sum("no real arm" in note for note in sides.robot_log.notes) == 1
+
+
+def test_a_sentence_is_repeated_until_it_was_heard():
+    sides = Sides()
+    sides.run(1.0)
+    sides.there.cut = True
+    sides.robot.note("fault, link lost")
+    sides.run(5.0)
+    sides.there.cut = False
+    sides.run(0.5)
+    assert sides.operator_log.notes[-1] == "fault, link lost"

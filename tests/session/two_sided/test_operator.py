@@ -1,0 +1,141 @@
+"""How the operator's session begins, or does not: with real gateways on loopback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from tams_app.config import Config, load_config
+from tams_app.errors import TamsError
+from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.keys import new_key
+from tams_app.link.messages import PROTOCOL, Welcome, encode
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.session.two_sided.operator import OperatorSession
+from tams_app.video.repair import RepairRule
+
+pytestmark = pytest.mark.waiting
+
+
+def simulated(**changes: object) -> Config:
+    return load_config(None, {"headless": True, "rig.operator.kind": "seeing", **changes})
+
+
+def welcome(**changes: object) -> bytes:
+    config = load_config()
+    fields: dict[str, object] = {
+        "protocol": PROTOCOL,
+        "version": "9.9",
+        "session": "a",
+        "name": "robot",
+        "strategy": "tams",
+        "network": "none",
+        "seed": 0,
+        "feedback": True,
+        "simulated": True,
+        "video": config.video.model_dump(mode="json"),
+        "repair": asdict(RepairRule(True, 60, 300.0)),
+    }
+    return encode(Welcome(**{**fields, **changes}))
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> Path:
+    new_key(tmp_path / "key")
+    return tmp_path / "key"
+
+
+@pytest.fixture
+def endpoint(key: Path) -> Endpoint:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return Endpoint("127.0.0.1", int(one.getsockname()[1]), key)
+
+
+@pytest.fixture
+def robot(endpoint: Endpoint, tmp_path: Path) -> Iterator[Callable[[bytes], None]]:
+    gateways: list[Gateway] = []
+
+    def answer(content: bytes) -> None:
+        gateway = Gateway("robot", endpoint, content, tmp_path)
+        gateways.append(gateway)
+        gateway.launch()
+        gateway.wait_ready()
+
+    yield answer
+    for gateway in gateways:
+        gateway.close()
+
+
+def start(
+    endpoint: Endpoint,
+    tmp_path: Path,
+    config: Config | None = None,
+    say: Callable[[OperatorSession, str], None] = lambda _session, _text: None,
+) -> str:
+    """The sentence with which the session refuses to begin."""
+    folder = tmp_path / "session"
+    folder.mkdir()
+    session = OperatorSession(
+        config or simulated(), MonotonicClock(), folder, endpoint, lambda text: say(session, text)
+    )
+    with pytest.raises(TamsError) as refusal:
+        session.start()
+    return str(refusal.value)
+
+
+def test_a_simulated_operator_refuses_a_real_robot(robot, endpoint, tmp_path):
+    robot(welcome(simulated=False))
+    assert "the robot there is real" in start(endpoint, tmp_path)
+
+
+def test_a_robot_with_other_views_is_refused_in_a_sentence(robot, endpoint, tmp_path):
+    video = {**load_config().video.model_dump(mode="json"), "views": ["left", "right"]}
+    robot(welcome(video=video))
+    assert "the robot's side has the views left, right" in start(endpoint, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [welcome(protocol=PROTOCOL + 1), b"\x91\x01", welcome(video={"width": "wide"})],
+    ids=["protocol", "message", "video"],
+)
+def test_a_robot_of_another_version_is_refused_in_a_sentence(robot, endpoint, tmp_path, content):
+    robot(content)
+    assert "install the same" in start(endpoint, tmp_path)
+
+
+def test_another_key_ends_the_call_in_a_sentence(robot, endpoint, tmp_path):
+    robot(welcome())
+    new_key(tmp_path / "other")
+    other = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
+    assert "use the same key file on both computers" in start(other, tmp_path)
+
+
+def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
+    said: list[str] = []
+
+    def say(session: OperatorSession, text: str) -> None:
+        said.append(text)
+        session.request_end("ended by SIGINT")
+
+    assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, say=say)
+    assert "no answer yet" in said[0]
+
+
+def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):
+    config = simulated(seconds=1.0)
+    assert "nothing answered at 127.0.0.1" in start(endpoint, tmp_path, config)
+
+
+def test_a_gateway_that_is_killed_while_it_calls_is_noticed(endpoint, tmp_path):
+    def kill(session: OperatorSession, text: str) -> None:
+        os.kill(session._gateway.process.pid, signal.SIGKILL)
+
+    assert "the gateway ended unasked" in start(endpoint, tmp_path, say=kill)
