@@ -119,7 +119,7 @@ def test_a_pose_that_does_not_change_grows_old(exchange: Exchange) -> None:
         assert sample.buttons_ns > sample.pose_ns
 
 
-@pytest.mark.parametrize("status", set(ControllerStatus) - {OK})
+@pytest.mark.parametrize("status", [status for status in ControllerStatus if status is not OK])
 def test_every_status_of_the_hand_is_passed_on(
     exchange: Exchange, status: ControllerStatus
 ) -> None:

@@ -1,0 +1,95 @@
+"""A long session on two computers: whether memory grows, the loop slows down, and logs stay whole.
+
+The hand goes to and fro across the workspace and lets go in between, over a relay with the delay,
+jitter and loss of s2. Memory is what each process has of its own (USS), each half minute.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+from tams_app.recording.reader import read_log, read_ticks
+from tams_app.session.recorders import LOG_NAME
+from tams_app.units import NS_PER_MS
+from tests.faults.two_sides import HOST, HandSide, RobotSide
+from tests.impaired_link import Conditions, ImpairedLink
+
+_SAMPLED_EACH_S = 30.0
+_LATE_NS = NS_PER_MS  # as in summary.json
+_REST_S = 1.0
+_FPS = 10
+
+
+def soak(folder: Path, seconds: float) -> dict[str, Any]:
+    """Drive for so long; growth is by a line through the memory after the first fifth."""
+    conditions = Conditions(latency_ms=40.0, jitter_ms=8.0, loss=0.003)
+    memory: dict[str, list[tuple[float, float]]] = {}
+    began_s = time.monotonic()
+    with RobotSide(
+        folder / "robot", video={"fps": _FPS}, trial={"limit_s": 1e6}, rig={"fixed_fps": True}
+    ) as robot:
+        robot.waits()
+        with (
+            ImpairedLink((HOST, robot.port), conditions, conditions) as link,
+            HandSide(folder / "operator", link.port) as side,
+        ):
+            processes = {"robot": psutil.Process(robot.process.pid), "operator": psutil.Process()}
+            next_s = 0.0
+            while (now_s := time.monotonic() - began_s) < seconds:
+                side.moves()
+                side.hand.velocity = np.zeros(3)
+                side.hand.trigger = 0.0
+                time.sleep(_REST_S)
+                if now_s >= next_s:
+                    next_s = now_s + _SAMPLED_EACH_S
+                    for name, mb in _memory_mb(processes).items():
+                        memory.setdefault(name, []).append((now_s, mb))
+                    last = ", ".join(f"{name} {rows[-1][1]:.0f}" for name, rows in memory.items())
+                    print(f"{now_s:.0f} s, MB: {last}", flush=True)
+        robot.process.send_signal(signal.SIGINT)
+        robot.ends()
+    (recorded,) = (folder / "robot").rglob(LOG_NAME)
+    operator_log = read_log(folder / "operator" / "session" / LOG_NAME)
+    return {
+        "seconds": seconds,
+        "growth_percent_per_h": {name: _growth(rows, seconds) for name, rows in memory.items()},
+        "memory_mb": {name: round(rows[-1][1]) for name, rows in memory.items()},
+        "late_fraction_by_third": _late_by_third(recorded),
+        "logs_complete": operator_log.complete,
+        "states_heard": len(operator_log.states_heard),
+        "frames_shown": len(operator_log.shown),
+    }
+
+
+def _memory_mb(processes: dict[str, psutil.Process]) -> dict[str, float]:
+    """Of each side's application and helpers, by module."""
+    found: dict[str, float] = {}
+    for side, process in processes.items():
+        found[side] = process.memory_full_info().uss / 1e6
+        for child in process.children(recursive=True):
+            words = child.cmdline()
+            if ("-m" in words and side == "robot") or "tams_app.link.gateway" in words:
+                name = f"{side}: {words[words.index('-m') + 1]}"
+                found[name] = found.get(name, 0.0) + child.memory_full_info().uss / 1e6
+    return found
+
+
+def _growth(rows: list[tuple[float, float]], seconds: float) -> float | None:
+    """Percent of an hour, by a line through what came after the first fifth of the time."""
+    late = np.array([row for row in rows if row[0] >= seconds / 5])
+    if len(late) < 3:
+        return None
+    slope_mb_s = np.polyfit(late[:, 0], late[:, 1], 1)[0]
+    return round(float(slope_mb_s * 3600 / late[0, 1] * 100), 2)
+
+
+def _late_by_third(path: Path) -> list[float]:
+    """Share of ticks that began more than a millisecond late."""
+    late = np.array([tick.started_ns - tick.due_ns > _LATE_NS for tick in read_ticks(path)])
+    return [round(float(np.mean(part)), 5) for part in np.array_split(late, 3)]
