@@ -119,5 +119,5 @@ def test_an_operator_who_leaves_leaves_the_arm_stopped(told: Told):
 
 def test_a_second_operator_is_told_that_there_is_one_and_disturbs_nothing(told: Told):
     assert any("another operator is connected" in sentence for sentence in told.second_said)
-    assert told.busy.startswith("nothing answered")
+    assert told.busy.startswith("another operator was connected")
     assert told.first_after_second == ArmingState.ENGAGED
