@@ -1,7 +1,7 @@
 """The network between the two computers as a process: delay, jitter, loss, and what else happens.
 
 The operator's side calls this process, which passes every datagram on to the robot's side, and what
-comes back to whoever called last. It knows nothing of what it carries. How each way is now:
+comes back to the address that called last. It knows nothing of what it carries. Each way has:
 
 latency_ms, jitter_ms: the delay, and what is added to it at most, 95 times of 100; order is kept.
 loss, duplicate, reorder: fractions of the datagrams; one that is reordered is 20 ms later.

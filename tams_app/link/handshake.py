@@ -56,7 +56,7 @@ class Dialer:
     def finish(self, answer: bytes) -> tuple[bytes, SessionKeys]:
         """What the other side says, and the keys; HandshakeError if it does not hold our key.
 
-        After an error the attempt is void: whoever can send a wrong answer can end it.
+        After an error the attempt is void: anyone who can send a wrong answer can end it.
         """
         try:
             said = bytes(self._noise.read_message(answer))

@@ -28,6 +28,7 @@ from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices, Devices
 from tams_app.session.dry_run import DryRunArm
+from tams_app.session.ending import Ending
 from tams_app.session.engine import Engine
 from tams_app.session.frame_rates import FrameRates
 from tams_app.session.guarding import Guarding
@@ -37,7 +38,7 @@ from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Capture, Senders, Uplink
 from tams_app.teleop.safety import Reason
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.codecs import Codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -50,8 +51,10 @@ CONTROL_TIMEOUT_S = 0.1
 GATE_TIMEOUT_S = 10.0  # enabling the arm may be under way
 
 
-class Session:
+class Session(Ending):
     """Start it, `poll` it a few times a second until `ended`, then `close` it; once."""
+
+    operator_is_here = True  # at this computer
 
     def __init__(
         self,
@@ -62,20 +65,14 @@ class Session:
         dry_run: bool = False,
     ) -> None:
         """`dry_run`: everything but motion, the arm's commands go to a model of it."""
-        self.config = config
+        super().__init__(config, clock)
         self.folder = folder
         self.signals = Signals()
-        self.ended = threading.Event()
-        self.failure = ""  # why the job failed, in one sentence
-        self._clock = clock
         self._arm_at_once = arm_at_once
         self._dry_run = dry_run
-        self._end_reason = ""
-        self._requested_end = ""
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
         self._weights = WeightMatrix(config.policy.weights.matrix)
-        self._started_ns = clock.now_ns()
         self._arm: Arm | None = None
         self._gate: ArmGate | None = None
         self._control: Worker | None = None
@@ -180,6 +177,7 @@ class Session:
             self._screen,
             self._on_worker_failure,
             self._arm_at_once,
+            self.operator_is_here,
         )
 
     def _make_video(self, network: Network, codecs: Codecs, helper_logs: Path) -> Senders:
@@ -276,25 +274,7 @@ class Session:
         if failure := self._video.poll():
             self.fail(failure)
         self._rates.poll()
-        if self._requested_end:
-            self.end(self._requested_end)
-        limit_s = self.config.seconds
-        if limit_s is not None and self.elapsed_s() >= limit_s:
-            self.end(f"ended after {limit_s:g} s")
-
-    def elapsed_s(self) -> float:
-        """Seconds since the session began."""
-        return (self._clock.now_ns() - self._started_ns) / NS_PER_S
-
-    def end(self, reason: str) -> None:
-        """Let the session end; the first reason counts. From any thread."""
-        if not self.ended.is_set():
-            self._end_reason = reason
-            self.ended.set()
-
-    def request_end(self, reason: str) -> None:
-        """As `end`, for signal handlers: takes no lock, the next `poll` sees to it."""
-        self._requested_end = reason
+        self._end_if_due()
 
     def fail(self, sentence: str) -> None:
         """The job has failed: stop the arm, let the session end with exit code 1."""

@@ -12,7 +12,7 @@ import cv2
 
 from hw.controller import Controller
 from tams_app import __version__
-from tams_app.config import Config, VideoConfig
+from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
@@ -22,11 +22,13 @@ from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
+from tams_app.session.ending import Ending
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.rig_operator import RigOperator
 from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
-from tams_app.session.two_sided.operator_link import OperatorLink, Requests, welcome_of
+from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
+from tams_app.session.two_sided.welcome import follow, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
@@ -41,7 +43,7 @@ _STOP_TOLD_S = 0.1
 _GREETING = encode(Greeting(PROTOCOL, __version__))
 
 
-class OperatorSession:
+class OperatorSession(Ending):
     """Start it, `poll` it a few times a second until `ended`, then `close` it; once."""
 
     def __init__(
@@ -53,18 +55,12 @@ class OperatorSession:
         say: Callable[[str], None],
     ) -> None:
         """`say` shows a sentence at once, while the start waits for the robot's side."""
-        self.config = config  # its video becomes the robot's when it starts
+        super().__init__(config, clock)  # its video becomes the robot's when it starts
         self._say = say
         self.folder = folder
         self.signals = Requests(clock)
-        self.ended = threading.Event()
-        self.failure = ""  # why the job failed, in one sentence
         self.board = StatusBoard(())
-        self._clock = clock
         self._endpoint = endpoint
-        self._requested_end = ""
-        self._end_reason = ""
-        self._started_ns = clock.now_ns()
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
         self._screen: FrameBlock | None = None
@@ -146,10 +142,9 @@ class OperatorSession:
                 )
             if self._requested_end:
                 raise TamsError(f"{self._requested_end} before the robot's side had answered")
-            limit_s = self.config.seconds
-            if limit_s is not None and self.elapsed_s() >= limit_s:
+            if self.time_is_up:
                 what = "another operator was connected" if busy else "nothing answered"
-                raise TamsError(f"{what} at {where} for {limit_s:g} s")
+                raise TamsError(f"{what} at {where} for {self.config.seconds:g} s")
             if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
                 told_ns, busy = now_ns, event.busy
                 self._say(
@@ -221,11 +216,7 @@ class OperatorSession:
         if self._video is not None and (failure := self._video.poll()):
             self.fail(failure)
         self._look_at(self._link.state)
-        if self._requested_end:
-            self.end(self._requested_end)
-        limit_s = self.config.seconds
-        if limit_s is not None and self.elapsed_s() >= limit_s:
-            self.end(f"ended after {limit_s:g} s")
+        self._end_if_due()
 
     def _look_at(self, state: StateMessage | None) -> None:
         event = self._link.event
@@ -244,20 +235,6 @@ class OperatorSession:
             self.note("warning", "another operator is connected: waiting until they leave")
         self._busy = event.busy
         self._silent = silent
-
-    def elapsed_s(self) -> float:
-        """Seconds since the session began."""
-        return (self._clock.now_ns() - self._started_ns) / NS_PER_S
-
-    def end(self, reason: str) -> None:
-        """Let the session end; the first reason counts. From any thread."""
-        if not self.ended.is_set():
-            self._end_reason = reason
-            self.ended.set()
-
-    def request_end(self, reason: str) -> None:
-        """As `end`, for signal handlers: takes no lock, the next `poll` sees to it."""
-        self._requested_end = reason
 
     def fail(self, sentence: str) -> None:
         """The job has failed: let the session end with exit code 1, and with it the hand go."""
@@ -358,30 +335,3 @@ class OperatorSession:
         if shown is None or offset is None:
             return None
         return (self._clock.now_ns() + offset.offset_ns - shown.capture_ns) / NS_PER_MS
-
-
-def follow(welcome: Welcome, ours: Config) -> Config:
-    """Our configuration for the session that the robot's side runs, with its video.
-
-    ConfigError if it has other views.
-    """
-    video = video_of(welcome, ours)
-    if video.views != ours.video.views:
-        raise ConfigError(
-            f"the robot's side has the views {', '.join(video.views)}, this configuration "
-            f"{', '.join(ours.video.views)}: give both the same"
-        )
-    update = {"strategy": welcome.strategy, "network": welcome.network, "video": video}
-    return ours.model_copy(update=update)
-
-
-def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
-    """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
-    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264"}
-    try:
-        return VideoConfig.model_validate({**video, "decoder": ours.video.decoder})
-    except ValueError as error:
-        raise TamsError(
-            "the robot's side sends video that this version of TAMS cannot show: "
-            "install the same version on both computers"
-        ) from error

@@ -6,18 +6,14 @@ import threading
 from collections.abc import Callable
 
 from hw.controller import Controller
-from tams_app import __version__
-from tams_app.errors import TamsError
 from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
 from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Gateway, Received
 from tams_app.link.messages import (
     HAND_RATE_HZ,
-    PROTOCOL,
     HandMessage,
     MessageError,
     StateMessage,
-    Welcome,
     decode,
     encode,
 )
@@ -196,25 +192,3 @@ class OperatorLink:
             refused={},
             ignored=dict(event.counts),
         )
-
-
-def welcome_of(event: LinkEvent) -> Welcome | None:
-    """What the robot's side says of its session; None until it has answered.
-
-    TamsError if it speaks another version of the protocol.
-    """
-    if event.welcome is None:
-        return None
-    try:
-        welcome = decode(event.welcome, Welcome)
-    except MessageError as error:
-        raise TamsError(
-            "the robot's side runs a version of TAMS that this one does not understand: "
-            "install the same on both computers"
-        ) from error
-    if welcome.protocol != PROTOCOL:
-        raise TamsError(
-            f"the robot's side runs TAMS {welcome.version}, which this one ({__version__}) "
-            "does not understand: install the same on both computers"
-        )
-    return welcome

@@ -10,8 +10,6 @@ from tams_app.errors import HelperError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.sealing import MEDIA_OVERHEAD_BYTES
 from tams_app.runtime.clock import Clock
-from tams_app.session import build
-from tams_app.session.devices import Devices
 from tams_app.session.listener import Listener
 from tams_app.session.session import Session
 from tams_app.session.two_sided.robot_link import RobotLink
@@ -26,6 +24,8 @@ LONGEST_RTP_BYTES = _LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
 
 class RobotSession(Session):
     """As a `Session`, but for the operator, who is at another computer."""
+
+    operator_is_here = False
 
     def __init__(
         self,
@@ -55,18 +55,6 @@ class RobotSession(Session):
     def _tell_the_end(self) -> None:
         if self.link is not None:
             self.link.end(self._end_reason, bool(self.failure))
-
-    def _make_devices(self, helper_logs: Path) -> Devices:
-        return build.devices(
-            self.config,
-            self._clock,
-            helper_logs,
-            self._log,
-            self._screen,
-            self._on_worker_failure,
-            self._arm_at_once,
-            operator_is_here=False,
-        )
 
     def _make_video(self, network: Network, codecs: Codecs, helper_logs: Path) -> Senders:
         def gateway(welcome: bytes) -> Gateway:

@@ -1,0 +1,49 @@
+"""How a session ends: on request, after its time, or because a part of it failed."""
+
+from __future__ import annotations
+
+import threading
+
+from tams_app.config import Config
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
+
+
+class Ending:
+    """What every session has for its end; `ended` is set then, `failure` says if the job failed."""
+
+    def __init__(self, config: Config, clock: Clock) -> None:
+        self.config = config
+        self.ended = threading.Event()
+        self.failure = ""  # why the job failed, in one sentence
+        self._clock = clock
+        self._started_ns = clock.now_ns()
+        self._end_reason = ""
+        self._requested_end = ""
+
+    def elapsed_s(self) -> float:
+        """Seconds since the session began."""
+        return (self._clock.now_ns() - self._started_ns) / NS_PER_S
+
+    @property
+    def time_is_up(self) -> bool:
+        """Whether it has lasted for `seconds` of its configuration."""
+        limit_s = self.config.seconds
+        return limit_s is not None and self.elapsed_s() >= limit_s
+
+    def end(self, reason: str) -> None:
+        """Let the session end; the first reason counts. From any thread."""
+        if not self.ended.is_set():
+            self._end_reason = reason
+            self.ended.set()
+
+    def request_end(self, reason: str) -> None:
+        """As `end`, for signal handlers: takes no lock, the next `poll` sees to it."""
+        self._requested_end = reason
+
+    def _end_if_due(self) -> None:
+        """What was requested, and the time limit."""
+        if self._requested_end:
+            self.end(self._requested_end)
+        if self.time_is_up:
+            self.end(f"ended after {self.config.seconds:g} s")

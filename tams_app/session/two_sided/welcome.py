@@ -1,0 +1,58 @@
+"""What the robot's side says of its session, and what the operator's side makes of it."""
+
+from __future__ import annotations
+
+from tams_app import __version__
+from tams_app.config import Config, VideoConfig
+from tams_app.errors import ConfigError, TamsError
+from tams_app.link.gateway import LinkEvent
+from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
+
+
+def welcome_of(event: LinkEvent) -> Welcome | None:
+    """What the robot's side says of its session; None until it has answered.
+
+    TamsError if it speaks another version of the protocol.
+    """
+    if event.welcome is None:
+        return None
+    try:
+        welcome = decode(event.welcome, Welcome)
+    except MessageError as error:
+        raise TamsError(
+            "the robot's side runs a version of TAMS that this one does not understand: "
+            "install the same on both computers"
+        ) from error
+    if welcome.protocol != PROTOCOL:
+        raise TamsError(
+            f"the robot's side runs TAMS {welcome.version}, which this one ({__version__}) "
+            "does not understand: install the same on both computers"
+        )
+    return welcome
+
+
+def follow(welcome: Welcome, ours: Config) -> Config:
+    """Our configuration for the session that the robot's side runs, with its video.
+
+    ConfigError if it has other views.
+    """
+    video = video_of(welcome, ours)
+    if video.views != ours.video.views:
+        raise ConfigError(
+            f"the robot's side has the views {', '.join(video.views)}, this configuration "
+            f"{', '.join(ours.video.views)}: give both the same"
+        )
+    update = {"strategy": welcome.strategy, "network": welcome.network, "video": video}
+    return ours.model_copy(update=update)
+
+
+def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
+    """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
+    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264"}
+    try:
+        return VideoConfig.model_validate({**video, "decoder": ours.video.decoder})
+    except ValueError as error:
+        raise TamsError(
+            "the robot's side sends video that this version of TAMS cannot show: "
+            "install the same version on both computers"
+        ) from error
