@@ -19,8 +19,25 @@ from typer.exceptions import TyperException
 from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
+from tams_app.console.options import (
+    ArmOption,
+    BudgetOption,
+    DryRunOption,
+    FpsOption,
+    HeadlessOption,
+    KeyOption,
+    OutOption,
+    ReferenceOption,
+    SecondsOption,
+    SeedOption,
+    SimOption,
+    StrategyOption,
+    arm_overrides,
+    check_arm_at_once,
+)
+from tams_app.console.two_sided_cli import add_two_sided
 from tams_app.errors import ConfigError, SetupError, TamsError
-from tams_app.policy.allocation import STRATEGIES, make_strategy
+from tams_app.policy.allocation import make_strategy
 from tams_app.study.cli import ConfigOption, study_app
 
 if TYPE_CHECKING:
@@ -37,13 +54,6 @@ app = typer.Typer(
 app.add_typer(calibrate, name="calibrate")
 
 MAX_KBPS = 1e9
-STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
-
-
-KeyOption = Annotated[
-    Path | None,
-    typer.Option("--key", help="The key file of both computers; none needed on loopback."),
-]
 
 
 def _kbps(text: str) -> float:
@@ -120,160 +130,43 @@ def _tams(
 @app.command()
 def run(
     config: ConfigOption = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="The rig's devices, not the config's.")
-    ] = False,
-    strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
+    sim: SimOption = False,
+    strategy: StrategyOption = None,
     network: Annotated[str | None, typer.Option(help="s1, s2, s3, none or a trace file.")] = None,
-    budget: Annotated[str | None, typer.Option(help="feedback, sender or oracle.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
-    fps: Annotated[
-        int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
-    ] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="No windows.")] = False,
+    budget: BudgetOption = None,
+    seconds: SecondsOption = None,
+    seed: SeedOption = None,
+    fps: FpsOption = None,
+    headless: HeadlessOption = False,
     operator: Annotated[
         str | None, typer.Option(help="Of the simulated rig: auto, seeing or scripted.")
     ] = None,
-    arm: Annotated[
-        bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Everything but motion of the arm.")
-    ] = False,
-    record_reference: Annotated[
-        bool, typer.Option("--record-reference", help="Keep lossless captures too.")
-    ] = False,
-    out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
+    arm: ArmOption = False,
+    dry_run: DryRunOption = False,
+    record_reference: ReferenceOption = False,
+    out: OutOption = None,
 ) -> None:
     """Teleoperate: on the simulated rig, one pick-and-place by a simulated operator."""
-    settings = load_config(
-        config,
-        {
-            "rig.enabled": True if sim else None,
-            "strategy": strategy,
-            "network": network,
-            "policy.budget.mode": budget,
-            "seconds": seconds,
-            "seed": seed,
-            "video.fps": fps,
-            "rig.fixed_fps": None if fps is None else True,
-            "headless": True if headless else None,
-            "rig.operator.kind": operator,
-            "recording.record_reference": True if record_reference else None,
-            "recording.directory": str(out) if out else None,
-        },
+    overrides = arm_overrides(
+        sim=sim,
+        strategy=strategy,
+        network=network,
+        budget=budget,
+        seconds=seconds,
+        seed=seed,
+        fps=fps,
+        record_reference=record_reference,
+        out=out,
     )
-    if arm and not settings.rig.enabled:
-        raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
+    overrides |= {"headless": True if headless else None, "rig.operator.kind": operator}
+    settings = load_config(config, overrides)
+    check_arm_at_once(arm, settings)
     from tams_app.console.app import run_session
 
     raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
 
 
-@app.command()
-def robot(
-    listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where operators call.")],
-    key: KeyOption = None,
-    config: ConfigOption = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="The rig's devices, not the config's.")
-    ] = False,
-    strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
-    network: Annotated[
-        str, typer.Option(help="Emulated before the link: s1, s2, s3, none or a trace file.")
-    ] = "none",
-    budget: Annotated[str | None, typer.Option(help="feedback, sender or oracle.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of scene, noise and losses.")] = None,
-    fps: Annotated[
-        int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
-    ] = None,
-    arm: Annotated[
-        bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Everything but motion of the arm.")
-    ] = False,
-    record_reference: Annotated[
-        bool, typer.Option("--record-reference", help="Keep lossless captures too.")
-    ] = False,
-    out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
-) -> None:
-    """The robot's side of a session on two computers: arm, cameras, all that can stop the arm."""
-    settings = load_config(
-        config,
-        {
-            "rig.enabled": True if sim else None,
-            "strategy": strategy,
-            "network": network,
-            "policy.budget.mode": budget,
-            "seconds": seconds,
-            "seed": seed,
-            "video.fps": fps,
-            "rig.fixed_fps": None if fps is None else True,
-            "recording.record_reference": True if record_reference else None,
-            "headless": True,
-            "name": "robot",
-            "video.bind_host": "127.0.0.1",
-            "video.quality.enabled": False,
-            "recording.directory": str(out) if out else None,
-        },
-    )
-    if arm and not settings.rig.enabled:
-        raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
-    from tams_app.console.two_sided import endpoint_of, run_robot
-
-    raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key), arm, dry_run))
-
-
-@app.command()
-def operate(
-    robot: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the robot's side is.")],
-    key: KeyOption = None,
-    config: ConfigOption = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="A simulated operator, who sees the video alone.")
-    ] = False,
-    seconds: Annotated[float | None, typer.Option(help="End after this many seconds.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of the simulated operator.")] = None,
-    headless: Annotated[bool, typer.Option("--headless", help="No windows.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Where session folders are made.")] = None,
-) -> None:
-    """The operator's side: controller and windows; it moves the arm of a `robot` elsewhere."""
-    settings = load_config(
-        config,
-        {
-            "rig.enabled": True if sim else None,
-            "rig.operator.kind": "seeing" if sim else None,
-            "seconds": seconds,
-            "seed": seed,
-            "headless": True if headless else None,
-            "name": "operate",
-            "recording.directory": str(out) if out else None,
-        },
-    )
-    from tams_app.console.two_sided import endpoint_of, run_operate
-
-    raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
-
-
-key_app = typer.Typer(rich_markup_mode=None, help="The secret that two computers share.")
-app.add_typer(key_app, name="key")
-
-
-@key_app.callback()
-def _key() -> None:
-    """The secret that two computers share."""
-
-
-@key_app.command("new")
-def new_key_file(file: Annotated[Path, typer.Argument(metavar="FILE")]) -> None:
-    """Make a key; copy the file to the other computer over a way that you trust (scp, a stick)."""
-    from tams_app.link.keys import new_key
-
-    new_key(file)
-    typer.echo(f"{file}: a new key, which only you can read; the other computer needs a copy")
+add_two_sided(app)
 
 
 @app.command()
@@ -411,7 +304,7 @@ def allocate(
         float | None,
         typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
     ] = None,
-    strategy: Annotated[str | None, typer.Option(help=STRATEGY_HELP)] = None,
+    strategy: StrategyOption = None,
     as_json: Annotated[bool, typer.Option("--json")] = False,
     config: ConfigOption = None,
 ) -> None:

@@ -1,0 +1,123 @@
+"""The commands of two computers: `robot`, `operate` and `key`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tams_app.config import load_config
+from tams_app.console.options import (
+    ArmOption,
+    BudgetOption,
+    DryRunOption,
+    FpsOption,
+    HeadlessOption,
+    KeyOption,
+    OutOption,
+    ReferenceOption,
+    SecondsOption,
+    SeedOption,
+    SimOption,
+    StrategyOption,
+    arm_overrides,
+    check_arm_at_once,
+)
+from tams_app.study.cli import ConfigOption
+
+key_app = typer.Typer(rich_markup_mode=None, help="The secret that two computers share.")
+
+
+def add_two_sided(app: typer.Typer) -> None:
+    """Give `app` the commands."""
+    app.command()(robot)
+    app.command()(operate)
+    app.add_typer(key_app, name="key")
+
+
+def robot(
+    listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where operators call.")],
+    key: KeyOption = None,
+    config: ConfigOption = None,
+    sim: SimOption = False,
+    strategy: StrategyOption = None,
+    network: Annotated[
+        str, typer.Option(help="Emulated before the link: s1, s2, s3, none or a trace file.")
+    ] = "none",
+    budget: BudgetOption = None,
+    seconds: SecondsOption = None,
+    seed: SeedOption = None,
+    fps: FpsOption = None,
+    arm: ArmOption = False,
+    dry_run: DryRunOption = False,
+    record_reference: ReferenceOption = False,
+    out: OutOption = None,
+) -> None:
+    """The robot's side of a session on two computers: arm, cameras, all that can stop the arm."""
+    overrides = arm_overrides(
+        sim=sim,
+        strategy=strategy,
+        network=network,
+        budget=budget,
+        seconds=seconds,
+        seed=seed,
+        fps=fps,
+        record_reference=record_reference,
+        out=out,
+    )
+    overrides |= {
+        "headless": True,
+        "name": "robot",
+        "video.bind_host": "127.0.0.1",
+        "video.quality.enabled": False,
+    }
+    settings = load_config(config, overrides)
+    check_arm_at_once(arm, settings)
+    from tams_app.console.two_sided import endpoint_of, run_robot
+
+    raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key), arm, dry_run))
+
+
+def operate(
+    robot: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the robot's side is.")],
+    key: KeyOption = None,
+    config: ConfigOption = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="A simulated operator, who sees the video alone.")
+    ] = False,
+    seconds: SecondsOption = None,
+    seed: Annotated[int | None, typer.Option(help="Of the simulated operator.")] = None,
+    headless: HeadlessOption = False,
+    out: OutOption = None,
+) -> None:
+    """The operator's side: controller and windows; it moves the arm of a `robot` elsewhere."""
+    settings = load_config(
+        config,
+        {
+            "rig.enabled": True if sim else None,
+            "rig.operator.kind": "seeing" if sim else None,
+            "seconds": seconds,
+            "seed": seed,
+            "headless": True if headless else None,
+            "name": "operate",
+            "recording.directory": str(out) if out else None,
+        },
+    )
+    from tams_app.console.two_sided import endpoint_of, run_operate
+
+    raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
+
+
+@key_app.callback()
+def _key() -> None:
+    """The secret that two computers share."""
+
+
+@key_app.command("new")
+def new_key_file(file: Annotated[Path, typer.Argument(metavar="FILE")]) -> None:
+    """Make a key; copy the file to the other computer over a way that you trust (scp, a stick)."""
+    from tams_app.link.keys import new_key
+
+    new_key(file)
+    typer.echo(f"{file}: a new key, which only you can read; the other computer needs a copy")
