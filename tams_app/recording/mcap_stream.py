@@ -24,7 +24,7 @@ _RECORD_LIMIT_BYTES = 1 << 30
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
 _MAGIC_BYTES, _CHECKSUM_BYTES = 8, 4
 # What flipped bytes make of the reader; a checksum that does not fit is a ValueError.
-_DAMAGE = (McapError, ZstdError, struct.error, ValueError, OverflowError, MemoryError)
+DAMAGE = (McapError, ZstdError, struct.error, ValueError, OverflowError, MemoryError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class McapStream:
     def _check_profile(self, file: IO[bytes]) -> None:
         try:
             first = next(StreamReader(file).records, None)
-        except _DAMAGE:
+        except DAMAGE:
             first = None
         if not isinstance(first, Header) or first.profile != self._profile:
             kind = self._profile.removeprefix("tams-")
@@ -85,7 +85,7 @@ class McapStream:
         for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
             try:
                 yield from _whole_chunk(file, index)
-            except _DAMAGE:
+            except DAMAGE:
                 self.gaps.append(Gap(index.message_start_time, index.message_end_time))
 
     def _from_start(self, file: IO[bytes]) -> Iterator[McapRecord]:
@@ -105,7 +105,7 @@ class McapStream:
                 self.complete = isinstance(record, Footer)
         except EndOfFile:
             pass  # no footer was seen: the file stays incomplete
-        except _DAMAGE:
+        except DAMAGE:
             self.gaps.append(Gap(last_ns, None))
 
 
@@ -119,13 +119,17 @@ def _read_summary(file: IO[bytes]) -> Summary | None:
         if zlib.crc32(checked) != checksum:
             return None
         file.seek(0)
-        return SeekingReader(file, record_size_limit=_RECORD_LIMIT_BYTES).get_summary()
-    except (*_DAMAGE, OSError):  # OSError: shorter than a footer, or a start that is none
+        summary = SeekingReader(file, record_size_limit=_RECORD_LIMIT_BYTES).get_summary()
+    except (*DAMAGE, OSError):  # OSError: shorter than a footer, or a start that is none
         return None
+    if summary is None or summary.statistics is None:
+        return None
+    # fewer where a process ended before it had added the index
+    return summary if len(summary.chunk_indexes) == summary.statistics.chunk_count else None
 
 
 def _whole_chunk(file: IO[bytes], index: ChunkIndex) -> list[McapRecord]:
-    """All records of a chunk; an error of `_DAMAGE` if any byte of it has changed."""
+    """All records of a chunk; an error of `DAMAGE` if any byte of it has changed."""
     file.seek(index.chunk_start_offset)
     data = BytesIO(file.read(index.chunk_length))
     chunk = next(StreamReader(data, skip_magic=True, emit_chunks=True).records)
