@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import ArmState, CommandLink, Pose, ServoMode, Twist, Vector
+from tams_app.records import ArmFigure, ArmState, CommandLink, Pose, ServoMode, Twist, Vector
 from tams_app.vectors import Joints, Numbers
 
 if TYPE_CHECKING:
@@ -260,6 +260,10 @@ class ArmKind(ABC):
     @abstractmethod
     def kinematics(self, config: ArmConfig) -> ArmKinematics:
         """The kinematics with the configured tool."""
+
+    def figure(self) -> ArmFigure | None:
+        """How the arm looks, for viewers of the log; None: they are shown its TCP alone."""
+        return None
 
     @abstractmethod
     def find(self, config: ArmConfig) -> FoundArm:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from hw.arm import Arm, ArmKind, ArmKinematics, FoundArm, TcpBoundary
 from hw.lite6.commands import LIMITS
+from hw.lite6.figure import Lite6Figure
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig
+from tams_app.records import ArmFigure
 from tams_app.runtime.clock import Clock
 
 
@@ -31,6 +33,9 @@ class Lite6Kind(ArmKind):
 
     def kinematics(self, config: ArmConfig) -> ArmKinematics:
         return Lite6Model(offset_from_mm_deg(config.tcp_offset_mm_deg))
+
+    def figure(self) -> ArmFigure:
+        return Lite6Figure()
 
     def find(self, config: ArmConfig) -> FoundArm:
         from hw.lite6.discovery import find_arm

@@ -11,6 +11,7 @@ from tams_app.recording.topics import (
     Header,
     Recordable,
 )
+from tams_app.recording.viewers import MakeViewers, Viewers
 from tams_app.recording.writer import Recorder
 
 __all__ = [
@@ -20,10 +21,12 @@ __all__ = [
     "FrameShown",
     "Gap",
     "Header",
+    "MakeViewers",
     "Recordable",
     "Recorder",
     "ReferenceRecorder",
     "SessionLog",
+    "Viewers",
     "read_log",
     "read_reference",
     "read_ticks",

@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 import msgspec
 import numpy as np
 
+from tams_app.recording.descriptions import description
 from tams_app.records import Activity, ArmState, FrameQuality, ServoMode
 from tams_app.rotation import Rotation
 
@@ -32,7 +33,9 @@ class Codec(Generic[T]):
 
     def __init__(self, record_type: type[T]) -> None:
         self.record_type = record_type
-        self._schema = _schema(record_type)  # raises where a field cannot be recorded
+        self._schema = _schema(
+            record_type
+        )  # raises where a field cannot be recorded, or is not described
         self._decode = _record_decoder(record_type)
 
     def schema(self) -> bytes:
@@ -150,13 +153,19 @@ def _schema(hint: Any) -> dict[str, Any]:
         values = [member.value for member in hint]
         return {"type": _SCHEMA_NAMES[type(values[0])], "enum": values}
     if dataclasses.is_dataclass(hint):
-        fields = _hints(typing.cast(type, hint))
-        return {"type": "object", "properties": {name: _schema(field) for name, field in fields}}
+        return {"type": "object", "properties": _properties(typing.cast(type, hint))}
     if hint is Any:
         return {}
     if hint not in _SCHEMA_NAMES:
         raise TypeError(f"a {hint} cannot be recorded")
     return {"type": _SCHEMA_NAMES[hint]}
+
+
+def _properties(record_type: type) -> dict[str, Any]:
+    return {
+        name: {**_schema(hint), "description": description(record_type.__name__, name)}
+        for name, hint in _hints(record_type)
+    }
 
 
 # Up to 0.1 an arm's state was told in the numbers of the only controller there was.

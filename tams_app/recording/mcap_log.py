@@ -1,34 +1,48 @@
 """The MCAP file of a session: which record becomes which message.
 
-Our records go out as JSON with a schema, video and poses as Foxglove's own messages. Chunks are
+Our records go out as JSON with a schema, video as Foxglove's own messages. Chunks are
 built in memory and written whole, so that a kill leaves no half-written chunk header behind.
 """
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
-from foxglove import Context, Schema, open_mcap
-from foxglove.channels import CompressedVideoChannel, FrameTransformChannel
+from foxglove import Context, Schema, open_mcap, set_log_level
+from foxglove.channels import CompressedVideoChannel
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
-from foxglove.messages import CompressedVideo, FrameTransform, Quaternion, Timestamp, Vector3
+from foxglove.messages import CompressedVideo, Timestamp
 
+from tams_app.errors import LogError
+from tams_app.recording.chunk_index import add_chunk_indexes
 from tams_app.recording.disk import LogFile
 from tams_app.recording.topics import (
     HEADER,
     PROFILE,
     TOPICS,
-    TRANSFORMS,
     VIDEO_PREFIX,
     FrameSent,
     Header,
     OutcomeGiven,
 )
-from tams_app.records import EncodedFrame, Outcome, Pose, SceneTruth, Tick
+from tams_app.recording.viewers import MakeViewers, Viewers
+from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.units import NS_PER_S
 
-CHUNK_BYTES = 256 * 1024
+CHUNK_BYTES = 1024 * 1024
+
+
+def _keep_sdk_quiet() -> None:
+    """Else its threads wait for the GIL to tell the operator's terminal of viewers that leave."""
+    root, nothing = logging.getLogger(), logging.NullHandler()
+    root.addHandler(nothing)  # without one the SDK would add one of its own, for everything
+    set_log_level("CRITICAL")  # at which it tells nothing
+    root.removeHandler(nothing)
+
+
+_keep_sdk_quiet()  # only before the first file or server of the process
 
 
 class McapLog:
@@ -38,8 +52,17 @@ class McapLog:
     our file needs the GIL to finish a write, so two threads would wait for each other for ever.
     """
 
-    def __init__(self, path: Path, header: Header, bitstream: bool = True) -> None:
-        """`bitstream`: keep the encoded frames themselves, not only when they were sent."""
+    def __init__(
+        self,
+        path: Path,
+        header: Header,
+        bitstream: bool = True,
+        viewers: MakeViewers | None = None,
+    ) -> None:
+        """`bitstream`: keep the encoded frames themselves, not only when they were sent.
+
+        `viewers` makes the channels that are derived from the others.
+        """
         self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
         self._context = Context()
@@ -53,14 +76,19 @@ class McapLog:
                 profile=PROFILE,
                 chunk_size=CHUNK_BYTES,
                 disable_seeking=True,  # else a killed process leaves a chunk of unknown length
+                emit_chunk_indexes=False,  # else they stay in memory until `close`, which adds them
             ),
         )
         self._channels: dict[type, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
-        self._transforms = FrameTransformChannel(TRANSFORMS, context=self._context)
-        self._last_tcp_ns = 0
-        self._write_record(header, HEADER.time_ns(header))
-        self.flush()
+        self._viewers: Viewers | None = None
+        try:
+            self._viewers = None if viewers is None else viewers(self._context, header)
+            self._write_record(header, HEADER.time_ns(header))
+            self.flush()
+        except BaseException:
+            self.close()
+            raise
 
     def write(self, item: Any, now_ns: int) -> None:
         """Write one record; `now_ns` stands in where a record has no time of its own."""
@@ -69,13 +97,14 @@ class McapLog:
             return
         if isinstance(item, Outcome):
             item = OutcomeGiven(now_ns, item)
-        topic = TOPICS[type(item)]
-        self._write_record(item, topic.time_ns(item))
-        if isinstance(item, Tick):
-            self._write_tcp(item)
-        elif isinstance(item, SceneTruth):
-            self._write_transform("block", item.block, item.t_ns)
-            self._write_transform("container", item.container, item.t_ns)
+        if not isinstance(item, ShownFrame):  # that one is for viewers alone
+            self._write_record(item, TOPICS[type(item)].time_ns(item))
+        if self._viewers is not None:
+            self._viewers.hear(item, now_ns)
+
+    def wants_pixels(self, shown: ShownFrame) -> bool:
+        """Whether a frame shown is to be written with its pixels, too; each view in one thread."""
+        return self._viewers is not None and self._viewers.wants(shown.view, shown.shown_ns)
 
     def flush(self) -> None:
         """Finish the chunk and hand it to the system; LogError if the disk refused."""
@@ -84,12 +113,26 @@ class McapLog:
             self._file.check()
 
     def close(self) -> None:
-        """Finish the file, or cut it after its last whole chunk; may be called twice."""
+        """Finish the file, or cut it after its last whole chunk; may be called twice.
+
+        LogError if the disk refuses the index.
+        """
         if self._file is None:
             return
         file, self._file = self._file, None
+        if self._viewers is not None:
+            self._viewers.close()
         self._mcap.close()
-        file.close()  # of an error the owner has learned from `flush`
+        file.close()
+        if not file.is_whole:
+            return  # which the owner has learned from `flush`
+        try:
+            add_chunk_indexes(file.path)
+        except OSError as error:
+            raise LogError(
+                f"{file.path}: the index at its end cannot be written: {error.strerror}; "
+                "all before it is readable"
+            ) from error
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         channel = self._channels.get(type(item)) or self._open_channel(type(item))
@@ -128,23 +171,6 @@ class McapLog:
             format="h264",
         )
         channel.log(message, log_time=frame.encoded_ns + self._offset_ns)
-
-    def _write_tcp(self, tick: Tick) -> None:
-        if tick.arm is not None and tick.arm.received_ns != self._last_tcp_ns:
-            self._last_tcp_ns = tick.arm.received_ns
-            self._write_transform("tcp", tick.arm.tcp, tick.arm.received_ns)
-
-    def _write_transform(self, name: str, pose: Pose, t_ns: int) -> None:
-        x, y, z = pose.position.tolist()
-        qx, qy, qz, qw = pose.rotation
-        message = FrameTransform(
-            timestamp=self._timestamp(t_ns),
-            parent_frame_id="base",
-            child_frame_id=name,
-            translation=Vector3(x=x, y=y, z=z),
-            rotation=Quaternion(x=qx, y=qy, z=qz, w=qw),
-        )
-        self._transforms.log(message, log_time=t_ns + self._offset_ns)
 
     def _timestamp(self, t_ns: int) -> Timestamp:
         seconds, nanoseconds = divmod(t_ns + self._offset_ns, NS_PER_S)

@@ -12,6 +12,7 @@ from tams_app.errors import UnreadableLogError
 from tams_app.recording import wire
 from tams_app.recording.mcap_stream import Gap, McapStream
 from tams_app.recording.topics import (
+    FORMER_NAMES,
     PROFILE,
     SCHEMA,
     TOPICS,
@@ -102,6 +103,7 @@ class SessionLog:
             getattr(self, TOPICS[type(record)].records).append(record)
 
 
+_RENAMED_SCHEMA = 4
 _TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
 
 
@@ -110,9 +112,11 @@ def read_log(path: Path) -> SessionLog:
     log: SessionLog | None = None
     stream = McapStream(path, PROFILE)
     for name, message in stream:
+        if log is not None and log.header.schema < _RENAMED_SCHEMA:
+            name = FORMER_NAMES.get(name, name)
         topic = _TOPICS_BY_NAME.get(name)
         if topic is None:
-            continue  # video, transforms, and what a newer version may add
+            continue  # video, viewers' channels, and what a newer version may add
         record = _decode(path, topic, message.data)
         if isinstance(record, Header):
             log = SessionLog(record, record.started_ns)

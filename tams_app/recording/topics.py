@@ -40,7 +40,8 @@ from tams_app.records import (
 
 # Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
 # Up to schema 2 an RTP timestamp told the index: n · 90000 / fps.
-SCHEMA = 3
+# Up to schema 3 `/cameras` was called `/rates`, which is a channel for viewers since.
+SCHEMA = 4
 PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows our logs
 REFERENCE_PROFILE = "tams-reference"
 
@@ -206,7 +207,7 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/allocation", Allocation, lambda one: one.t_ns, "allocations"),
         Topic("/capacity", LinkCapacity, lambda one: one.t_ns, "capacities"),
         Topic("/uplink", UplinkSummary, lambda one: one.t_ns, "uplink"),
-        Topic("/rates", CameraRates, lambda one: one.t_ns, "rates"),
+        Topic("/cameras", CameraRates, lambda one: one.t_ns, "rates"),
         Topic("/frames/captured", FrameCaptured, lambda one: one.capture_ns, "captured"),
         Topic("/frames/sent", FrameSent, lambda one: one.encoded_ns, "sent"),
         Topic("/frames/dropped", DroppedFrame, lambda one: one.capture_ns, "dropped"),
@@ -226,6 +227,8 @@ TOPICS: dict[type, Topic[Any]] = {
 }
 
 
+FORMER_NAMES = {"/rates": "/cameras"}  # of topics, up to schema 3
+
+PICTURE_PREFIX = "/shown/"  # + view: foxglove.CompressedImage
 VIDEO_PREFIX = "/video/"  # + view: foxglove.CompressedVideo
 REFERENCE_PREFIX = "/reference/"  # + view: foxglove.RawImage, in the reference log
-TRANSFORMS = "/tf"  # foxglove.FrameTransform of TCP, block and container, for 3-D viewers

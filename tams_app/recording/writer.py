@@ -16,6 +16,7 @@ from typing import Generic, TypeVar
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, Recordable
+from tams_app.recording.viewers import MakeViewers
 from tams_app.records import Frame, Note, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
@@ -27,7 +28,7 @@ CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each
 SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
 PAUSE_S = 0.0002  # ... for this long: a control tick never waits longer for it
-FLUSH_NS = 500 * NS_PER_MS
+FLUSH_NS = 800 * NS_PER_MS
 SPACE_CHECK_NS = NS_PER_S
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
@@ -85,25 +86,29 @@ class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
         min_free_mb: float,
         on_failure: Callable[[str, BaseException], None],
         bitstream: bool = True,
+        viewers: MakeViewers | None = None,
     ) -> None:
         """Create the file and write the header; LogError if there is no space or no folder.
 
-        `bitstream`: keep the encoded frames themselves, not only when they were sent.
+        `bitstream`: keep the encoded frames themselves, not only when they were sent. `viewers`
+        makes the channels that are derived from the records, which this thread feeds.
         """
         super().__init__("recorder", CAPACITY, on_failure)
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._log = McapLog(path, header, bitstream)
+        self._log = McapLog(path, header, bitstream, viewers)
 
     def record(self, item: Recordable) -> None:
-        """Queue one record; a frame's pixels are let go at once."""
+        """Queue one record; a frame's pixels are let go at once, but for the few viewers get."""
         if self.failure is not None:
             return
-        if isinstance(item, Frame | ShownFrame):
-            self._queue.put(without_pixels(item))
-        else:
+        if not isinstance(item, Frame | ShownFrame):
+            self._queue.put(item)
+            return
+        self._queue.put(without_pixels(item))
+        if isinstance(item, ShownFrame) and self._log.wants_pixels(item):
             self._queue.put(item)
 
     def record_packets(self, packets: Sequence[PacketRecord]) -> None:
@@ -162,14 +167,20 @@ class DirectRecorder:
     """
 
     def __init__(
-        self, path: Path, header: Header, clock: Clock, min_free_mb: float, bitstream: bool = True
+        self,
+        path: Path,
+        header: Header,
+        clock: Clock,
+        min_free_mb: float,
+        bitstream: bool = True,
+        viewers: MakeViewers | None = None,
     ) -> None:
         """Create the file and write the header; LogError if there is no space or no folder."""
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._log = McapLog(path, header, bitstream)
+        self._log = McapLog(path, header, bitstream, viewers)
         self._packets: list[PacketRecord] = []
         self._next_batch_ns = clock.now_ns() + BATCH_NS
         self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS
@@ -189,6 +200,8 @@ class DirectRecorder:
             require_reserve(self._directory, self._reserve_mb)
         kept = without_pixels(item) if isinstance(item, Frame | ShownFrame) else item
         self._log.write(kept, now_ns)
+        if isinstance(item, ShownFrame) and self._log.wants_pixels(item):
+            self._log.write(item, now_ns)
 
     def record_packets(self, packets: Sequence[PacketRecord]) -> None:
         """Write the fates of a batch of datagrams, together with others of the same time."""

@@ -14,6 +14,7 @@ from tams_app.records.arm import (
     LinkFault,
     ServoMode,
 )
+from tams_app.records.figure import ArmFigure, Solid, SolidKind
 from tams_app.records.frames import (
     CameraRates,
     DroppedFrame,
@@ -71,6 +72,7 @@ __all__ = [
     "Activity",
     "Allocation",
     "ArmFault",
+    "ArmFigure",
     "ArmState",
     "CameraRates",
     "CommandLink",
@@ -100,6 +102,8 @@ __all__ = [
     "SceneTruth",
     "ServoMode",
     "ShownFrame",
+    "Solid",
+    "SolidKind",
     "StateHeard",
     "StopRecord",
     "SystemSample",

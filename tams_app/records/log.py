@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tams_app.records.arm import ArmState, CommandLink
-from tams_app.records.geometry import Twist
+from tams_app.records.geometry import Pose, Twist
 from tams_app.records.hand import ControllerSample
 from tams_app.records.policy import Phase
 
@@ -30,6 +30,7 @@ class Tick:
     controller: ControllerSample
     arm: ArmState | None
     link: CommandLink
+    pose: Pose | None = None  # as sent, by a pose servo
 
 
 @dataclass(frozen=True, slots=True)

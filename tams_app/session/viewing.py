@@ -1,0 +1,129 @@
+"""What viewers of a session's log are shown: made of its configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from foxglove import Context
+
+from hw.arms import arm_kind
+from hw.sim.layout import (
+    BLOCK_EDGE_M,
+    BLOCK_HEIGHT_M,
+    CONTAINER_HEIGHT_M,
+    CONTAINER_INNER_M,
+    CONTAINER_WALL_M,
+)
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
+from tams_app.config import Config, LimitsConfig
+from tams_app.recording import Header, MakeViewers, Viewers
+from tams_app.records import ArmFigure, Pose, Solid, SolidKind
+from tams_app.rotation import Rotation
+from tams_app.telemetry import Address, Lens, Scene, Telemetry, check_address
+from tams_app.vectors import Floats3
+
+_WRIST_VIEW = "eih"
+_BLOCK_COLOUR = (0.85, 0.15, 0.12)
+_CONTAINER_COLOUR = (0.20, 0.35, 0.75)
+
+
+def address_of(config: Config) -> Address | None:
+    """Where viewers may connect; None: nowhere. ConfigError if it is no address."""
+    return Address.of(config.recording.foxglove) if config.recording.foxglove else None
+
+
+def check_viewers(config: Config) -> None:
+    """ConfigError or SetupError in one sentence if viewers cannot connect where they should."""
+    address = address_of(config)
+    if address is not None:
+        check_address(address)
+
+
+def invite_viewers(config: Config, note: Callable[[str, str], None]) -> None:
+    """Say where viewers may connect, if they may, and who can."""
+    address = address_of(config)
+    if address is None:
+        return
+    if address.is_private:
+        note("info", f"Foxglove may connect to {address.url}")
+    else:
+        note(
+            "warning",
+            f"all who reach {address.url} see this session: no password is asked",
+        )
+
+
+def viewers_of(config: Config, live: bool = True) -> MakeViewers | None:
+    """Makes the channels for viewers; None if they are not wanted. `live`: may be connected to."""
+    address = address_of(config) if live else None
+    if not config.recording.viewers and address is None:
+        return None
+
+    def make(context: Context, header: Header) -> Viewers:
+        return Telemetry(
+            context, header, scene_of(config), config.recording.pictures_per_s, address
+        )
+
+    return make
+
+
+def scene_of(config: Config) -> Scene:
+    """What is known of the surroundings: of the rig everything, of a real place the arm alone."""
+    limits, simulated = config.limits, config.rig.enabled
+    figure = arm_kind(config.arm.model).figure()
+    return Scene(
+        figure=figure,
+        workspace=_workspace(limits),
+        tracking=Pose(np.zeros(3), Rotation.from_matrix(config.hand.rotation)),
+        twist_lasts_s=config.arm.velocity_deadman_s,
+        things=_things() if simulated else {},
+        lenses=_lenses(config, figure) if simulated else {},
+    )
+
+
+def _workspace(limits: LimitsConfig) -> tuple[Floats3, Floats3]:
+    """The box that the TCP never leaves [m]; the radii are not drawn."""
+    x, y, z = limits.box_min_mm
+    lower = x / 1000.0, y / 1000.0, max(z, limits.floor_mm) / 1000.0
+    x, y, z = limits.box_max_mm
+    return lower, (x / 1000.0, y / 1000.0, z / 1000.0)
+
+
+def _things() -> Mapping[str, tuple[Solid, ...]]:
+    """The rig's block and container, in frames of their own."""
+    inner, wall, height = CONTAINER_INNER_M, CONTAINER_WALL_M, CONTAINER_HEIGHT_M
+    side, across = (inner + wall) / 2.0, inner + 2 * wall
+    walls = [
+        _box((sign * side, 0.0, height / 2), (wall, across, height), _CONTAINER_COLOUR)
+        for sign in (-1, 1)
+    ] + [
+        _box((0.0, sign * side, height / 2), (inner, wall, height), _CONTAINER_COLOUR)
+        for sign in (-1, 1)
+    ]
+    block = _box((0.0, 0.0, 0.0), (BLOCK_EDGE_M, BLOCK_EDGE_M, BLOCK_HEIGHT_M), _BLOCK_COLOUR)
+    return {"block": (block,), "container": tuple(walls)}
+
+
+def _box(middle: Floats3, extent: Floats3, colour: Floats3) -> Solid:
+    return Solid(SolidKind.BOX, Pose(np.array(middle), Rotation.identity()), extent, colour)
+
+
+def _lenses(config: Config, figure: ArmFigure | None) -> Mapping[str, Lens]:
+    """Of the rig's cameras, which are known exactly; the wrist's needs the flange it moves with."""
+    size = (config.video.width, config.video.height)
+    lenses = {
+        view: Lens(
+            "base",
+            Pose(np.array(one.place), Rotation.from_matrix(one.axes())),
+            one.fovy_deg,
+            *size,
+        )
+        for view, one in FIXED_VIEWPOINTS.items()
+        if view in config.video.views
+    }
+    if figure is not None and _WRIST_VIEW in config.video.views:
+        wrist = WRIST_VIEWPOINT
+        pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes()))
+        lenses[_WRIST_VIEW] = Lens(figure.flange, pose, wrist.fovy_deg, *size)
+    return lenses

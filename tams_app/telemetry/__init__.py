@@ -1,0 +1,11 @@
+"""What viewers are shown of a session, derived from the records that its log keeps.
+
+Foxglove's own messages beside ours: log lines, the arm and its surroundings, pictures as they were
+shown, the rates of each second; in the log's file and, if asked for, live over a WebSocket.
+"""
+
+from tams_app.telemetry.live import Address, check_address
+from tams_app.telemetry.scene import Lens, Scene
+from tams_app.telemetry.telemetry import Telemetry
+
+__all__ = ["Address", "Lens", "Scene", "Telemetry", "check_address"]

@@ -1,0 +1,79 @@
+"""Where arm, hand and things are, at a viewer's pace, from ticks and the rig's truth."""
+
+from __future__ import annotations
+
+import numpy as np
+from foxglove import Context
+from foxglove.channels import FrameTransformsChannel, JointStatesChannel, PoseInFrameChannel
+from foxglove.messages import FrameTransforms, JointState, JointStates, PoseInFrame
+
+from tams_app.records import ArmState, Pose, SceneTruth, Tick
+from tams_app.rotation import Rotation
+from tams_app.telemetry.messages import BASE, pose_of, timestamp, transform
+from tams_app.telemetry.pace import Pace
+from tams_app.telemetry.scene import TRACKING, Scene
+
+MOTION_HZ = 30.0
+
+
+class MotionChannels:
+    """Sends what moves."""
+
+    def __init__(self, context: Context, scene: Scene, offset_ns: int) -> None:
+        """`offset_ns`: from the session's clock to that of the wall."""
+        self._scene = scene
+        self._offset_ns = offset_ns
+        self._pace = Pace(MOTION_HZ)
+        self._reported_ns = 0
+        self._arm = FrameTransformsChannel("/tf", context=context)
+        self._things = FrameTransformsChannel("/tf/things", context=context)
+        self._joints = JointStatesChannel("/joints", context=context)
+        self._hand = PoseInFrameChannel("/pose/hand", context=context)
+        self._commanded = PoseInFrameChannel("/pose/commanded", context=context)
+
+    def on_tick(self, tick: Tick) -> None:
+        """Report, command and hand of a tick, if it is time."""
+        if not self._pace.is_due(tick.started_ns):
+            return
+        wall_ns = tick.started_ns + self._offset_ns
+        if tick.controller.pose is not None:
+            self._send(self._hand, wall_ns, TRACKING, tick.controller.pose)
+        if tick.arm is None:
+            return
+        if tick.arm.received_ns != self._reported_ns:
+            self._reported_ns = tick.arm.received_ns
+            self._send_arm(tick.arm)
+        commanded = tick.pose or _led_to(tick, tick.arm.tcp, self._scene.twist_lasts_s)
+        self._send(self._commanded, wall_ns, BASE, commanded)
+
+    def on_truth(self, truth: SceneTruth) -> None:
+        """Where the rig's things are."""
+        wall_ns = truth.t_ns + self._offset_ns
+        places = {"block": truth.block, "container": truth.container}
+        moved = [transform(wall_ns, BASE, name, pose) for name, pose in places.items()]
+        self._things.log(FrameTransforms(transforms=moved), log_time=wall_ns)
+
+    def _send_arm(self, arm: ArmState) -> None:
+        wall_ns = arm.received_ns + self._offset_ns
+        places = {"tcp": arm.tcp}
+        if self._scene.figure is not None:
+            places |= self._scene.figure.place(arm.joints)
+        moved = [transform(wall_ns, BASE, name, pose) for name, pose in places.items()]
+        self._arm.log(FrameTransforms(transforms=moved), log_time=wall_ns)
+        joints = [
+            JointState(name=f"joint{number}", position=angle)
+            for number, angle in enumerate(arm.joints.tolist(), start=1)
+        ]
+        message = JointStates(timestamp=timestamp(wall_ns), joints=joints)
+        self._joints.log(message, log_time=wall_ns)
+
+    def _send(self, channel: PoseInFrameChannel, wall_ns: int, frame: str, pose: Pose) -> None:
+        message = PoseInFrame(timestamp=timestamp(wall_ns), frame_id=frame, pose=pose_of(pose))
+        channel.log(message, log_time=wall_ns)
+
+
+def _led_to(tick: Tick, tcp: Pose, seconds: float) -> Pose:
+    """Where the tick's twist takes the TCP if no other command follows."""
+    position = tcp.position + np.multiply(tick.twist.linear, seconds)
+    turn = Rotation.from_rotvec(np.multiply(tick.twist.angular, seconds))
+    return Pose(position, turn * tcp.rotation)

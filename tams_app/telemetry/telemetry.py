@@ -1,0 +1,95 @@
+"""All channels for viewers of one session, fed with what its log keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from foxglove import Context, Schema
+
+from tams_app.recording import Header
+from tams_app.recording.codec import Codec
+from tams_app.recording.topics import FrameCaptured, FrameShown, OutcomeGiven, PacketBatch
+from tams_app.records import (
+    Allocation,
+    FrameQuality,
+    LinkCapacity,
+    Note,
+    SceneTruth,
+    ShownFrame,
+    StopRecord,
+    Tick,
+)
+from tams_app.telemetry.lines import LogLines
+from tams_app.telemetry.live import Address, serve
+from tams_app.telemetry.motion import MotionChannels
+from tams_app.telemetry.pace import Pace
+from tams_app.telemetry.pictures import Pictures
+from tams_app.telemetry.rates import Rates, RatesMeter
+from tams_app.telemetry.scene import Scene, SceneChannels
+
+SCENE_HZ = 0.2
+RATES = "/rates"
+
+
+class Telemetry:
+    """Feeds every channel; satisfies `tams_app.recording.Viewers`. From one thread at a time."""
+
+    def __init__(
+        self,
+        context: Context,
+        header: Header,
+        scene: Scene,
+        pictures_per_s: float,
+        address: Address | None = None,
+    ) -> None:
+        """Channels of `context`, which everybody at `address` is served; SetupError if not."""
+        offset_ns = header.wall_offset_ns
+        self._offset_ns = offset_ns
+        lines = LogLines(context, offset_ns)
+        self._motion = MotionChannels(context, scene, offset_ns)
+        self._meter = meter = RatesMeter(header.views, header.started_ns)
+        self._pictures = Pictures(context, header.views, offset_ns, pictures_per_s)
+        self._scene = SceneChannels(context, scene)
+        self._scene_pace = Pace(SCENE_HZ)
+        self._codec = Codec(Rates)
+        schema = Schema(name=Rates.__name__, encoding="jsonschema", data=self._codec.schema())
+        # not foxglove.Channel: that one keeps every channel of the process in a global table
+        self._rates = context._create_channel(RATES, message_encoding="json", schema=schema)
+        self._on: dict[type, Callable[[Any], None]] = {
+            Tick: self._on_tick,
+            SceneTruth: self._motion.on_truth,
+            Note: lines.on_note,
+            StopRecord: lines.on_stop,
+            OutcomeGiven: lines.on_outcome,
+            Allocation: meter.on_allocation,
+            LinkCapacity: meter.on_capacity,
+            FrameCaptured: meter.on_captured,
+            FrameShown: meter.on_shown,
+            FrameQuality: meter.on_quality,
+            PacketBatch: meter.on_packets,
+            ShownFrame: self._pictures.on_picture,
+        }
+        self._server = None if address is None else serve(context, address, header.name)
+
+    def hear(self, record: Any, now_ns: int) -> None:
+        """A record that the log keeps, or a frame shown that was wanted."""
+        if on_record := self._on.get(type(record)):
+            on_record(record)
+        if (rates := self._meter.take(now_ns)) is not None:
+            self._rates.log(self._codec.encode(rates), rates.t_ns + self._offset_ns)
+
+    def wants(self, view: str, shown_ns: int) -> bool:
+        """Whether a frame shown now is to be heard of with its pixels; each view in one thread."""
+        return self._pictures.wants(view, shown_ns)
+
+    def close(self) -> None:
+        """Let the viewers go; may be called twice."""
+        if self._server is not None:
+            self._server.stop()
+            self._server = None
+
+    def _on_tick(self, tick: Tick) -> None:
+        if self._scene_pace.is_due(tick.started_ns):
+            self._scene.send(tick.started_ns + self._offset_ns)
+        self._motion.on_tick(tick)

@@ -1,0 +1,132 @@
+"""Foxglove's messages as plain values, read with the schema that lies in the file beside them."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
+
+_MESSAGE, _BYTES, _STRING = 11, 12, 9
+_DOUBLE, _BOOL, _ENUM = 1, 8, 14
+_REPEATED = 3
+
+
+@dataclass(frozen=True)
+class Field:
+    name: str
+    kind: int
+    type_name: str
+    repeated: bool
+
+
+Types = dict[str, dict[int, Field]]
+
+
+def messages(path: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
+    """Topic, log time and content of each message of a log."""
+    known: dict[int, Types] = {}
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            if schema.encoding == "jsonschema":
+                content = json.loads(message.data)
+            else:
+                types = known.setdefault(schema.id, types_of(schema.data))
+                content = decode(types, "." + schema.name, message.data)
+            yield channel.topic, message.log_time, content
+
+
+def types_of(descriptor_set: bytes) -> Types:
+    """The message types of a FileDescriptorSet (descriptor.proto), by their full names."""
+    types: Types = {}
+    for number, file in _wire(descriptor_set):
+        if number == 1:
+            package = next((value.decode() for key, value in _wire(file) if key == 2), "")
+            for key, value in _wire(file):
+                if key == 4:
+                    _add_type(types, f".{package}", value)
+    return types
+
+
+def _add_type(types: Types, scope: str, descriptor: bytes) -> None:
+    parts = list(_wire(descriptor))
+    name = f"{scope}." + next(value.decode() for key, value in parts if key == 1)
+    types[name] = {}
+    for key, value in parts:
+        if key == 2:
+            field = dict(_wire(value))
+            types[name][field[3]] = Field(
+                field[1].decode(), field[5], field.get(6, b"").decode(), field[4] == _REPEATED
+            )
+        elif key == 3:
+            _add_type(types, name, value)
+
+
+def decode(types: Types, name: str, data: bytes) -> dict[str, Any]:
+    """A message; fields that are not in `data` have their defaults, messages are None then."""
+    fields = types[name]
+    content: dict[str, Any] = {one.name: _default(one) for one in fields.values()}
+    for number, value in _wire(data):
+        field = fields[number]
+        if field.repeated and field.kind == _DOUBLE and isinstance(value, bytes):
+            content[field.name] += [one for (one,) in struct.iter_unpack("<d", value)]
+            continue
+        plain = _plain(types, field, value)
+        if field.repeated:
+            content[field.name].append(plain)
+        else:
+            content[field.name] = plain
+    return content
+
+
+def _default(field: Field) -> Any:
+    if field.repeated:
+        return []
+    defaults = {_MESSAGE: None, _STRING: "", _BYTES: b"", _DOUBLE: 0.0, _BOOL: False}
+    return defaults.get(field.kind, 0)
+
+
+def _plain(types: Types, field: Field, value: Any) -> Any:
+    if field.kind == _MESSAGE:
+        return decode(types, field.type_name, value)
+    if field.kind == _STRING:
+        return value.decode()
+    if field.kind == _DOUBLE:
+        return struct.unpack("<d", struct.pack("<Q", value))[0]
+    return bool(value) if field.kind == _BOOL else value
+
+
+def _wire(data: bytes) -> Iterator[tuple[int, Any]]:
+    """Field number and value: integers for varint and fixed fields, bytes for the rest."""
+    at = 0
+    while at < len(data):
+        key, at = _varint(data, at)
+        kind = key & 7
+        if kind == 0:
+            value: Any
+            value, at = _varint(data, at)
+        else:
+            size = {1: 8, 5: 4}.get(kind)
+            if size is None:
+                size, at = _varint(data, at)
+            value = data[at : at + size]
+            at += size
+            if kind != 2:
+                value = int.from_bytes(value, "little")
+        yield key >> 3, value
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, at
+        shift += 7

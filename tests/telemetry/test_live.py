@@ -1,0 +1,188 @@
+"""A viewer that connects while a session runs hears the channels of its log."""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+from tams_app.config import load_config
+from tams_app.errors import ConfigError, SetupError
+from tams_app.recording import Recorder, read_log
+from tams_app.records import Note
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
+from tams_app.telemetry import Address
+from tams_app.units import NS_PER_S
+from tests.synthetic_session import START_NS, header, tick
+from tests.telemetry.test_telemetry import shown_frames
+
+pytestmark = pytest.mark.waiting
+
+PROTOCOL = "foxglove.sdk.v1"
+MESSAGE_DATA = 1  # opcode; then the subscription's id (4 bytes) and the log time (8 bytes)
+DEADLINE_S = 20.0
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def recorder(path: Path, port: int) -> Recorder:
+    def fails(thread: str, failure: BaseException) -> None:
+        raise AssertionError(thread) from failure
+
+    config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
+    made = Recorder(path, header(), MonotonicClock(), 0, fails, True, viewers_of(config))
+    made.start()
+    return made
+
+
+def channels(viewer: ClientConnection) -> dict[str, dict[str, Any]]:
+    """What the server says it has, by topic."""
+    found: dict[str, dict[str, Any]] = {}
+    while "/shown/eih" not in found or "/tf" not in found or "/note" not in found:
+        told = viewer.recv(DEADLINE_S)
+        if isinstance(told, str) and (content := json.loads(told))["op"] == "advertise":
+            found |= {one["topic"]: one for one in content["channels"]}
+    return found
+
+
+def waiting(viewer: ClientConnection) -> Iterator[str | bytes]:
+    """What the server has sent, until nothing has come for a tenth of a second."""
+    with suppress(TimeoutError):
+        while True:
+            yield viewer.recv(0.1)
+
+
+def test_a_viewer_hears_what_the_log_keeps_while_it_is_written(tmp_path: Path) -> None:
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    notes = [Note(START_NS + number, "info", f"note {number}") for number in range(50)]
+    log.record(notes[0])  # a channel of ours is there from its first record on
+    log.record(tick(0))
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], max_size=None) as viewer:
+        offered = channels(viewer)
+        assert offered["/log"]["schemaName"] == "foxglove.Log"
+        wanted = {7: "/note", 8: "/log", 9: "/tf", 10: "/shown/eih"}
+        subscriptions = [
+            {"id": number, "channelId": offered[topic]["id"]} for number, topic in wanted.items()
+        ]
+        viewer.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
+        heard: dict[str, list[bytes]] = {topic: [] for topic in wanted.values()}
+        begun_s = time.monotonic()
+        frames = [frame for frame in shown_frames(2) if frame.view == "eih"]
+        number = 0
+        while not all(heard.values()):  # the subscription is in force some time after it was sent
+            assert time.monotonic() - begun_s < DEADLINE_S, heard
+            number += 1
+            log.record(notes[number % 50])
+            log.record(tick(number * 4))
+            frame = frames[number % len(frames)]
+            log.record(replace(frame, shown_ns=START_NS + number * NS_PER_S))
+            for told in waiting(viewer):  # all of it: a server lets a slow viewer miss messages
+                if isinstance(told, bytes) and told[0] == MESSAGE_DATA:
+                    (subscription,) = struct.unpack_from("<I", told, 1)
+                    heard[wanted[subscription]].append(told[13:])
+    assert json.loads(heard["/note"][0])["text"].startswith("note ")
+    assert b"\xff\xd8\xff" in heard["/shown/eih"][0]  # a JPEG
+    log.close()
+    assert log.dropped == 0
+    assert len(read_log(tmp_path / "session.mcap").notes) == number + 1
+
+
+def test_when_the_log_ends_the_viewer_is_let_go_and_the_port_is_free(tmp_path: Path) -> None:
+    port = free_port()
+    log = recorder(tmp_path / "one.mcap", port)
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL]):
+        log.close()
+    recorder(tmp_path / "two.mcap", port).close()
+
+
+def test_what_the_sdk_tells_of_viewers_is_not_for_the_operator_s_terminal(tmp_path: Path) -> None:
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    with connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL]) as viewer:
+        viewer.recv(DEADLINE_S)
+        viewer.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        viewer.socket.close()  # without a word
+    log.close()
+    assert not [name for name in logging.root.manager.loggerDict if name.startswith("foxglove")]
+
+
+def test_a_port_in_use_is_told_in_one_sentence_before_anything_is_made() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
+        with pytest.raises(SetupError, match=f"cannot connect at 127.0.0.1:{port} .*in use"):
+            check_viewers(config)
+
+
+def test_a_log_whose_viewers_cannot_be_served_leaves_nothing_open(tmp_path: Path) -> None:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as taken,
+        pytest.raises(SetupError, match="cannot connect"),
+    ):
+        recorder(tmp_path / "session.mcap", taken.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    "text", ["8765", "localhost", "localhost:", ":8765", "localhost:0", "h:70000", "h:x"]
+)
+def test_what_is_no_address_is_told(text: str) -> None:
+    with pytest.raises(ConfigError, match="is not HOST:PORT"):
+        check_viewers(load_config(None, {"recording.foxglove": text}))
+
+
+def test_an_address_of_another_computer_is_told() -> None:
+    config = load_config(None, {"recording.foxglove": "192.0.2.1:8765"})  # TEST-NET-1, RFC 5737
+    with pytest.raises(SetupError, match="another HOST:PORT of this computer"):
+        check_viewers(config)
+
+
+def test_an_address_of_version_6_is_in_brackets() -> None:
+    assert Address.of("[::1]:8765") == Address("::1", 8765)
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("127.0.0.1:8765", ("info", "Foxglove may connect to ws://127.0.0.1:8765")),
+        ("localhost:8765", ("info", "Foxglove may connect to ws://localhost:8765")),
+        ("[::1]:8765", ("info", "Foxglove may connect to ws://[::1]:8765")),
+        (
+            "0.0.0.0:8765",
+            (
+                "warning",
+                "all who reach ws://0.0.0.0:8765 see this session: no password is asked",
+            ),
+        ),
+    ],
+)
+def test_it_is_said_where_viewers_connect_and_who_else_could(
+    address: str, said: tuple[str, str]
+) -> None:
+    notes: list[tuple[str, str]] = []
+    config = load_config(None, {"recording.foxglove": address})
+    invite_viewers(config, lambda level, text: notes.append((level, text)))
+    assert notes == [said]
+
+
+def test_without_an_address_nothing_is_served() -> None:
+    notes: list[str] = []
+    invite_viewers(load_config(None, {}), lambda _, text: notes.append(text))
+    check_viewers(load_config(None, {}))
+    assert notes == []
