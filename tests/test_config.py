@@ -94,6 +94,11 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"arm.host": "192.168.1. 150"}, "arm.host: must be the control box's address"),
         ({"hand.max_rejects": 21}, "max_rejects: .*less than or equal to 20"),
         ({"hand.smoothing_s": 0.6}, "smoothing_s: .*less than or equal to 0.5"),
+        (
+            {"controller.device": "keyboard", "headless": True},
+            "device keyboard needs the window: leave out --headless",
+        ),
+        ({"controller.device": "pedal"}, "controller.device: must be 'auto', 'openvr'"),
         ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: must be 'vive"),
         ({"name": 7}, "name: must be text: write it in quotes .given: 7.$"),
         ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih.serial: must be text: write it"),

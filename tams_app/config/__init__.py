@@ -1,6 +1,12 @@
 """The whole configuration as typed models; keys carry their unit."""
 
-from tams_app.config.devices import CameraConfig, ControllerConfig, MappingConfig
+from tams_app.config.devices import (
+    CameraConfig,
+    ControllerConfig,
+    DeskConfig,
+    HandDevice,
+    MappingConfig,
+)
 from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
@@ -31,7 +37,9 @@ __all__ = [
     "ClutchConfig",
     "Config",
     "ControllerConfig",
+    "DeskConfig",
     "HandConfig",
+    "HandDevice",
     "LimitsConfig",
     "LinkConfig",
     "MappingConfig",

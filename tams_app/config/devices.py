@@ -35,9 +35,32 @@ class MappingConfig(Section):
         return self
 
 
-class ControllerConfig(Section):
-    """The tracked VR controller, over OpenVR."""
+HandDevice = Literal["auto", "openvr", "keyboard", "gamepad", "spacemouse", "sim"]
 
+
+class DeskConfig(Section):
+    """The hand that a keyboard, a gamepad or a 3D mouse moves."""
+
+    speed_m_s: Annotated[float, Field(gt=0, le=0.5)] = 0.12
+    """Speed of the hand at full deflection."""
+    turn_rad_s: Annotated[float, Field(gt=0, le=2)] = 0.8
+    """How fast the hand turns at full deflection."""
+    ramp_s: Annotated[float, Field(ge=0.02, le=2)] = 0.25
+    """Time from rest to full speed; letting the deadman go stops at once."""
+    dead_zone: Annotated[float, Field(ge=0, lt=0.9)] = 0.12
+    """Deflection of a stick or a cap below which it rests."""
+    name: str = ""
+    """Part of the name of the gamepad or 3D mouse, where there are several."""
+
+
+class ControllerConfig(Section):
+    """The controller in the operator's hand."""
+
+    device: HandDevice = "auto"
+    """What the operator holds: `openvr`, a tracked VR controller; `keyboard`, in the console's
+    window; `gamepad`; `spacemouse`; `sim`, the simulated operator; `auto`: sim on the rig, else
+    openvr."""
+    desk: DeskConfig = DeskConfig()
     hand: Literal["right", "left"] = "right"
     """Which hand's controller moves the arm."""
     input: Literal["auto", "actions", "legacy"] = "auto"

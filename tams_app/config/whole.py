@@ -132,7 +132,14 @@ class RecordingConfig(Section):
     record_reference: bool = False
     """Whether lossless captures are kept, too."""
     bitstream: bool = True
-    """Whether the encoded frames themselves are kept: nearly all of a log's size."""
+    """Whether the encoded frames themselves are kept: most of a log's size."""
+    viewers: bool = True
+    """Whether the log also has channels for Foxglove that are derived from its records; with
+    `foxglove` it always has."""
+    pictures_per_s: Annotated[float, Field(ge=0, le=60)] = 2.0
+    """With `viewers`: frames of each view as they were shown that are kept a second, as JPEG."""
+    foxglove: str = ""
+    """HOST:PORT where Foxglove may connect while a session runs; empty: nowhere."""
     min_free_mb: NonNegative = 500.0
     """Free disk space that a session wants at its start; it ends below a tenth of that."""
 
@@ -176,6 +183,23 @@ class Config(Section):
     trial: TrialConfig = TrialConfig()
     study: StudyConfig = StudyConfig()
     recording: RecordingConfig = RecordingConfig()
+
+    @property
+    def operator_is_simulated(self) -> bool:
+        """Whether the operator at this computer is the rig's, and no person."""
+        return self.rig.enabled and self.controller.device in ("auto", "sim")
+
+    @model_validator(mode="after")
+    def _only_the_rig_has_a_simulated_operator(self) -> Self:
+        if self.controller.device == "sim" and not self.rig.enabled:
+            raise ValueError("controller.device sim is for the simulated rig: add --sim")
+        return self
+
+    @model_validator(mode="after")
+    def _the_keyboard_is_the_windows(self) -> Self:
+        if self.controller.device == "keyboard" and self.headless:
+            raise ValueError("controller.device keyboard needs the window: leave out --headless")
+        return self
 
     @model_validator(mode="after")
     def _views_have_weights(self) -> Self:

@@ -10,6 +10,7 @@ from hw.arms import arm_kind
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from hw.controller import Controller
+from hw.make_controller import make_controller
 from tams_app.config import ArmConfig, Config
 from tams_app.records import SceneTruth
 from tams_app.runtime.clock import Clock
@@ -56,10 +57,9 @@ class Devices:
         return kind.make_arm(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
     def make_controller(self, note: Note) -> Controller:
-        """The tracked controller, not started yet."""
-        from hw.openvr.controller import OpenVrController  # the rig needs no OpenVR
-
-        return OpenVrController(self._config.controller, self._clock, note)
+        """What a person holds, not started yet."""
+        config = self._config
+        return make_controller(config.controller, config.hand, self._clock, note)
 
     def make_cameras(self, note: Note) -> Sequence[Camera]:
         """One camera for each view, not started yet."""

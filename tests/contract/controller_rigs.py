@@ -1,5 +1,6 @@
 """One rig per kind of controller: the simulated hand, here, published by another process and at the
-other end of a link, and OpenVR's binding over a fake runtime.
+other end of a link, the keyboard, a gamepad that SDL simulates, and OpenVR's binding over a fake
+runtime.
 
 A rig holds a controller whose trigger is pressed and whose hand is never quite still, lets time
 pass, and makes the controller suffer what `SensorFault` names.
@@ -17,17 +18,27 @@ import numpy as np
 import openvr
 
 from hw.controller import Controller
+from hw.desk.gamepad import Gamepad, sdl2
+from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
+from hw.desk.polled import PolledController
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
 from hw.sim.operator.hand import Button, Hand, HandCommand
 from hw.sim.operator.remote_controller import ControllerPublisher, RemoteController
-from tams_app.config import ControllerConfig, LinkConfig, OperatorConfig
+from tams_app.config import (
+    ControllerConfig,
+    DeskConfig,
+    HandConfig,
+    LinkConfig,
+    OperatorConfig,
+)
 from tams_app.link.messages import HandMessage, decode, encode
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.hw.desk.virtual_pad import VirtualPad
 from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
@@ -40,6 +51,13 @@ class ControllerRig(ABC):
     """A controller, the hand that holds it, and a way to let time pass."""
 
     controller: Controller
+    faults: frozenset[SensorFault] = frozenset(SensorFault)  # that can come over it
+    has_menu = True
+    can_be_felt = True
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        """What the rig needs is closed by `cleaning`."""
+        self._cleaning = cleaning
 
     @abstractmethod
     def make_controller(self) -> Controller:
@@ -96,7 +114,8 @@ class _Holding:
 class VirtualControllerRig(ControllerRig):
     """Virtual time; passes only when asked."""
 
-    def __init__(self) -> None:
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
         self._clock = VirtualClock()
         self._holding = _Holding()
         self.controller = self._virtual = self.make_controller()
@@ -122,8 +141,8 @@ class RemoteRig(ControllerRig):
     """The driver of a controller that is published as by the operator's process, in real time."""
 
     def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
         self._clock = MonotonicClock()
-        self._cleaning = cleaning
         self._holding = _Holding()
         self._published: FaultyController | None = None
         self.controller = self.make_controller()
@@ -165,7 +184,8 @@ class LinkRig(ControllerRig):
 
     _OFFSET_NS = 3 * HOUR_NS
 
-    def __init__(self) -> None:
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
         self._clock = VirtualClock()
         self._holding = _Holding()
         self._hand = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
@@ -206,14 +226,91 @@ class LinkRig(ControllerRig):
             self._made.take(decode(content, HandMessage), heard_ns)
 
 
+class KeyboardRig(ControllerRig):
+    """The console's window tells which keys are held; virtual time."""
+
+    faults = frozenset({SensorFault.STANDBY})  # the window loses the focus
+    has_menu = False  # Enter confirms, in the window
+    can_be_felt = False
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
+        self._clock = VirtualClock()
+        self._clock.advance_ns(NS_PER_S)
+        self._focused = True
+        self.controller = self.make_controller()
+
+    def make_controller(self) -> KeyboardController:
+        self._keyboard = KeyboardController(DeskConfig(), HandConfig().rotation)
+        return self._keyboard
+
+    def press_menu(self) -> None:
+        raise AssertionError("a keyboard has no menu button")
+
+    def inject(self, fault: SensorFault | None) -> None:
+        self._focused = fault is None
+
+    def advance(self) -> int:
+        self._clock.advance_ns(TICK_NS)
+        now_ns = self._clock.now_ns()
+        self._keyboard.feed(HeldKeys(frozenset({DEADMAN}), self._focused, now_ns))
+        return now_ns
+
+    def felt(self) -> int:
+        return 0
+
+
+class GamepadRig(ControllerRig):
+    """The driver and the real SDL, which simulates the pad; real time."""
+
+    faults = frozenset({SensorFault.DISCONNECTED})
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
+        self._clock = MonotonicClock()
+        self._pad = VirtualPad()
+        self._hold()
+        cleaning.callback(self._pad.unplug)
+        self.controller = self.make_controller()
+
+    def make_controller(self) -> PolledController:
+        config = DeskConfig()
+        rotation = HandConfig().rotation
+        made = PolledController(
+            Gamepad(config), config, rotation, self._clock, lambda level, text: None
+        )
+        self._cleaning.callback(made.close)
+        return made
+
+    def press_menu(self) -> None:
+        self._pad.press(sdl2.SDL_CONTROLLER_BUTTON_START)
+
+    def inject(self, fault: SensorFault | None) -> None:
+        if fault is None:
+            self._hold()
+        else:
+            self._pad.unplug()
+
+    def advance(self) -> int:
+        time.sleep(TICK_NS / NS_PER_S)
+        return self._clock.now_ns()
+
+    def felt(self) -> int:
+        return self._pad.rumbles
+
+    def _hold(self) -> None:
+        self._pad.plug_in()
+        self._pad.move(sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT, 1.0)
+
+
 class OpenVrRig(ControllerRig):
     """The real driver and binding over a fake runtime, in real time."""
 
     def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
         self.runtime = FakeRuntime()
         cleaning.enter_context(self.runtime.in_place_of_the_library())
         self._clock = MonotonicClock()
-        self._cleaning = cleaning
         self.runtime.devices[RIGHT].trembles = True
         self.runtime.press("trigger")
         self.controller = self.make_controller()

@@ -1,0 +1,155 @@
+"""A 3D mouse (3Dconnexion SpaceMouse) as a controller, through hidapi.
+
+Its cap moves and turns the hand, the left button is the deadman; the right one, pressed briefly,
+closes and opens the gripper in turn, pressed for longer changes the mode.
+
+Reports, all numbers little-endian: 1: x (right), y (towards the person), z (down) as int16, in
+wireless models followed by the three turns; 2: the turns about the same axes; 3: a bit for each
+button. Full deflection is about 350. Source: https://github.com/FreeSpacenav/spacenavd and
+https://github.com/JakubAndrysek/PySpaceMouse (device tables).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import hid
+
+from hw.desk.polled import PolledDevice, beyond
+from hw.desk.virtual_hand import Deflection
+from tams_app.config import DeskConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Haptic
+from tams_app.units import NS_PER_MS
+from tams_app.vectors import ZERO, Floats3
+
+_VENDORS = (0x256F, 0x046D)  # 3Dconnexion, and Logitech, whose older ones bear its number
+_LOGITECHS = range(0xC603, 0xC640)  # of whose products these are 3D mice
+_FULL = 350.0
+_LONG_NS = 600 * NS_PER_MS
+_PULSE_NS = 60 * NS_PER_MS  # how long a button of the hand's is held for a press of the mouse's
+_REPORT_BYTES = 64
+_AXES = struct.Struct("<3h")
+_TRANSLATION, _ROTATION, _BUTTONS = 1, 2, 3
+
+
+class Reports:
+    """What the reports add up to; pure."""
+
+    def __init__(self, dead_zone: float) -> None:
+        self._dead_zone = dead_zone
+        self._linear = self._angular = ZERO
+        self._left = False
+        self._right_since_ns: int | None = None
+        self._closes = False  # what the next brief press of the right button does, inverted
+        self._acts = ""  # what the hand's buttons do just now
+        self._acts_until_ns = 0
+
+    def take(self, report: bytes, now_ns: int) -> None:
+        """Take in one report; of a kind that is not known it is left out."""
+        kind, content = (report[0], report[1:]) if report else (0, b"")
+        if kind == _TRANSLATION and len(content) >= _AXES.size:
+            self._linear = _axes(content)
+            if len(content) >= 2 * _AXES.size:
+                self._angular = _axes(content[_AXES.size :])
+        elif kind == _ROTATION and len(content) >= _AXES.size:
+            self._angular = _axes(content)
+        elif kind == _BUTTONS and content:
+            self._left = bool(content[0] & 1)
+            self._press_right(bool(content[0] & 2), now_ns)
+
+    def deflection(self, now_ns: int) -> Deflection:
+        """All axes and buttons at `now_ns`."""
+        acts = self._acts if now_ns < self._acts_until_ns else ""
+        forward, left, up = beyond(self._dead_zone, *self._linear)
+        roll, pitch, yaw = beyond(self._dead_zone, *self._angular)
+        return Deflection(
+            linear=(forward, left, up),
+            angular=(roll, pitch, yaw),
+            trigger=float(self._left),
+            grip=acts == "mode",
+            a=acts == "close",
+            b=acts == "open",
+        )
+
+    def _press_right(self, down: bool, now_ns: int) -> None:
+        since_ns = self._right_since_ns
+        if down:
+            self._right_since_ns = now_ns if since_ns is None else since_ns
+            return
+        self._right_since_ns = None
+        if since_ns is None:
+            return
+        if now_ns - since_ns >= _LONG_NS:
+            self._acts = "mode"
+        else:
+            self._closes = not self._closes
+            self._acts = "close" if self._closes else "open"
+        self._acts_until_ns = now_ns + _PULSE_NS
+
+
+class SpaceMouse(PolledDevice):
+    """The first 3D mouse, or the first one with `DeskConfig.name` in its name."""
+
+    title = "3D mouse"
+
+    def __init__(self, config: DeskConfig, now_ns: Callable[[], int]) -> None:
+        self._config, self._now_ns = config, now_ns
+        self._device: Any = None
+        self._reports = Reports(config.dead_zone)
+
+    def open(self) -> None:
+        found = [one for one in hid.enumerate() if self._is_one(one)]
+        if not found:
+            which = f" whose name has {self._config.name!r} in it" if self._config.name else ""
+            raise DeviceError(
+                f"There is no 3D mouse{which}: plug one in, or choose another --hand."
+            )
+        device = hid.device()
+        try:
+            device.open_path(found[0]["path"])
+            device.set_nonblocking(True)
+        except OSError as error:
+            raise DeviceError(
+                "The 3D mouse cannot be opened: give your user the right to read it "
+                "(docs/OPERATOR.md has the udev rule), then plug it in again."
+            ) from error
+        self._device = device
+        self._reports = Reports(self._config.dead_zone)
+
+    def read(self) -> Deflection:
+        now_ns = self._now_ns()
+        if self._device is None:
+            raise DeviceError("The 3D mouse is not open.")
+        try:
+            while report := self._device.read(_REPORT_BYTES):
+                self._reports.take(bytes(report), now_ns)
+        except OSError as error:
+            raise DeviceError("The 3D mouse was unplugged: plug it in again.") from error
+        return self._reports.deflection(now_ns)
+
+    def pulse(self, haptic: Haptic) -> None:
+        """It cannot be felt."""
+
+    def close(self) -> None:
+        device, self._device = self._device, None
+        if device is not None:
+            device.close()
+
+    def _is_one(self, described: dict[str, Any]) -> bool:
+        vendor, product = described["vendor_id"], described["product_id"]
+        known = vendor == _VENDORS[0] or (vendor == _VENDORS[1] and product in _LOGITECHS)
+        name = described.get("product_string") or ""
+        return known and self._config.name.lower() in name.lower()
+
+
+def _axes(content: bytes) -> Floats3:
+    """x, y, z of a report as forward, left, up, -1 to 1."""
+    x, y, z = _AXES.unpack_from(content)
+    return _scaled(-y), _scaled(-x), _scaled(-z)
+
+
+def _scaled(counts: int) -> float:
+    return max(-1.0, min(1.0, counts / _FULL))

@@ -1,0 +1,93 @@
+"""What a person does at a device on a desk, as the motion of a hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tams_app.config import DeskConfig
+from tams_app.records import Pose
+from tams_app.rotation import Rotation
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.vectors import ZERO, Floats3, minus, norm, plus_times, times
+
+_LONGEST_GAP_NS = 50 * NS_PER_MS  # what was asked for in a longer one is not made up for
+
+
+@dataclass(frozen=True, slots=True)
+class Deflection:
+    """How far each axis is deflected, -1 to 1, in the arm's base frame, and what is pressed.
+
+    linear: forward, left, up. angular: turns about the same axes, right-handed. The buttons are
+    those of `ControllerSample`.
+    """
+
+    linear: Floats3 = ZERO
+    angular: Floats3 = ZERO
+    trigger: float = 0.0
+    grip: bool = False
+    a: bool = False
+    b: bool = False
+    menu: bool = False
+
+
+NEUTRAL = Deflection()
+
+
+@dataclass(slots=True)
+class VirtualHand:
+    """A hand that moves as fast as the axes are deflected; pure.
+
+    It reaches the speed asked for within `DeskConfig.ramp_s` and stands still as soon as the
+    deadman is let go. `rotation` takes the tracking frame to the arm's base frame
+    (`HandConfig.rotation`): the hand's pose is in the tracking frame, as that of any controller.
+    """
+
+    config: DeskConfig
+    rotation: tuple[Floats3, Floats3, Floats3]
+    _position: Floats3 = ZERO
+    _turn: Rotation = field(default_factory=Rotation.identity)
+    _linear: Floats3 = ZERO
+    _angular: Floats3 = ZERO
+    _last_ns: int | None = None
+
+    def step(self, now_ns: int, asked: Deflection) -> Pose:
+        """The pose at `now_ns`."""
+        gap_ns = 0 if self._last_ns is None else now_ns - self._last_ns
+        self._last_ns = now_ns
+        if asked.trigger <= 0.0 or not 0 < gap_ns <= _LONGEST_GAP_NS:
+            self._linear = self._angular = ZERO
+        else:
+            self._go(gap_ns / NS_PER_S, asked)
+        return Pose(np.array(self._position), self._turn)
+
+    def _go(self, interval_s: float, asked: Deflection) -> None:
+        config = self.config
+        change = interval_s / config.ramp_s
+        for_linear = times(_within_one(asked.linear), config.speed_m_s)
+        for_angular = times(_within_one(asked.angular), config.turn_rad_s)
+        self._linear = _towards(self._linear, for_linear, config.speed_m_s * change)
+        self._angular = _towards(self._angular, for_angular, config.turn_rad_s * change)
+        way = self._in_tracking_frame(times(self._linear, interval_s))
+        turn = self._in_tracking_frame(times(self._angular, interval_s))
+        self._position = plus_times(self._position, way, 1.0)
+        self._turn = self._turn.turned(turn)
+
+    def _in_tracking_frame(self, vector: Floats3) -> Floats3:
+        """The rotation's transpose, applied."""
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.rotation
+        x, y, z = vector
+        return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
+
+
+def _within_one(vector: Floats3) -> Floats3:
+    """Two axes at once are no faster than one."""
+    size = norm(vector)
+    return vector if size <= 1.0 else times(vector, 1.0 / size)
+
+
+def _towards(vector: Floats3, target: Floats3, most: float) -> Floats3:
+    way = minus(target, vector)
+    size = norm(way)
+    return target if size <= most else plus_times(vector, way, most / size)

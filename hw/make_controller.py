@@ -1,0 +1,71 @@
+"""From a word in the configuration to a controller; vendors' libraries are loaded when used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from hw.controller import Controller
+from hw.desk.keyboard import KeyboardController
+from tams_app.config import ControllerConfig, HandConfig
+from tams_app.runtime.clock import Clock
+
+Note = Callable[[str, str], None]  # level and sentence
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerParts:
+    """What a controller may be made of."""
+
+    config: ControllerConfig
+    hand: HandConfig
+    clock: Clock
+    note: Note
+
+
+def make_controller(
+    config: ControllerConfig, hand: HandConfig, clock: Clock, note: Note
+) -> Controller:
+    """The configured controller, not started yet; `auto` is the tracked one."""
+    device = "openvr" if config.device == "auto" else config.device
+    return DEVICES[device](ControllerParts(config, hand, clock, note))
+
+
+def keyboard_of(controller: Controller) -> KeyboardController | None:
+    """The controller, if it is one that the console's window has to feed."""
+    return controller if isinstance(controller, KeyboardController) else None
+
+
+def _openvr(parts: ControllerParts) -> Controller:
+    from hw.openvr.controller import OpenVrController
+
+    return OpenVrController(parts.config, parts.clock, parts.note)
+
+
+def _keyboard(parts: ControllerParts) -> Controller:
+    return KeyboardController(parts.config.desk, parts.hand.rotation)
+
+
+def _gamepad(parts: ControllerParts) -> Controller:
+    from hw.desk.gamepad import Gamepad
+    from hw.desk.polled import PolledController
+
+    desk = parts.config.desk
+    return PolledController(Gamepad(desk), desk, parts.hand.rotation, parts.clock, parts.note)
+
+
+def _spacemouse(parts: ControllerParts) -> Controller:
+    from hw.desk.polled import PolledController
+    from hw.desk.spacemouse import SpaceMouse
+
+    desk = parts.config.desk
+    mouse = SpaceMouse(desk, parts.clock.now_ns)
+    return PolledController(mouse, desk, parts.hand.rotation, parts.clock, parts.note)
+
+
+DEVICES: Mapping[str, Callable[[ControllerParts], Controller]] = {
+    "openvr": _openvr,
+    "keyboard": _keyboard,
+    "gamepad": _gamepad,
+    "spacemouse": _spacemouse,
+}

@@ -1,0 +1,177 @@
+"""The 3D mouse's driver: what its reports mean, and what hidapi's errors become."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+import hid
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.desk.spacemouse import Reports, SpaceMouse
+from hw.desk.virtual_hand import NEUTRAL
+from tams_app.config import DeskConfig
+from tams_app.errors import DeviceError
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.vectors import Floats3
+
+pytestmark = pytest.mark.untimed
+
+LEFT, RIGHT = 1, 2
+
+
+def axes_report(kind: int, *axes: int) -> bytes:
+    return bytes((kind,)) + struct.pack(f"<{len(axes)}h", *axes)
+
+
+def buttons_report(buttons: int) -> bytes:
+    return bytes((3, buttons, 0, 0))
+
+
+@pytest.fixture
+def reports() -> Reports:
+    return Reports(dead_zone=0.0)
+
+
+@pytest.mark.parametrize(
+    ("report", "linear", "angular"),
+    [
+        (axes_report(1, 350, 0, 0), (0, -1, 0), (0, 0, 0)),  # to the right
+        (axes_report(1, 0, -350, 0), (1, 0, 0), (0, 0, 0)),  # away from the person
+        (axes_report(1, 0, 0, -350), (0, 0, 1), (0, 0, 0)),  # lifted
+        (axes_report(1, 0, 0, -175), (0, 0, 0.5), (0, 0, 0)),
+        (axes_report(2, 0, 0, -350), (0, 0, 0), (0, 0, 1)),
+        (axes_report(1, 0, -350, 0, 0, 0, -350), (1, 0, 0), (0, 0, 1)),  # wireless: all six
+    ],
+)
+def test_a_report_of_axes_is_what_the_cap_does(
+    reports: Reports, report: bytes, linear: Floats3, angular: Floats3
+) -> None:
+    reports.take(report, 0)
+    asked = reports.deflection(0)
+    assert asked.linear == pytest.approx(linear)
+    assert asked.angular == pytest.approx(angular)
+
+
+def test_the_left_button_is_the_deadman(reports: Reports) -> None:
+    reports.take(buttons_report(LEFT), 0)
+    assert reports.deflection(0).trigger == 1.0
+    reports.take(buttons_report(0), 0)
+    assert reports.deflection(0).trigger == 0.0
+
+
+def test_brief_presses_of_the_right_button_close_and_open_in_turn(reports: Reports) -> None:
+    done = []
+    for press in range(3):
+        now_ns = press * NS_PER_S
+        reports.take(buttons_report(LEFT | RIGHT), now_ns)
+        assert not reports.deflection(now_ns).a
+        reports.take(buttons_report(LEFT), now_ns + 100 * NS_PER_MS)
+        asked = reports.deflection(now_ns + 110 * NS_PER_MS)
+        done.append((asked.a, asked.b, asked.grip, asked.trigger))
+        over = reports.deflection(now_ns + 300 * NS_PER_MS)
+        assert (over.a, over.b, over.grip) == (False, False, False)
+    close, opens = (True, False, False, 1.0), (False, True, False, 1.0)
+    assert done == [close, opens, close]
+
+
+def test_a_long_press_of_the_right_button_changes_the_mode_once(reports: Reports) -> None:
+    reports.take(buttons_report(RIGHT), 0)
+    reports.take(buttons_report(RIGHT), 500 * NS_PER_MS)  # it is told again while it is held
+    assert not reports.deflection(700 * NS_PER_MS).grip
+    reports.take(buttons_report(0), 800 * NS_PER_MS)
+    asked = reports.deflection(810 * NS_PER_MS)
+    assert (asked.grip, asked.a, asked.b) == (True, False, False)
+    assert not reports.deflection(NS_PER_S).grip
+
+
+@given(st.lists(st.binary(max_size=16), max_size=20))
+def test_whatever_is_reported_stays_within_the_axes(content: list[bytes]) -> None:
+    reports = Reports(dead_zone=0.12)
+    for number, report in enumerate(content):
+        reports.take(report, number)
+        asked = reports.deflection(number)
+        assert all(abs(axis) <= 1.0 for axis in (*asked.linear, *asked.angular))
+
+
+class FakeMouse:
+    """hidapi's device, from the other side of its binding."""
+
+    def __init__(self) -> None:
+        self.waiting: list[bytes] = []
+        self.gone = self.refuses = False
+        self.is_open = False
+
+    def open_path(self, path: bytes) -> None:
+        if self.refuses:
+            raise OSError("open failed")
+        assert path == b"/dev/hidraw7"
+        self.is_open = True
+
+    def set_nonblocking(self, on: bool) -> None:
+        assert on
+
+    def read(self, length: int) -> list[int]:
+        if self.gone:
+            raise OSError("read error")
+        return list(self.waiting.pop(0)) if self.waiting else []
+
+    def close(self) -> None:
+        self.is_open = False
+
+
+@pytest.fixture
+def mouse(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeMouse]:
+    fake = FakeMouse()
+    listed = [
+        {"vendor_id": 0x046D, "product_id": 0xC31C, "product_string": "Keyboard", "path": b"x"},
+        {
+            "vendor_id": 0x256F,
+            "product_id": 0xC635,
+            "product_string": "SpaceMouse Compact",
+            "path": b"/dev/hidraw7",
+        },
+    ]
+    monkeypatch.setattr(hid, "enumerate", lambda: [] if fake.gone else listed)
+    monkeypatch.setattr(hid, "device", lambda: fake)
+    return fake
+
+
+def test_all_reports_that_wait_are_taken_at_once(mouse: FakeMouse) -> None:
+    driver = SpaceMouse(DeskConfig(), lambda: 0)
+    driver.open()
+    assert driver.read() == NEUTRAL
+    mouse.waiting = [axes_report(1, 0, -100, 0), buttons_report(LEFT), axes_report(1, 0, -350, 0)]
+    asked = driver.read()
+    assert asked.linear == pytest.approx((1.0, 0.0, 0.0))
+    assert asked.trigger == 1.0
+    driver.close()
+    assert not mouse.is_open
+
+
+def test_a_mouse_that_is_opened_again_has_nothing_pressed(mouse: FakeMouse) -> None:
+    driver = SpaceMouse(DeskConfig(), lambda: 0)
+    driver.open()
+    mouse.waiting = [buttons_report(LEFT)]
+    assert driver.read().trigger == 1.0
+    driver.close()
+    driver.open()
+    assert driver.read() == NEUTRAL
+
+
+def test_what_hidapi_refuses_is_one_sentence_each(mouse: FakeMouse) -> None:
+    driver = SpaceMouse(DeskConfig(), lambda: 0)
+    mouse.refuses = True
+    with pytest.raises(DeviceError, match="right to read it"):
+        driver.open()
+    mouse.refuses = False
+    driver.open()
+    mouse.gone = True
+    with pytest.raises(DeviceError, match="unplugged"):
+        driver.read()
+    with pytest.raises(DeviceError, match="no 3D mouse"):
+        driver.open()
+    with pytest.raises(DeviceError, match="'Pro'"):
+        SpaceMouse(DeskConfig(name="Pro"), lambda: 0).open()

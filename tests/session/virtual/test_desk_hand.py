@@ -1,0 +1,154 @@
+"""The whole task by keyboard: a person at the window presses keys, and the block is placed.
+
+They know where things are: what is tried is the hand, not the eyes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from hw.controller import Controller
+from hw.desk.keyboard import CLOSE, DEADMAN, MODE, OPEN, HeldKeys, KeyboardController
+from tams_app.config import Config
+from tams_app.recording import SessionLog, read_log
+from tams_app.records import Pose, SceneTruth
+from tams_app.session.recorders import LOG_NAME
+from tams_app.session.virtual.trial import VirtualTrial
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.session.virtual.runs import PARTICIPANT, WALL_NS, short
+
+pytestmark = [pytest.mark.untimed, pytest.mark.verify, pytest.mark.timeout(600)]
+
+OPPOSITE = ("ws", "ad", "rf")  # forward, left, up
+NEAR_M, NEAR_RAD = 0.012, math.radians(6.0)  # from there on keys are tapped
+TAP_NS, LOOK_NS = 24 * NS_PER_MS, 160 * NS_PER_MS
+TRAVEL_Z_M, GRASP_Z_M, RELEASE_Z_M = 0.12, 0.0105, 0.030
+Keys = frozenset[str]
+NO_KEYS: Keys = frozenset()
+
+
+class Person:
+    """Steps through the task; each step yields what is held until the next look."""
+
+    def __init__(self, truth: Callable[[], SceneTruth | None]) -> None:
+        self._truth = truth
+
+    def work(self) -> Iterator[Keys]:
+        yield from self._goes(lambda: (*self._block[:2], TRAVEL_Z_M), 0.001)
+        yield from self._turns()
+        yield from self._goes(lambda: (*self._block[:2], GRASP_Z_M), 0.001)
+        yield from self._presses(CLOSE)
+        lifted = (*self._tcp[:2], TRAVEL_Z_M)
+        yield from self._goes(lambda: lifted, 0.01)
+        yield from self._goes(lambda: (*self._container[:2], TRAVEL_Z_M), 0.005)
+        yield from self._goes(lambda: (*self._container[:2], RELEASE_Z_M), 0.005)
+        yield from self._presses(OPEN)
+        retreat = (*self._tcp[:2], TRAVEL_Z_M)
+        yield from self._goes(lambda: retreat, 0.01)
+        while True:
+            yield NO_KEYS
+
+    def _goes(
+        self, target: Callable[[], tuple[float, float, float]], tolerance_m: float
+    ) -> Iterator[Keys]:
+        while True:
+            errors = [wanted - at for wanted, at in zip(target(), self._tcp, strict=True)]
+            if max(map(abs, errors)) < tolerance_m:
+                return
+            yield from _holds_or_taps(errors, tolerance_m, NEAR_M)
+
+    def _turns(self) -> Iterator[Keys]:
+        """About the vertical, in the other mode, until the fingers are along the block's sides."""
+        yield from self._presses(MODE)
+        tolerance_rad = math.radians(1.5)
+        while abs(error := self._turn_left) > tolerance_rad:
+            yield from _holds_or_taps([0.0, 0.0, error], tolerance_rad, NEAR_RAD)
+        yield from self._presses(MODE)
+
+    def _presses(self, key: str) -> Iterator[Keys]:
+        yield from [frozenset({key})] * (100 * NS_PER_MS // TAP_NS)
+        yield from [NO_KEYS] * (1500 * NS_PER_MS // TAP_NS)
+
+    @property
+    def _scene(self) -> SceneTruth:
+        truth = self._truth()
+        assert truth is not None
+        return truth
+
+    @property
+    def _block(self) -> list[float]:
+        return self._scene.block.position.tolist()
+
+    @property
+    def _container(self) -> list[float]:
+        return self._scene.container.position.tolist()
+
+    @property
+    def _tcp(self) -> list[float]:
+        return self._scene.tcp.position.tolist()
+
+    @property
+    def _turn_left(self) -> float:
+        """To the nearest of the block's four sides [rad], counter-clockwise from above."""
+        scene = self._scene
+        turn = _heading(scene.block) - _heading(scene.tcp)
+        quarter = math.pi / 2
+        return (turn + quarter / 2) % quarter - quarter / 2
+
+
+def _heading(pose: Pose) -> float:
+    x, y, _ = pose.rotation.as_matrix()[:, 0]
+    return math.atan2(y, x)
+
+
+def _holds_or_taps(errors: list[float], tolerance: float, near: float) -> Iterator[Keys]:
+    keys = {
+        pair[error < 0.0]
+        for error, pair in zip(errors, OPPOSITE, strict=True)
+        if abs(error) >= tolerance
+    }
+    yield frozenset(keys)
+    if max(map(abs, errors)) < near:
+        yield from [NO_KEYS] * (LOOK_NS // TAP_NS)
+
+
+class KeyboardTrial(VirtualTrial):
+    """A trial in virtual time whose hand is the keyboard's."""
+
+    def _hand(self, participant_seed: int) -> tuple[Controller, Callable[[int], None]]:
+        keyboard = KeyboardController(self._config.controller.desk, self._config.hand.rotation)
+        work = Person(self._robot.truth).work()
+        began_ns = self._clock.now_ns()
+        keys, next_ns = NO_KEYS, began_ns + 2 * NS_PER_S
+
+        def look(now_ns: int) -> None:
+            nonlocal keys, next_ns
+            if now_ns - began_ns < NS_PER_S:
+                self._engine.control._signals.confirm()
+            elif now_ns >= next_ns:
+                keys = next(work) | {DEADMAN}
+                next_ns = now_ns + TAP_NS
+            keyboard.feed(HeldKeys(keys, True, now_ns))
+
+        return keyboard, look
+
+
+def drive(config: Config, folder: Path) -> SessionLog:
+    trial = KeyboardTrial(config, PARTICIPANT, folder, WALL_NS)
+    try:
+        trial.run()
+    finally:
+        trial.close()
+    return read_log(folder / LOG_NAME)
+
+
+def test_the_block_is_placed_by_keyboard(tmp_path: Path) -> None:
+    log = drive(short(network="none", seconds=120, seed=3), tmp_path)
+    assert log.outcome is not None
+    assert (log.outcome.success, log.outcome.drops) == (True, 0), log.outcome
+    assert ArmingState.FAULT not in {tick.arming for tick in log.ticks}
