@@ -1,4 +1,4 @@
-"""Figures as files: where one can be drawn, and with which colours."""
+"""Figures as files: where one can be drawn."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from matplotlib.figure import Figure
 
 from tams_app.errors import ConfigError, TamsError
 
-# Okabe and Ito's palette: told apart also with deficient colour vision
-PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#999999")
 SUFFIXES = (".png", ".jpg")
 
 

@@ -13,6 +13,7 @@ from calibration.figures import new_figure, save_figure
 from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
 from calibration.phases.trials import PHASES, Scores
 from calibration.ui import plain_table
+from tams_app import palette
 from tams_app.config import PhasesConfig
 from tams_app.records import Phase
 
@@ -24,7 +25,7 @@ _TITLES = {
     "pre_release_dwell_s": "dwell $T_{pre}$ [s]",
 }
 # blue and vermilion of Okabe and Ito's palette
-_CHOSEN, _DEFAULT, _CURVE = "#0072B2", "#D55E00", "#222222"
+_CHOSEN, _DEFAULT, _CURVE = palette.BLUE, palette.VERMILLION, "#222222"
 
 
 def thresholds_table(found: PhaseFit) -> Table:

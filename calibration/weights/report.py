@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from calibration.figures import PALETTE, new_figure, save_figure
+from calibration.figures import new_figure, save_figure
 from calibration.store import Calibration
 from calibration.weights.clips import CutSession
 from calibration.weights.cutting import LONGEST_S, SHORTEST_S
 from calibration.weights.fit import RELIABLE_ALPHA, TENTATIVE_ALPHA, Assessment, verdict
 from calibration.weights.ratings import LEAST, MOST, Sheet, necessity_table
+from tams_app.palette import view_colour
 from tams_app.records import Phase
 
 KIND = "weights"
@@ -217,7 +218,7 @@ def _draw_necessity(axes: Axes, sheets: Sequence[Sheet], views: Sequence[str]) -
     table = necessity_table(sheets, views)
     for number, view in enumerate(views):
         middle = (number - (len(views) - 1) / 2) * 0.8 / len(views)
-        colour = PALETTE[number % len(PALETTE)]
+        colour = view_colour(number)
         for y in range(len(Phase)):
             points = np.sort(table[np.isfinite(table[:, y, number]), y, number])
             _, first, counts = np.unique(points, return_index=True, return_counts=True)
@@ -239,7 +240,7 @@ def _draw_votes(axes: Axes, assessment: Assessment, views: Sequence[str]) -> Non
     left = np.zeros(len(Phase))
     for number, view in enumerate(views):
         counts = np.array([assessment.rows[phase].votes[view] for phase in Phase])
-        colour = PALETTE[number % len(PALETTE)]
+        colour = view_colour(number)
         bars = axes.barh(range(len(Phase)), counts, left=left, height=0.5, color=colour)
         labels = [str(count) if count else "" for count in counts]
         axes.bar_label(bars, labels, label_type="center", fontsize=_SMALL_PT, color="white")

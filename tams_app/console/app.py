@@ -1,8 +1,7 @@
-"""`run` on the terminal: a live line, windows, and a table at the end."""
+"""`run` on the terminal: a live line, the window, and a table at the end."""
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -12,64 +11,42 @@ from typing import Protocol
 from rich.console import Console
 
 from tams_app.config import Config
+from tams_app.console.display import has_display
 from tams_app.console.report import report_session
-from tams_app.console.status import LinesOf, StatusLine, status_lines
+from tams_app.console.status import StatusLine, WordsOf, status_words
 from tams_app.console.terminal import Confirmations, Key, TerminalKeys, handled_signals
-from tams_app.console.windows import ViewWindow
-from tams_app.errors import SignalledError, TamsError
-from tams_app.records import ShownFrame
+from tams_app.console.window.messages import Keys
+from tams_app.console.window.session_window import SessionWindow, TrialOf, WindowedSession
+from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
-from tams_app.session.status import StatusBoard, StatusSnapshot
+from tams_app.session.status import StatusBoard
+from tams_app.session.viewing import check_viewers
 
 POLL_S = 0.05
 
 
-class ShownSession(Protocol):
+class ShownSession(WindowedSession, Protocol):
     """What the console needs of a session."""
 
-    config: Config
     failure: str
     ended: threading.Event
 
     @property
     def board(self) -> StatusBoard: ...
 
-    @property
-    def signals(self) -> Asking: ...
-
     def start(self) -> None: ...
 
     def poll(self) -> None: ...
 
-    def end(self, reason: str) -> None: ...
-
     def request_end(self, reason: str) -> None: ...
-
-    def fail(self, sentence: str) -> None: ...
-
-    def note(self, level: str, text: str) -> None: ...
-
-    def shown(self, view: str) -> ShownFrame | None: ...
-
-    def snapshot(self) -> StatusSnapshot: ...
-
-    def elapsed_s(self) -> float: ...
 
     def stop_arm(self) -> None: ...
 
     def close(self) -> None: ...
-
-
-class Asking(Protocol):
-    """What a person asks for by key."""
-
-    def confirm(self) -> None: ...
-
-    def estop(self) -> None: ...
 
 
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
@@ -93,9 +70,10 @@ def check_session(config: Config, dry_run: bool) -> None:
 def run_and_report(
     config: Config,
     make: Callable[[Path], ShownSession],
-    report: Callable[[Path, Console], None] = report_session,
+    report: Callable[[Path, Console], object] = report_session,
 ) -> int:
     """Run the session that `make` makes of its folder, then `report` on it; the exit code."""
+    check_viewers(config)
     console = Console()
     folder = create_session_folder(config)
     session = make(folder)
@@ -121,24 +99,29 @@ def run_and_report(
 def show_session(
     session: ShownSession,
     console: Console,
-    lines_of: LinesOf = status_lines,
+    words_of: WordsOf = status_words,
     interrupted: Callable[[str], None] = lambda _reason: None,
     limit_s: float | None = None,
+    trial_of: TrialOf | None = None,
+    replay_keys: Callable[[Keys], None] | None = None,
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
     `interrupted` is told of a signal that ends it, by the signal's handler. `limit_s`: from when
-    it has started, in place of `seconds`, which count its start.
+    it has started, in place of `seconds`, which count its start. `trial_of`: of a study's trial, of
+    which the window must not tell more. `replay_keys`: of a replay, hears of
+    the keys that are held in the window.
     """
 
     def end(reason: str) -> None:
         interrupted(reason)
         session.request_end(reason)
 
-    with handled_signals(end, session.signals.estop):
+    with handled_signals(end, session.signals.estop), ExitStack() as stack:
+        window = _launch_window(session, stack, trial_of, replay_keys)
         session.start()
         try:
-            _watch(session, console, lines_of, limit_s)
+            _watch(session, console, words_of, limit_s, window)
         finally:
             session.close()
 
@@ -146,63 +129,57 @@ def show_session(
 def _watch(
     session: ShownSession,
     console: Console,
-    lines_of: LinesOf = status_lines,
+    words_of: WordsOf = status_words,
     limit_s: float | None = None,
+    window: SessionWindow | None = None,
 ) -> None:
     """Show the session until it ends; from the main thread."""
     end_s = None if limit_s is None else session.elapsed_s() + limit_s
     with ExitStack() as stack:
-        windows = _open_windows(session, stack)
+        if window is not None:
+            stack.callback(window.close)
+            window.open()
         has_keys = _read_keys(session, stack)
-        if not session.config.rig.enabled:
-            _tell_how_to_begin(session, has_keys, bool(windows))
-        line = stack.enter_context(StatusLine(console, lines_of))
+        if not session.config.operator_is_simulated:
+            _tell_how_to_begin(session, has_keys, window is not None)
+        line = stack.enter_context(StatusLine(console, words_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
-        while not session.ended.wait(POLL_S if not windows else 1 / session.config.video.fps):
+        while not session.ended.wait(POLL_S):
             session.poll()
             if end_s is not None and session.elapsed_s() >= end_s:
                 session.end(f"ended after {limit_s:g} s")
-            for window in windows:
-                _refresh(session, window)
             for note in session.board.take_notes():
-                line.say(note)
+                line.say(note, session.elapsed_s())
+                if window is not None:
+                    window.say(note)
+            if window is not None:
+                window.refresh()
             if line.is_due(session.elapsed_s()):
                 line.update(session.snapshot())
         for note in session.board.take_notes():
-            line.say(note)
+            line.say(note, session.elapsed_s())
 
 
-def _open_windows(session: ShownSession, stack: ExitStack) -> list[ViewWindow]:
-    """A window per view where there is a display, unless --headless is given."""
+def _launch_window(
+    session: ShownSession,
+    stack: ExitStack,
+    trial_of: TrialOf | None,
+    replay_keys: Callable[[Keys], None] | None,
+) -> SessionWindow | None:
+    """The window where there is a display, unless --headless is given; it is not open yet."""
     if session.config.headless or not has_display():
-        return []
-    windows = []
-    for view in session.config.video.views:
-        window = ViewWindow(view, session.config.video)
-        stack.callback(window.close)
-        window.open()
-        windows.append(window)
-    return windows
+        if session.config.controller.device == "keyboard":
+            raise SetupError("--hand keyboard needs the window, and there is no display for it")
+        return None
+    window = SessionWindow(session, trial_of, replay_keys)
+    stack.callback(window.close)
+    window.launch()
+    return window
 
 
-def _refresh(session: ShownSession, window: ViewWindow) -> None:
-    shown = session.shown(window.view)
-    if shown is not None:
-        window.show(shown)
-    if failure := window.poll():
-        session.end(failure)
-
-
-def has_display() -> bool:
-    """Whether windows can be shown."""
-    if os.name != "posix":
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-
-
-def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_windows: bool) -> None:
+def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
     """What a person at the hardware has to know before the arm may move."""
-    if has_keys:
+    if has_keys or has_window:
         session.note(
             "info",
             "release the trigger and press Enter (or hold the menu button for a second) "
@@ -211,11 +188,11 @@ def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_windows: bool)
     else:
         session.note(
             "warning",
-            "there is no terminal: only the menu button, held for a second with the trigger "
-            "released, arms the arm, and Space cannot stop it: keep the emergency stop button "
-            "within reach",
+            "there is neither window nor terminal: only the menu button, held for a second with "
+            "the trigger released, arms the arm, and Space cannot stop it: keep the emergency "
+            "stop button within reach",
         )
-    if not has_windows:
+    if not has_window:
         session.note(
             "warning",
             "this computer shows no frames: arm the arm only if the operator sees them elsewhere",

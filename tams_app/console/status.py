@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Self, TypeAlias
 
 from rich.console import Console
@@ -13,21 +14,66 @@ from tams_app.session.status import StatusSnapshot, ViewStatus
 
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 5.0  # where the output is no terminal
+SEPARATOR = "  |  "
 
-LinesOf: TypeAlias = Callable[[StatusSnapshot], list[str]]
+COLUMNS = 80
 
 _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red"}
 
 
-def status_lines(snapshot: StatusSnapshot) -> list[str]:
-    """The snapshot in words: the arm, the views, the link, and the last reason if there is one."""
-    return [
+@dataclass(frozen=True, slots=True)
+class Words:
+    """A snapshot in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere."""
+
+    live: str
+    plain: str
+
+
+WordsOf: TypeAlias = Callable[[StatusSnapshot], Words]
+
+
+def status_words(snapshot: StatusSnapshot) -> Words:
+    """The arm, the views, the link, and in full the last reason if there is one."""
+    full = [
         arm_line(snapshot),
         "   ".join(_view(name, view, snapshot.asked_fps) for name, view in snapshot.views.items()),
         f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)} kbit/s, "
         f"queue {_whole(snapshot.queue_ms)} ms{_ssim(snapshot)}",
-        *reason_lines(snapshot),
+        *reason_parts(snapshot),
     ]
+    return Words(fitting(_parts(snapshot)), SEPARATOR.join(full))
+
+
+def fitting(parts: Iterable[str]) -> str:
+    """As many of the parts as fit into COLUMNS, the first ones first."""
+    line = ""
+    for part in parts:
+        longer = f"{line} {part}".strip()
+        if len(longer) > COLUMNS:
+            break
+        line = longer
+    return line
+
+
+def arm_parts(snapshot: StatusSnapshot) -> list[str]:
+    """Time, arming, phase and trigger, in short."""
+    trigger = "held" if snapshot.deadman else "up"
+    return [minutes(snapshot.t_s), snapshot.arming.upper(), snapshot.phase, trigger]
+
+
+def _parts(snapshot: StatusSnapshot) -> list[str]:
+    """The arm and, of the views, the primary one: what matters most comes first."""
+    parts, views = arm_parts(snapshot), snapshot.views
+    name = snapshot.primary_view if snapshot.primary_view in views else next(iter(views), "")
+    link = f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)}k"
+    if name:
+        view = views[name]
+        parts += [
+            f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)}k",
+            f"{_whole(view.shown_age_ms)}ms",
+            f"{_whole(view.given_fps)}/{_whole(snapshot.asked_fps)}fps",
+        ]
+    return [*parts, link, f"q{_whole(snapshot.queue_ms)}ms"]
 
 
 def arm_line(snapshot: StatusSnapshot) -> str:
@@ -41,7 +87,7 @@ def arm_line(snapshot: StatusSnapshot) -> str:
     )
 
 
-def reason_lines(snapshot: StatusSnapshot) -> list[str]:
+def reason_parts(snapshot: StatusSnapshot) -> list[str]:
     """Why the arm stopped last; none if it has not."""
     return [f"last stop: {snapshot.reason}"] if snapshot.reason else []
 
@@ -55,13 +101,13 @@ def minutes(t_s: float) -> str:
 class StatusLine:
     """Shows snapshots in place at 5 Hz on a terminal, as plain lines every few seconds elsewhere.
 
-    Use it as a context from one thread; `say` prints a sentence that stays. `lines_of` puts a
+    Use it as a context from one thread; `say` prints a sentence that stays. `words_of` puts a
     snapshot into words.
     """
 
-    def __init__(self, console: Console, lines_of: LinesOf = status_lines) -> None:
+    def __init__(self, console: Console, words_of: WordsOf = status_words) -> None:
         self._console = console
-        self._lines_of = lines_of
+        self._words_of = words_of
         self._live = (
             Live(console=console, auto_refresh=False, transient=True)
             if console.is_terminal
@@ -80,27 +126,31 @@ class StatusLine:
             self._live.stop()
 
     def is_due(self, t_s: float) -> bool:
-        """Whether a snapshot of `t_s` would be shown: the last one was not shown a moment ago."""
-        return t_s >= self._next_s
+        """Whether a snapshot of `t_s` would be shown: the last one was not shown a moment before.
+
+        The time of a replay may go back: then it is.
+        """
+        return not self._next_s - self._every_s <= t_s < self._next_s
 
     def update(self, snapshot: StatusSnapshot) -> None:
         """Show `snapshot` if it is due."""
         if not self.is_due(snapshot.t_s):
             return
         self._next_s = snapshot.t_s + self._every_s
-        lines = self._lines_of(snapshot)
+        words = self._words_of(snapshot)
         if self._live is None:
-            self._console.print("  |  ".join(lines), markup=False, highlight=False, soft_wrap=True)
+            self._console.print(words.plain, markup=False, highlight=False, soft_wrap=True)
             return
-        text = Text("\n".join(lines), no_wrap=True, overflow="ellipsis")
+        text = Text(words.live, no_wrap=True, overflow="ellipsis")
         text.highlight_words(
             [snapshot.arming.upper()], _STYLES.get(snapshot.arming.upper(), "bold")
         )
         self._live.update(text, refresh=True)
 
-    def say(self, sentence: str) -> None:
-        """Print a sentence above the line."""
-        self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+    def say(self, sentence: str, t_s: float) -> None:
+        """Print a sentence above the line, with when it was said."""
+        told = f"{minutes(t_s)}  {sentence}"
+        self._console.print(told, markup=False, highlight=False, soft_wrap=True)
 
 
 def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:

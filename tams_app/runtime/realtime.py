@@ -11,6 +11,7 @@
 | the simulated operator's hand | FIFO 5 | it stands for a VR runtime |
 | the simulated operator's eyes | round robin 1 | they share the GIL with the hand, and rest a lot |
 | renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
+| the operator's window | ordinary, nice -10 | what it shows must not wait; it limits itself |
 | quality | idle | it takes what is left over |
 
 The application's threads share the GIL: one that is pushed off its core while it holds the GIL
@@ -32,6 +33,7 @@ APPLICATION_PRIORITY = 1
 RIG_PRIORITY = 5
 OPERATOR_PRIORITY = 5
 RENDERER_NICE = -10
+WINDOW_NICE = -10
 
 _LOWEST_NICE = 19
 

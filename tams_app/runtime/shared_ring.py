@@ -175,7 +175,16 @@ def create_block(name: str, size: int) -> mmap.mmap:
 
 def open_block(name: str) -> mmap.mmap:
     """The block `name` for reading, whole; FileNotFoundError when it does not exist."""
-    descriptor = os.open(_path(name), os.O_RDONLY | os.O_CLOEXEC)
+    return map_descriptor(open_descriptor(name))
+
+
+def open_descriptor(name: str) -> int:
+    """A descriptor of the block `name` for reading, which outlives the name; close it."""
+    return os.open(_path(name), os.O_RDONLY | os.O_CLOEXEC)
+
+
+def map_descriptor(descriptor: int) -> mmap.mmap:
+    """The block behind `descriptor` for reading, whole; closes the descriptor."""
     try:
         return mmap.mmap(descriptor, 0, access=mmap.ACCESS_READ)
     finally:

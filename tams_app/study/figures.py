@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from tams_app.palette import view_colour
 from tams_app.recording import SessionLog
 from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targets
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -22,8 +23,6 @@ DPI = 200
 WIDTH_IN = 7.16  # two columns of the paper
 ROW_IN = 1.15
 
-# Okabe and Ito's palette, told apart also with deficient colour vision and in grey
-_MEASURED = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _TARGET = "#000000"
 _PHASE_LINE = "#777777"
 _FRAMES = "#555555"
@@ -69,7 +68,7 @@ def window_of_ns(frame_ns: int) -> int:
     return max(WINDOW_NS, round(WINDOW_FRAMES * frame_ns))
 
 
-def _frame_ns(log: SessionLog, view: str) -> int:
+def frame_interval_ns(log: SessionLog, view: str) -> int:
     """The median time between captures."""
     usual_ns = FrameTable.of(log, view).usual_ns
     return int(np.median(usual_ns)) if len(usual_ns) else NS_PER_S // log.header.fps
@@ -93,12 +92,12 @@ def bitrates_figure(log: SessionLog) -> Figure:
         _dress(axis, view)
     _draw_phases(log, list(axes), span)
     axes[-1].set_xlabel("Time since session start [s]", fontsize=_STYLE_PT)
-    longest_ns = max(window_of_ns(_frame_ns(log, view)) for view in views)
+    longest_ns = max(window_of_ns(frame_interval_ns(log, view)) for view in views)
     measured = f"Measured, {longest_ns // NS_PER_MS} ms windows"
     figure.legend(
         handles=[
             Line2D([], [], color=_TARGET, linewidth=_TARGET_PT, label="Target"),
-            Line2D([], [], color=_MEASURED[0], linewidth=_MEASURED_PT, label=measured),
+            Line2D([], [], color=view_colour(0), linewidth=_MEASURED_PT, label=measured),
             Line2D([], [], color=_FRAMES, linewidth=_TARGET_PT, linestyle=":", label="Frames/s"),
         ],
         loc="outside upper right",
@@ -125,7 +124,7 @@ def _draw_view(
 ) -> None:
     origin_ns = log.header.started_ns
     view = log.header.views[place]
-    kbps, frame_ns = targets.kbps[view], _frame_ns(log, view)
+    kbps, frame_ns = targets.kbps[view], frame_interval_ns(log, view)
     axis.step(
         (np.append(targets.t_ns, span.end_ns) - origin_ns) / NS_PER_S,
         np.append(kbps, kbps[-1]) / 1000,
@@ -139,7 +138,7 @@ def _draw_view(
         axis.plot(
             curve.t_s,
             curve.kbps / 1000,
-            color=_MEASURED[place % len(_MEASURED)],
+            color=view_colour(place),
             linewidth=_MEASURED_PT,
         )
     _draw_frames(axis, log, view, span)

@@ -85,7 +85,7 @@ class Reason(Enum):
     )
     CONTROLLER_DISCONNECTED = _fault(
         "controller disconnected",
-        "Switch the VR controller on, wait until it is tracked, then confirm.",
+        "Switch the controller on or plug it in, wait until it is tracked, then confirm.",
     )
     RUNTIME_QUIT = _fault(
         "VR runtime quit",
@@ -122,7 +122,8 @@ class Reason(Enum):
     )
     CONTROLLER_STANDBY = _hold(
         "controller standby",
-        "Put the headset on or wake the controller, then release the trigger.",
+        "Put the headset on or wake the controller, or click into the window that takes the keys, "
+        "then release the trigger.",
     )
     DASHBOARD_OPEN = _hold(
         "dashboard open",
@@ -134,8 +135,8 @@ class Reason(Enum):
     )
     BUTTONS_STALE = _hold(
         "buttons stale",
-        "The controller's buttons are not read any more: check SteamVR and its dashboard, "
-        "then release the trigger.",
+        "The controller's buttons are not read any more: check SteamVR and its dashboard, or the "
+        "window that takes the keys, then release the trigger.",
     )
     ARM_NOT_READY = _hold(
         "arm not ready",

@@ -10,6 +10,7 @@ frame, though it may miss what it looked like.
 from __future__ import annotations
 
 import mmap
+import os
 import struct
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from tams_app.runtime.shared_ring import (
     SharedRing,
     create_block,
     new_block_name,
+    open_descriptor,
     remove_block,
 )
 from tams_app.video.ssim import Luma
@@ -137,12 +139,14 @@ class FrameReader:
 class FrameBlock:
     """The writer's memory for one kind of frames, all views; before `create` they are left out.
 
-    `name` is what the readers' processes open it by.
+    `name` is what the readers' processes open it by, or `descriptor`, which they inherit, where the
+    name is hidden already.
     """
 
     def __init__(self, layout: RingLayout) -> None:
         self.layout = layout
         self.name = f"{new_block_name()}-{layout.kind}"
+        self.descriptor: int | None = None
         self._writers: dict[str, FrameWriter] = {}
         self._stack = ExitStack()
 
@@ -154,6 +158,8 @@ class FrameBlock:
             block = create_block(self.name, self.layout.block_bytes)
             stack.callback(self._let_go, block)
             stack.callback(self.hide)
+            self.descriptor = open_descriptor(self.name)
+            stack.callback(os.close, self.descriptor)
             self._writers = {
                 view: FrameWriter(block, self.layout, view) for view in self.layout.views
             }
@@ -174,4 +180,5 @@ class FrameBlock:
 
     def _let_go(self, block: mmap.mmap) -> None:
         self._writers = {}
+        self.descriptor = None
         block.close()

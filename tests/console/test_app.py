@@ -12,6 +12,7 @@ from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
+from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.session.control import Signals
 from tams_app.session.status import StatusBoard
@@ -31,6 +32,9 @@ class EndedSession:
 
     def note(self, level, text):
         self.notes.append((level, text))
+
+    def elapsed_s(self):
+        return 0.0
 
     def stop_arm(self):
         """Nothing moves."""
@@ -136,7 +140,7 @@ class EndlessSession(EndedSession):
 def test_a_limit_counts_from_when_the_session_has_started(monkeypatch):
     monkeypatch.setattr(app, "_read_keys", keys(False))
     session = EndlessSession()
-    app._watch(session, Console(quiet=True), lambda snapshot: [""], limit_s=10.0)
+    app._watch(session, Console(quiet=True), lambda snapshot: Words("", ""), limit_s=10.0)
     assert session.reason == "ended after 10 s"
     assert session.passed_s == 13.0
 

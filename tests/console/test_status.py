@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from tams_app.console.status import PLAIN_EVERY_S, StatusLine, status_lines
+from tams_app.console.status import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
 from tams_app.session.status import StatusSnapshot, ViewStatus
 
 pytestmark = pytest.mark.untimed
@@ -32,7 +32,7 @@ SNAPSHOT = StatusSnapshot(
 
 
 def test_the_line_says_all_an_operator_looks_for() -> None:
-    text = "\n".join(status_lines(SNAPSHOT))
+    text = status_words(SNAPSHOT).plain
     for part in (
         "1:12.3",
         "ENGAGED",
@@ -46,18 +46,40 @@ def test_the_line_says_all_an_operator_looks_for() -> None:
     assert "last stop" not in text
 
 
+def test_on_a_terminal_there_is_one_line_with_the_primary_view() -> None:
+    live = status_words(replace(SNAPSHOT, primary_view="gt")).live
+    assert live == "1:12.3 ENGAGED ALIGN held gt –/–k –ms –/30fps link 5210/6000k q12ms"
+    assert " eih 2950/3000k 82ms 15/30fps " in status_words(SNAPSHOT).live
+
+
+def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
+    longest = replace(
+        SNAPSHOT, t_s=7272.3, arming="link lost", phase="PRE_RELEASE", capacity_kbps=100_000.0
+    )
+    live = status_words(longest).live
+    assert len(live) <= COLUMNS
+    assert live.startswith("121:12.3 LINK LOST PRE_RELEASE held eih 2950/3000k 82ms")
+
+
+def test_without_views_the_live_line_tells_the_arm() -> None:
+    assert status_words(replace(SNAPSHOT, views={})).live.startswith(
+        "1:12.3 ENGAGED ALIGN held link"
+    )
+
+
 def test_the_primary_view_s_quality_is_shown_once_it_was_measured() -> None:
     measured = replace(SNAPSHOT, primary_view="eih", live_ssim=0.874)
-    assert status_lines(measured)[2].endswith("queue 12 ms, live SSIM of eih 0.87")
-    assert "SSIM" not in "".join(status_lines(SNAPSHOT))
+    assert status_words(measured).plain.endswith("queue 12 ms, live SSIM of eih 0.87")
+    assert "SSIM" not in status_words(SNAPSHOT).plain
 
 
 def test_the_line_shows_pressed_buttons_and_the_gripper_once_it_is_known() -> None:
-    (first, *_) = status_lines(replace(SNAPSHOT, pressed=("grip", "A"), gripper_closed=True))
+    pressed = replace(SNAPSHOT, pressed=("grip", "A"), gripper_closed=True)
+    first, *_ = status_words(pressed).plain.split("  |  ")
     assert "trigger held, grip, A, translation, TCP" in first
     assert first.endswith("mm, gripper closed")
-    assert status_lines(replace(SNAPSHOT, gripper_closed=False))[0].endswith("gripper open")
-    assert "gripper" not in status_lines(SNAPSHOT)[0]
+    assert "mm, gripper open" in status_words(replace(SNAPSHOT, gripper_closed=False)).plain
+    assert "gripper" not in status_words(SNAPSHOT).plain
 
 
 def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:
@@ -75,10 +97,10 @@ def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:
     with StatusLine(Console(file=output, width=80)) as line:
         for tenth in range(121):
             line.update(replace(SNAPSHOT, t_s=tenth / 10))
-        line.say("the arm is ready: press Enter")
+        line.say("the arm is ready: press Enter", 12.1)
     lines = output.getvalue().splitlines()
     assert [one.split()[0] for one in lines[:3]] == ["0:00.0", "0:05.0", "0:10.0"]
-    assert lines[3:] == ["the arm is ready: press Enter"]
+    assert lines[3:] == ["0:12.1  the arm is ready: press Enter"]
     assert "\x1b" not in output.getvalue()
 
 

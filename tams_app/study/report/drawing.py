@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from tams_app import palette
 from tams_app.records import Phase
 from tams_app.study.report import paper
 from tams_app.study.report.findings import Quantity
@@ -20,8 +21,11 @@ from tams_app.study.report.wording import name, phase_name
 from tams_app.study.statistics.estimates import Estimate
 from tams_app.study.tables import PHASES
 
-# Okabe and Ito's palette: told apart also with deficient colour vision
-COLOURS = ("#999999", "#E69F00", "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
+# of strategies
+COLOURS = (
+    "#999999",
+    *(palette.ORANGE, palette.BLUE, palette.GREEN, palette.PURPLE, palette.SKY, palette.VERMILLION),
+)
 MARKERS = ("s", "^", "o", "D", "v", "P", "X")
 HATCHES = ("", "//", "..", "xx", "\\\\", "++", "oo")
 INK = "#222222"

@@ -1,0 +1,43 @@
+"""Whether there is a display, and whether it answers."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from tams_app import gst
+from tams_app.errors import SetupError
+
+
+def has_display() -> bool:
+    """Whether windows can be shown."""
+    if os.name != "posix":
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def require_display() -> None:
+    """SetupError unless a display answers.
+
+    Asked before autovideosink is: where none answers, its choice of glimagesink crashes the
+    process (GStreamer 1.22), and the arm's control loop with it.
+    """
+    if sys.platform != "linux":
+        return
+    if os.environ.get("DISPLAY"):
+        reason = _x_server_silent()
+        if reason:
+            raise SetupError(f"the display does not answer ({reason}); run with --headless")
+    elif not os.environ.get("WAYLAND_DISPLAY"):
+        raise SetupError("there is no display for a window; run with --headless")
+
+
+def _x_server_silent() -> str:
+    """Why ximagesink, which fails in good order, cannot reach the X server; "" if it can."""
+    gst.require_elements(("ximagesink",))
+    Gst = gst.load().Gst
+    probe = gst.parse_pipeline("fakesrc ! ximagesink")
+    failed = probe.set_state(Gst.State.READY) == Gst.StateChangeReturn.FAILURE
+    reason = gst.poll_bus(probe) if failed else ""
+    gst.shut_down(probe)
+    return reason

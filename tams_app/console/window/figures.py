@@ -1,0 +1,82 @@
+"""The numbers beside the views, as they are written; pure."""
+
+from __future__ import annotations
+
+from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts
+
+HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
+OLD_MS = 500.0  # half of what holds the arm by default (`teleop` watches the age itself)
+
+
+def whole(value: float | None) -> str:
+    """A number without decimals, a dash for what is not known."""
+    return "–" if value is None else f"{value:.0f}"
+
+
+def view_row(name: str, view: ViewFacts, asked_fps: float | None) -> tuple[str, ...]:
+    """The cells below HEADINGS."""
+    return (
+        name.upper(),
+        f"{whole(view.sent_kbps)} / {whole(view.target_kbps)}",
+        f"{whole(view.given_fps)} / {whole(asked_fps)}",
+        f"{whole(view.latency_ms)} ms",
+        f"{whole(view.age_ms)} ms",
+    )
+
+
+def uplink_texts(facts: Facts) -> tuple[str, str]:
+    """What the uplink carries, and how it fares."""
+    loss = "–" if facts.loss is None else f"{100 * facts.loss:.1f}"
+    return (
+        f"uplink {whole(facts.link_kbps)} kbit/s of budget {whole(facts.budget_kbps)}, "
+        f"capacity {whole(facts.capacity_kbps)}",
+        f"queue {whole(facts.queue_ms)} ms, loss {loss} %",
+    )
+
+
+def hand_rows(facts: Facts) -> tuple[tuple[str, str], ...]:
+    """What the operator's hand does: name and word."""
+    gripper = {None: "not known", True: "closed", False: "open"}[facts.gripper_closed]
+    return (
+        ("deadman", "HELD" if facts.deadman else "released"),
+        ("mode", "orientation" if facts.orientation_mode else "translation"),
+        ("gripper", gripper),
+        ("buttons", ", ".join(facts.pressed) or "none"),
+        ("TCP", _tcp(facts.tcp_mm)),
+    )
+
+
+def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
+    """Who does which trial, and how much of its time has passed."""
+    limit = minutes(trial.limit_s)
+    if trial.passed_s is None:
+        time = f"Not begun: it begins with the trigger. {limit} allowed"
+    elif trial.passed_s < trial.limit_s:
+        time = f"{minutes(trial.passed_s)} of {limit}"
+    else:
+        time = f"The time is over ({limit}): Q ends the trial"
+    return trial.participant, trial.title, time, "Q ends it when the block is placed"
+
+
+def minutes(t_s: float) -> str:
+    """Seconds as minutes and seconds."""
+    whole_minutes, seconds = divmod(int(t_s), 60)
+    return f"{whole_minutes}:{seconds:02}"
+
+
+def view_title(name: str, view: ViewFacts | None, is_primary: bool, blind: bool) -> str:
+    """What is written in a view's picture: its name, and if it is old, that."""
+    title = f"{name.upper()} · primary" if is_primary else name.upper()
+    age_ms = None if view is None else view.age_ms
+    if view is None or (age_ms is None and not blind):
+        return f"{title} · no frame yet"
+    if age_ms is not None and age_ms > OLD_MS:
+        return f"{title} · OLD: {age_ms / 1000:.1f} s"
+    return title
+
+
+def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
+    if tcp_mm is None:
+        return "not known"
+    x, y, z = tcp_mm
+    return f"{x:.0f}, {y:.0f}, {z:.0f} mm"

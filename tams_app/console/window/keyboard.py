@@ -1,0 +1,101 @@
+"""Keys that are down, told apart from a held key's auto-repeat; pure."""
+
+from __future__ import annotations
+
+from tams_app.console.terminal import REPEAT_NS
+from tams_app.console.window.messages import Wish
+
+WISHES = {
+    "Return": Wish.CONFIRM,
+    "KP_Enter": Wish.CONFIRM,
+    "space": Wish.EMERGENCY_STOP,
+    "Escape": Wish.EMERGENCY_STOP,
+    "q": Wish.QUIT,
+}
+_WINDOW_HELP = (
+    ("Space, Esc", "emergency stop; also the red button"),
+    ("Enter", "confirm: arm the arm, clear a fault (release the trigger first)"),
+    ("Q", "end the session; the arm stops first"),
+    ("F1", "show or hide this list"),
+    ("F11", "whole screen, or a window again"),
+)
+_CONTROLLER_HELP = (
+    ("trigger", "deadman: the arm moves only while it is held"),
+    ("grip", "toggle translation and orientation"),
+    ("A / B", "close / open the gripper, while the trigger is held"),
+    ("menu", "held for 1 s: confirm; clicked while the arm is armed: emergency stop"),
+)
+
+_KEYBOARD_HELP = (
+    ("Shift", "the trigger, deadman: the arm moves only while it is held"),
+    ("W / S, A / D, R / F", "forward / back, left / right, up / down"),
+    ("M", "toggle translation and orientation: the same keys tilt and turn"),
+    ("C / O", "close / open the gripper, while Shift is held"),
+)
+
+
+_REPLAY_HELP = (
+    ("Enter", "pause, or go on; Space pauses"),
+    ("Left, Right", "5 s back, 5 s forward"),
+    ("Down, Up", "slower, faster"),
+    ("Home, End", "to the beginning, to the end"),
+    ("Q", "end the replay"),
+    *_WINDOW_HELP[3:],
+)
+
+
+def key_help(hand: str, replay: bool = False) -> tuple[tuple[str, str], ...]:
+    """All keys with what they do, for what the operator holds (`ControllerConfig.device`)."""
+    if replay:
+        return _REPLAY_HELP
+    return _WINDOW_HELP + (_KEYBOARD_HELP if hand == "keyboard" else _CONTROLLER_HELP)
+
+
+class Keyboard:
+    """The keys of one window.
+
+    A press counts once, until its release. A key that was down before the window had the focus is
+    seen only by its repeats, so one that comes within REPEAT_NS of the focus, or of its own last
+    repeat, is no press unless its release was seen since.
+    """
+
+    def __init__(self) -> None:
+        self.focused = False
+        self._held: dict[str, None] = {}
+        self._free: set[str] = set()  # seen going up since the focus came
+        self._seen_ns: dict[str, int] = {}
+        self._focused_ns = 0
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the keys that are down, in the order of pressing."""
+        return tuple(self._held)
+
+    def focus(self, focused: bool, now_ns: int) -> None:
+        """The window gets or loses the focus: without it no release is seen, so no key is held."""
+        self.focused = focused
+        self._held.clear()
+        self._free.clear()
+        self._focused_ns = now_ns
+
+    def press(self, name: str, now_ns: int) -> bool:
+        """A press or a repeat of it; whether it is a new press."""
+        if name in self._held:
+            return False
+        before_ns = max(self._focused_ns, self._seen_ns.get(name, 0))
+        self._seen_ns[name] = now_ns
+        if name not in self._free and now_ns - before_ns < REPEAT_NS:
+            return False
+        self._held[name] = None
+        return True
+
+    def release(self, name: str) -> None:
+        """The key goes up."""
+        self._held.pop(name, None)
+        self._free.add(name)
+
+
+def wish_of(name: str, is_new: bool) -> Wish | None:
+    """What a key asks for; an emergency stop counts also where it may be a repeat."""
+    wish = WISHES.get(name)
+    return wish if is_new or wish is Wish.EMERGENCY_STOP else None

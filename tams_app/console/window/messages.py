@@ -1,0 +1,129 @@
+"""What the application and its window tell each other.
+
+The application's `Facts` lie in shared memory, where the newest wins; the window's messages come
+over a socket, each whole in one packet. Stamps are of the monotonic clock of this computer.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TypeAlias
+
+import msgspec
+
+BEAT_S = 0.02  # the window tells its keys at least so often
+LONGEST = 4096  # bytes of an `Opening` or an `Event`
+
+
+class Workspace(msgspec.Struct, frozen=True):
+    """The space that the TCP does not leave [mm], in the arm's base frame."""
+
+    box_min_mm: tuple[float, float, float]
+    box_max_mm: tuple[float, float, float]
+    radius_min_mm: float
+    radius_max_mm: float
+
+
+class Opening(msgspec.Struct, frozen=True):
+    """What the window is opened with: fixed as long as it is open.
+
+    The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
+    may be shown that tells the strategy or the network of a trial. hand: what the operator holds.
+    replay: nothing moves, all of it is from a log.
+    """
+
+    views: tuple[str, ...]
+    width: int
+    height: int
+    workspace: Workspace
+    blind: bool
+    hand: str
+    replay: bool = False
+
+
+class ViewFacts(msgspec.Struct, frozen=True):
+    """One view at this moment; None while nothing is known."""
+
+    target_kbps: float | None
+    sent_kbps: float | None
+    given_fps: float | None
+    latency_ms: float | None  # of the newest frame, from its capture to the mailbox
+    age_ms: float | None  # of the newest frame now, from its capture
+
+
+class TrialFacts(msgspec.Struct, frozen=True):
+    """The trial of a study, as far as its participant may know of it."""
+
+    participant: str
+    title: str
+    passed_s: float | None  # None: not begun
+    limit_s: float
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A sentence for the operator, and when it was said."""
+
+    t_s: float
+    text: str
+
+
+class Facts(msgspec.Struct, frozen=True):
+    """What the session knows at one moment, and what it said last.
+
+    arming: the state's word. reason: why the arm held or stopped last; advice: what to do about it.
+    """
+
+    t_s: float
+    arming: str
+    reason: str
+    advice: str
+    deadman: bool
+    pressed: tuple[str, ...]
+    orientation_mode: bool
+    gripper_closed: bool | None
+    phase: str
+    primary_view: str
+    tcp_mm: tuple[float, float, float] | None
+    views: dict[str, ViewFacts]
+    link_kbps: float | None = None
+    budget_kbps: float | None = None
+    capacity_kbps: float | None = None
+    queue_ms: float | None = None
+    loss: float | None = None
+    asked_fps: float | None = None
+    trial: TrialFacts | None = None
+    said: tuple[Said, ...] = ()
+
+
+class Wish(StrEnum):
+    """What the operator asks for by key, by button, or by closing the window."""
+
+    CONFIRM = "confirm"
+    EMERGENCY_STOP = "emergency stop"
+    QUIT = "quit"
+    CLOSE = "close"
+
+
+class Asked(msgspec.Struct, frozen=True, tag="asked"):
+    """The operator asks for something; once for each press, however long the key is held."""
+
+    t_ns: int
+    wish: Wish
+
+
+class Keys(msgspec.Struct, frozen=True, tag="keys"):
+    """Which keys are down: sent with every press, release and change of focus, and as a beat.
+
+    held: their names as GDK has them (`w`, also with Shift, `Left`, `Shift_L`), in the order of
+    pressing. A key that repeats itself stays in it, one whose release the window cannot see (it has
+    no focus) leaves it.
+    drawings: how often the window has drawn new pictures so far.
+    """
+
+    t_ns: int
+    focused: bool
+    held: tuple[str, ...]
+    drawings: int = 0
+
+
+Event: TypeAlias = Asked | Keys

@@ -1,0 +1,156 @@
+"""The parts of the window beside the views: banner, numbers and drawings, trial, list of keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from tams_app.console.window import canvas
+from tams_app.console.window.banner import Banner
+from tams_app.console.window.figures import trial_texts
+from tams_app.console.window.history import History
+from tams_app.console.window.messages import Facts, TrialFacts, Workspace
+from tams_app.console.window.toolkit import load
+
+
+class BannerPanel:
+    """State, reason, what helps, and the button that stops the arm or, in a replay, pauses."""
+
+    def __init__(self, stop: Callable[[], None], word: str) -> None:
+        """`word`: on the button."""
+        Gtk = load().Gtk
+        self.widget = Gtk.Box(spacing=8)
+        self.widget.add_css_class("banner")
+        self._sign, self._word = _label("sign"), _label("word")
+        self._sentence = _label("sentence", wrap=True, lines=2)
+        self._key = _label("key")
+        told = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, hexpand=True, valign=Gtk.Align.CENTER)
+        told.append(self._sentence)
+        told.append(self._key)
+        # never the focus: Space and Enter mean what they mean wherever one clicked before
+        button = Gtk.Button(label=word, focusable=False, focus_on_click=False)
+        button.add_css_class("stop")
+        button.connect("clicked", lambda _button: stop())
+        for part in (self._sign, self._word, told, button):
+            self.widget.append(part)
+
+    def show(self, banner: Banner) -> None:
+        """This banner from now on."""
+        self._sign.set_text(banner.look.sign)
+        self._word.set_text(banner.look.word)
+        self._sentence.set_text(banner.sentence)
+        self._key.set_text(banner.key)
+
+
+class NumbersPanel:
+    """Rates over time, the table, the workspace from above, and what the hand does."""
+
+    def __init__(self, views: tuple[str, ...], workspace: Workspace, history: History) -> None:
+        Gtk = load().Gtk
+        self._history = history
+        rates = _area(
+            lambda cr, width, height: canvas.draw_rates(cr, width, height, history, views)
+        )
+        table = self._of_facts(
+            lambda cr, width, height, facts: canvas.draw_table(cr, width, height, facts, views)
+        )
+        above = self._of_facts(
+            lambda cr, width, height, facts: canvas.draw_workspace(
+                cr, width, height, workspace, facts
+            )
+        )
+        hand = self._of_facts(canvas.draw_hand)
+        self._areas = (rates, table, above, hand)
+        self.widget = Gtk.Grid(
+            row_homogeneous=True,
+            column_homogeneous=True,
+            row_spacing=4,
+            column_spacing=4,
+            hexpand=True,
+            vexpand=True,
+        )
+        self.widget.attach(rates, 0, 0, 2, 6)
+        self.widget.attach(table, 0, 6, 2, 7)
+        self.widget.attach(above, 0, 13, 1, 7)
+        self.widget.attach(hand, 1, 13, 1, 7)
+
+    def show(self, _facts: Facts) -> None:
+        """Draw anew from the history."""
+        for area in self._areas:
+            area.queue_draw()
+
+    def _of_facts(self, draw: Callable[[Any, float, float, Facts], None]) -> Any:
+        def draw_newest(cr: Any, width: float, height: float) -> None:
+            if self._history.facts:
+                draw(cr, width, height, self._history.facts[-1])
+
+        return _area(draw_newest)
+
+
+class TrialPanel:
+    """In place of the numbers where a trial is under way: they would tell what is compared."""
+
+    def __init__(self, workspace: Workspace, history: History) -> None:
+        Gtk = load().Gtk
+        self.widget = Gtk.Box(
+            orientation=Gtk.Orientation.VERTICAL, spacing=10, hexpand=True, vexpand=True
+        )
+        card = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        card.add_css_class("trial")
+        self._labels = [_label("who"), _label(""), _label(""), _label("")]
+        for label in self._labels:
+            card.append(label)
+        self.widget.append(card)
+
+        def draw(cr: Any, width: float, height: float) -> None:
+            if history.facts:
+                facts = history.facts[-1]
+                canvas.draw_workspace(cr, width / 2 - 2, height, workspace, facts)
+                cr.translate(width / 2 + 2, 0)
+                canvas.draw_hand(cr, width / 2 - 2, height, facts)
+
+        self._area = _area(draw)
+        self.widget.append(self._area)
+
+    def show(self, facts: Facts) -> None:
+        """The trial as it stands."""
+        if facts.trial is not None:
+            self._write(facts.trial)
+        self._area.queue_draw()
+
+    def _write(self, trial: TrialFacts) -> None:
+        for label, text in zip(self._labels, trial_texts(trial), strict=True):
+            label.set_text(text)
+
+
+def timeline_of(history: History) -> Any:
+    """The drawing of phases and states, over the whole width."""
+    return _area(
+        lambda cr, width, height: canvas.draw_timeline(cr, width, height, history), expands=False
+    )
+
+
+def key_list(keys: Sequence[tuple[str, str]]) -> Any:
+    """All keys and what they do; hidden at first."""
+    Gtk = load().Gtk
+    grid = Gtk.Grid(halign=Gtk.Align.CENTER, valign=Gtk.Align.CENTER, visible=False)
+    grid.add_css_class("keys")
+    for row, (key, meaning) in enumerate(keys):
+        grid.attach(_label("name", text=key), 0, row, 1, 1)
+        grid.attach(_label("", text=meaning), 1, row, 1, 1)
+    return grid
+
+
+def _label(css_class: str, text: str = "", wrap: bool = False, lines: int = 1) -> Any:
+    Gtk = load().Gtk
+    label = Gtk.Label(label=text, xalign=0.0, wrap=wrap, lines=lines)
+    label.set_ellipsize(3)  # PANGO_ELLIPSIZE_END: what is too long makes nothing else move
+    if css_class:
+        label.add_css_class(css_class)
+    return label
+
+
+def _area(draw: Callable[[Any, float, float], None], expands: bool = True) -> Any:
+    area = load().Gtk.DrawingArea(hexpand=True, vexpand=expands)
+    area.set_draw_func(lambda _area, cr, width, height, *_: draw(cr, width, height))
+    return area

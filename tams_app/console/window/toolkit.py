@@ -1,0 +1,63 @@
+"""GTK 4, loaded on first use, in the window's process only."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tams_app.errors import SetupError
+
+
+@dataclass(frozen=True, slots=True)
+class Toolkit:
+    """The modules of GObject introspection that the window uses (untyped at run time)."""
+
+    Gtk: Any
+    Gdk: Any
+    GLib: Any
+
+
+def draws_in_software(devices: Path = Path("/dev")) -> bool:
+    """Whether there is no graphics processor here that OpenGL could use."""
+    return not any(devices.glob("dri/renderD*")) and not (devices / "nvidiactl").exists()
+
+
+def is_installed() -> bool:
+    """Whether GTK 4 can be loaded here."""
+    try:
+        import gi
+
+        gi.require_version("Gtk", "4.0")
+        gi.require_foreign("cairo")
+    except (ImportError, ValueError):
+        return False
+    return True
+
+
+@cache
+def load() -> Toolkit:
+    """GTK 4 on a display that answers; SetupError in one sentence.
+
+    Where it has to draw in software it does so with cairo, which takes half the time of OpenGL in
+    software or less (`python -m benchmarks.window cost`). GSK_RENDERER chooses otherwise.
+    """
+    if draws_in_software():
+        os.environ.setdefault("GSK_RENDERER", "cairo")
+    try:
+        import gi
+
+        for module in ("Gtk", "Gdk"):
+            gi.require_version(module, "4.0")
+        gi.require_foreign("cairo")
+        from gi.repository import Gdk, GLib, Gtk
+    except (ImportError, ValueError) as error:
+        raise SetupError(
+            "GTK 4 is missing; run `apt-get install gir1.2-gtk-4.0`, or run with --headless "
+            f"({error})"
+        ) from error
+    if not Gtk.init_check() or Gdk.Display.get_default() is None:
+        raise SetupError("the display does not answer; run with --headless to go without a window")
+    return Toolkit(Gtk, Gdk, GLib)

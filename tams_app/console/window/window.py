@@ -1,0 +1,264 @@
+"""The window as a whole: what is where, what its keys do, and when it draws."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from tams_app.console.window.banner import banner_of
+from tams_app.console.window.facts_memory import FactsReader
+from tams_app.console.window.figures import view_title
+from tams_app.console.window.history import History
+from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
+from tams_app.console.window.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Wish
+from tams_app.console.window.pacing import Pacer
+from tams_app.console.window.panels import (
+    BannerPanel,
+    NumbersPanel,
+    TrialPanel,
+    key_list,
+    timeline_of,
+)
+from tams_app.console.window.picture import PicturePlace, texture_of
+from tams_app.console.window.places import Places
+from tams_app.console.window.size_memory import Size
+from tams_app.console.window.style import DESIGN_HEIGHT, state_class, style_sheet, view_class
+from tams_app.console.window.toolkit import load
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS
+from tams_app.video.frame_ring import FrameReader
+
+TITLE = "TAMS"
+LOOK_MS = 8  # for new frames
+_FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
+_TIMELINE_PX, _GAP_PX = 48, 4
+
+
+class OperatorWindow:
+    """Shows what `frames` and `facts` hold, and tells what the operator does."""
+
+    def __init__(
+        self,
+        opening: Opening,
+        frames: Mapping[str, FrameReader],
+        facts: FactsReader,
+        tell: Callable[[Event], None],
+        clock: Clock,
+        size: Size,
+    ) -> None:
+        """`tell` sends an event to the application; it must not wait."""
+        self._modules = load()
+        self._opening = opening
+        self._frames = frames
+        self._seen = dict.fromkeys(opening.views, 0)
+        self._textures: dict[str, Any] = {}
+        self._facts_reader = facts
+        self._facts: Facts | None = None
+        self._tell = tell
+        self._clock = clock
+        self._keyboard = Keyboard()
+        self._key_help = key_help(opening.hand, opening.replay)
+        self._places = Places(opening.views)
+        self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
+        self._history = History()
+        self._drawings = 0
+        self._figures_ns = 0
+        self._state = ""
+        self._scale = 0.0
+        self._build(size)
+        self._listen()
+
+    def present(self) -> None:
+        """Show it, and begin to look for what is new."""
+        GLib = self._modules.GLib
+        self.window.present()
+        GLib.timeout_add(LOOK_MS, self._look)
+        GLib.timeout_add(round(BEAT_S * 1000), self._beat, priority=GLib.PRIORITY_HIGH)
+
+    @property
+    def size(self) -> Size:
+        """As it is now; what is maximised keeps the size that it had before."""
+        width, height = self.window.get_default_size()
+        return Size(width, height, self.window.is_maximized())
+
+    # --- what is where --------------------------------------------------------------------------
+
+    def _build(self, size: Size) -> None:
+        Gtk, Gdk = self._modules.Gtk, self._modules.Gdk
+        title = f"{TITLE} replay" if self._opening.replay else TITLE
+        self.window = Gtk.Window(title=title, default_width=size.width, default_height=size.height)
+        if size.maximised:
+            self.window.maximize()
+        self._css = Gtk.CssProvider()
+        Gtk.StyleContext.add_provider_for_display(
+            Gdk.Display.get_default(), self._css, Gtk.STYLE_PROVIDER_PRIORITY_APPLICATION
+        )
+        self._banner = BannerPanel(
+            lambda: self._ask(Wish.EMERGENCY_STOP), "PAUSE" if self._opening.replay else "STOP"
+        )
+        self._pictures = [PicturePlace() for _ in self._opening.views]
+        panel_kind = TrialPanel if self._opening.blind else None
+        workspace, views = self._opening.workspace, self._opening.views
+        self._panel: NumbersPanel | TrialPanel = (
+            NumbersPanel(views, workspace, self._history)
+            if panel_kind is None
+            else panel_kind(workspace, self._history)
+        )
+        self._timeline = timeline_of(self._history)
+        self._said = Gtk.Label(xalign=0.0, ellipsize=3)
+        said = Gtk.Box()
+        said.add_css_class("said")
+        said.append(self._said)
+        self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
+        self._frame.add_css_class("frame")
+        for part in (self._banner.widget, self._main_part(), self._timeline, said):
+            self._frame.append(part)
+        self._keys = key_list(self._key_help)
+        overlay = Gtk.Overlay(child=self._frame)
+        overlay.add_overlay(self._keys)
+        self.window.set_child(overlay)
+        self._adapt()
+        self._show_places()
+
+    def _main_part(self) -> Any:
+        """The large view at the left, the others and the numbers at the right."""
+        Gtk = self._modules.Gtk
+        same = {"row_homogeneous": True, "column_homogeneous": True}
+        gaps = {"row_spacing": _GAP_PX, "column_spacing": _GAP_PX}
+        main = Gtk.Grid(**same, **gaps, hexpand=True, vexpand=True)
+        main.attach(self._pictures[0].widget, 0, 0, 7, 20)
+        others = self._pictures[1:]
+        columns = min(len(others), 2)
+        rows = -(-len(others) // 2)
+        if others:
+            small = Gtk.Grid(**same, **gaps)
+            for number, picture in enumerate(others):
+                small.attach(picture.widget, number % columns, number // columns, 1, 1)
+            main.attach(small, 7, 0, 5, 7 * rows)
+        main.attach(self._panel.widget, 7, 7 * rows, 5, max(20 - 7 * rows, 6))
+        return main
+
+    def _adapt(self) -> None:
+        """Let texts and strips grow with the window."""
+        height = self.window.get_height() or self.window.get_default_size()[1]
+        scale = round(max(height / DESIGN_HEIGHT, 0.6), 2)
+        if scale != self._scale:
+            self._scale = scale
+            self._css.load_from_data(style_sheet(scale))
+            self._timeline.set_content_height(round(_TIMELINE_PX * scale))
+
+    # --- keys -----------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        Gtk = self._modules.Gtk
+        keys = Gtk.EventControllerKey(propagation_phase=Gtk.PropagationPhase.CAPTURE)
+        keys.connect("key-pressed", self._pressed)
+        keys.connect("key-released", self._released)
+        self.window.add_controller(keys)
+        self.window.connect("notify::is-active", self._focus_changed)
+        self.window.connect("close-request", self._closed)
+
+    def _pressed(self, _keys: Any, value: int, _code: int, _modifiers: Any) -> bool:
+        name = self._name(value)
+        is_new = self._keyboard.press(name, self._clock.now_ns())
+        if wish := wish_of(name, is_new):
+            self._ask(wish)
+        if is_new:
+            self._beat()
+            if name == "F1":
+                self._keys.set_visible(not self._keys.get_visible())
+            elif name == "F11":
+                self._toggle_fullscreen()
+        return True
+
+    def _released(self, _keys: Any, value: int, _code: int, _modifiers: Any) -> None:
+        self._keyboard.release(self._name(value))
+        self._beat()
+
+    def _name(self, value: int) -> str:
+        """The key's, whether Shift was held or not: a release may come without it."""
+        Gdk = self._modules.Gdk
+        return Gdk.keyval_name(Gdk.keyval_to_lower(value)) or ""
+
+    def _focus_changed(self, *_: Any) -> None:
+        self._keyboard.focus(self.window.is_active(), self._clock.now_ns())
+        self._beat()
+
+    def _toggle_fullscreen(self) -> None:
+        if self.window.is_fullscreen():
+            self.window.unfullscreen()
+        else:
+            self.window.fullscreen()
+
+    def _closed(self, *_: Any) -> bool:
+        """The operator closes it: the application ends the session, and this process with it."""
+        self._ask(Wish.CLOSE)
+        return True
+
+    def _ask(self, wish: Wish) -> None:
+        self._tell(Asked(self._clock.now_ns(), wish))
+
+    def _beat(self) -> bool:
+        keyboard = self._keyboard
+        self._tell(Keys(self._clock.now_ns(), keyboard.focused, keyboard.held, self._drawings))
+        return True
+
+    # --- what is shown --------------------------------------------------------------------------
+
+    def _look(self) -> bool:
+        now_ns = self._clock.now_ns()
+        if (facts := self._facts_reader.newer()) is not None:
+            self._take_in(facts, now_ns)
+        if self._pacer.may_draw(now_ns) and self._take_frames():
+            self._drawings += 1
+            self._pacer.drawn(now_ns, time.process_time_ns())
+        return True
+
+    def _take_in(self, facts: Facts, now_ns: int) -> None:
+        self._facts = facts
+        self._history.add(facts)
+        self._banner.show(banner_of(facts, self._opening.replay))
+        if facts.arming != self._state:
+            if self._state:
+                self._frame.remove_css_class(state_class(self._state))
+            self._frame.add_css_class(state_class(facts.arming))
+            self._state = facts.arming
+            self._figures_ns = 0
+        if self._places.step(facts.primary_view, now_ns):
+            self._show_textures(self._places.views)
+        self._show_places()
+        if now_ns - self._figures_ns >= _FIGURES_NS:
+            self._figures_ns = now_ns
+            self._adapt()
+            self._panel.show(facts)
+            self._timeline.queue_draw()
+            self._said.set_text(facts.said[-1].text if facts.said else "")
+
+    def _show_places(self) -> None:
+        for view, picture in zip(self._places.views, self._pictures, strict=True):
+            view_facts = None if self._facts is None else self._facts.views.get(view)
+            is_primary = self._facts is not None and view == self._facts.primary_view
+            title = view_title(view, view_facts, is_primary, self._opening.blind)
+            picture.tell(title, view_class(self._opening.views.index(view)))
+
+    def _take_frames(self) -> bool:
+        """Show the newest frame of each view; whether there was any."""
+        new = []
+        for view, reader in self._frames.items():
+            written = reader.written()
+            if written == self._seen[view]:
+                continue
+            image = reader.newest_image()
+            if image is None:  # overwritten meanwhile: the next look finds a newer one
+                continue
+            self._seen[view] = written
+            self._textures[view] = texture_of(image)
+            new.append(view)
+        self._show_textures(new)
+        return bool(new)
+
+    def _show_textures(self, views: Any) -> None:
+        for view, picture in zip(self._places.views, self._pictures, strict=True):
+            if view in views:
+                picture.show(self._textures.get(view))

@@ -1,0 +1,81 @@
+"""The real window on a virtual screen, for all tests of a module."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.console.window.client import WindowClient
+from tams_app.console.window.messages import Asked, Event, Facts, Wish
+from tams_app.records import Image
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.console.window.xvfb import Screen, virtual_screen
+
+VIEWS_DIRECTORY = Path(__file__).parents[2] / "data" / "views"
+
+
+@dataclass
+class ShownWindow:
+    """A window, what feeds it, and what it told."""
+
+    client: WindowClient
+    block: FrameBlock
+    screen: Screen
+    events: list[Event] = field(default_factory=list)
+    _index: int = 0
+
+    def put(self, frames: dict[str, Image]) -> None:
+        """New frames of views."""
+        self._index += 1
+        for view, image in frames.items():
+            self.block.put(view, self._index, self._index, image)
+
+    def show(self, facts: Facts) -> None:
+        self.client.show(facts)
+
+    def wishes(self) -> list[Wish]:
+        """What was asked for, in order."""
+        return [event.wish for event in self.events if isinstance(event, Asked)]
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
+    """The window of the default configuration at 1280x720, with the focus."""
+    folder = tmp_path_factory.mktemp("window")
+    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
+    video = config.video
+    with pytest.MonkeyPatch.context() as patch, virtual_screen(folder, patch) as screen:
+        block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        client = WindowClient(MonotonicClock())
+        client.launch(folder)
+        client.open(config, block, blind=False)
+        shown, stop = ShownWindow(client, block, screen), threading.Event()
+        hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
+        hearing.start()
+        screen.focus("TAMS")
+        try:
+            yield shown
+        finally:
+            stop.set()
+            hearing.join()
+            client.close()
+            block.close()
+
+
+@pytest.fixture(scope="session")
+def pictures() -> dict[str, Image]:
+    """A frame of each view, as the rig's cameras gave it."""
+    found = {path.stem: cv2.imread(str(path)) for path in VIEWS_DIRECTORY.glob("*.jpg")}
+    return {
+        view: np.asarray(cv2.resize(image, (640, 480)), np.uint8)
+        for view, image in found.items()
+        if image is not None
+    }

@@ -1,0 +1,28 @@
+"""Facts of a session in full swing."""
+
+from tams_app.console.window.messages import Facts, ViewFacts
+
+FACTS = Facts(
+    t_s=12.5,
+    arming="engaged",
+    reason="",
+    advice="",
+    deadman=True,
+    pressed=("A",),
+    orientation_mode=False,
+    gripper_closed=True,
+    phase="TRANSPORT",
+    primary_view="eih",
+    tcp_mm=(350.0, -80.0, 180.0),
+    views={
+        "eih": ViewFacts(3000, 2950, 29.8, 74, 95),
+        "gt": ViewFacts(1500, 1480, 30, 75, 96),
+        "gs": ViewFacts(900, 870, 30, 76, 97),
+    },
+    link_kbps=5210,
+    budget_kbps=5520,
+    capacity_kbps=6000,
+    queue_ms=12.3,
+    loss=0.003,
+    asked_fps=30,
+)

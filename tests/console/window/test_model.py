@@ -1,0 +1,308 @@
+"""What the window says, before anything is drawn: banner, numbers, places, keys, last minute."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import pairwise
+
+import msgspec
+import pytest
+
+from tams_app import palette
+from tams_app.console.terminal import REPEAT_NS
+from tams_app.console.window.banner import LOOKS, banner_of, look_of
+from tams_app.console.window.figures import (
+    hand_rows,
+    trial_texts,
+    uplink_texts,
+    view_row,
+    view_title,
+)
+from tams_app.console.window.history import SPAN_S, History, Stretch
+from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
+from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts, Wish
+from tams_app.console.window.places import STAYS_NS, Places
+from tams_app.console.window.style import state_class, style_sheet
+from tams_app.teleop.safety import ArmingState
+from tests.console.window.facts import FACTS
+
+pytestmark = pytest.mark.untimed
+
+
+# --- banner ---------------------------------------------------------------------------------------
+
+
+def test_every_state_of_the_arming_table_has_a_look() -> None:
+    assert {state.value for state in ArmingState} <= set(LOOKS)
+
+
+@pytest.mark.parametrize("aspect", ["word", "sign", "border", "colour"])
+def test_no_two_states_share_word_sign_border_or_colour(aspect: str) -> None:
+    looks = [*LOOKS.values(), look_of("anything else")]
+    values = [dataclasses.asdict(look)[aspect] for look in looks]
+    assert len(set(values)) == len(values)
+
+
+@pytest.mark.parametrize("arming", [*LOOKS, "starting"])
+def test_what_is_written_on_a_banner_can_be_read(arming: str) -> None:
+    look = look_of(arming)
+    assert contrast(look.colour, look.ink) >= 3.0  # WCAG 2.1 for large text
+
+
+def test_a_fault_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
+    facts = msgspec.structs.replace(
+        FACTS, arming="fault", reason="arm silent", advice="Check its power, then confirm."
+    )
+    banner = banner_of(facts)
+    assert banner.look.word == "FAULT"
+    assert banner.sentence == "Arm silent. Check its power, then confirm."
+    assert banner.key.startswith("Enter")
+
+
+def test_a_hold_ends_with_the_trigger_and_says_so() -> None:
+    banner = banner_of(msgspec.structs.replace(FACTS, arming="holding", reason="stale video"))
+    assert banner.sentence == "Stale video."
+    assert banner.key.startswith("Release the trigger")
+
+
+@pytest.mark.parametrize("arming", ["ready", "engaged", "disarmed"])
+def test_once_the_cause_is_gone_the_last_stop_can_still_be_read(arming: str) -> None:
+    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, reason="stale video"))
+    assert banner.look.word == arming.upper()
+    assert "Last stop: stale video." in banner.sentence
+    assert "trigger" in banner.key
+    assert "Last stop" not in banner_of(msgspec.structs.replace(FACTS, arming=arming)).sentence
+
+
+@pytest.mark.parametrize("arming", LOOKS)
+def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> None:
+    facts = msgspec.structs.replace(FACTS, arming=arming, reason="stale video")
+    banner = banner_of(facts, replay=True)
+    assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
+    assert banner.key == "Nothing moves · F1: keys"
+    assert "emergency" not in " ".join(sum(key_help("openvr", replay=True), ()))
+
+
+def test_every_state_has_its_rule_in_the_style_sheet() -> None:
+    sheet = style_sheet(1.0)
+    for arming in (*LOOKS, "starting"):
+        look = look_of(arming)
+        rule = f".{state_class(arming)}.frame {{ border-style: {look.border}; "
+        assert rule + f"border-color: {look.colour}; }}" in sheet
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two colours, by WCAG 2.1."""
+
+    def luminance(colour: str) -> float:
+        shares = [
+            share / 12.92 if share <= 0.03928 else ((share + 0.055) / 1.055) ** 2.4
+            for share in palette.rgb(colour)
+        ]
+        return 0.2126 * shares[0] + 0.7152 * shares[1] + 0.0722 * shares[2]
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_no_two_views_of_the_first_six_have_one_colour() -> None:
+    assert len({palette.view_colour(place) for place in range(6)}) == 6
+    assert palette.view_colour(6) == palette.view_colour(0)
+
+
+def test_the_colours_of_the_views_are_seen_on_the_window_s_ground() -> None:
+    for one in palette.VIEW_COLOURS:
+        assert contrast(one, "#1B2127") >= 3.0  # WCAG 2.1 for graphics
+
+
+# --- numbers --------------------------------------------------------------------------------------
+
+
+def test_a_row_tells_sent_and_target_given_and_asked_latency_and_age() -> None:
+    view = ViewFacts(3000, 2950.4, 14.9, 74.2, 95.0)
+    assert view_row("eih", view, 30) == ("EIH", "2950 / 3000", "15 / 30", "74 ms", "95 ms")
+
+
+def test_what_is_not_known_is_a_dash() -> None:
+    nothing = ViewFacts(None, None, None, None, None)
+    assert view_row("gt", nothing, None) == ("GT", "– / –", "– / –", "– ms", "– ms")
+
+
+def test_the_uplink_s_line_has_budget_capacity_queue_and_loss() -> None:
+    carried, fares = uplink_texts(FACTS)
+    assert carried == "uplink 5210 kbit/s of budget 5520, capacity 6000"
+    assert fares == "queue 12 ms, loss 0.3 %"
+
+
+def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
+    rows = dict(hand_rows(FACTS))
+    assert rows == {
+        "deadman": "HELD",
+        "mode": "translation",
+        "gripper": "closed",
+        "buttons": "A",
+        "TCP": "350, -80, 180 mm",
+    }
+    other = msgspec.structs.replace(
+        FACTS, deadman=False, orientation_mode=True, gripper_closed=None, pressed=(), tcp_mm=None
+    )
+    assert [word for _, word in hand_rows(other)] == [
+        "released",
+        "orientation",
+        "not known",
+        "none",
+        "not known",
+    ]
+
+
+def test_a_picture_that_is_old_says_so() -> None:
+    young, old = ViewFacts(0, 0, 0, 0, 90.0), ViewFacts(0, 0, 0, 0, 1240.0)
+    assert view_title("eih", young, True, False) == "EIH · primary"
+    assert view_title("eih", old, False, False) == "EIH · OLD: 1.2 s"
+    assert view_title("gt", None, False, False) == "GT · no frame yet"
+
+
+def test_in_a_trial_a_picture_tells_its_name_alone() -> None:
+    hidden = ViewFacts(None, None, None, None, None)
+    assert view_title("gt", hidden, False, True) == "GT"
+
+
+def test_a_trial_s_card_counts_its_time() -> None:
+    trial = TrialFacts("P07", "trial 3 of 9", None, 120.0)
+    assert trial_texts(trial)[2] == "Not begun: it begins with the trigger. 2:00 allowed"
+    begun = msgspec.structs.replace(trial, passed_s=71.9)
+    assert trial_texts(begun)[2] == "1:11 of 2:00"
+    over = msgspec.structs.replace(trial, passed_s=120.0)
+    assert trial_texts(over)[2] == "The time is over (2:00): Q ends the trial"
+
+
+# --- places ---------------------------------------------------------------------------------------
+
+
+def test_the_primary_view_and_the_one_in_the_large_place_exchange() -> None:
+    places = Places(("eih", "gt", "gs"))
+    assert places.step("gs", 0)
+    assert places.views == ("gs", "gt", "eih")
+
+
+def test_views_that_have_just_exchanged_stay_for_a_moment() -> None:
+    places = Places(("eih", "gt", "gs"))
+    places.step("gt", 0)
+    assert not places.step("eih", STAYS_NS - 1)
+    assert places.views == ("gt", "eih", "gs")
+    assert places.step("eih", STAYS_NS)
+    assert places.views == ("eih", "gt", "gs")
+
+
+def test_without_a_known_primary_view_all_stay() -> None:
+    places = Places(("eih", "gt"))
+    assert not places.step("", 0)
+    assert places.views == ("eih", "gt")
+
+
+# --- keys -----------------------------------------------------------------------------------------
+
+
+def focused() -> Keyboard:
+    """A keyboard whose window has had the focus for long."""
+    keyboard = Keyboard()
+    keyboard.focus(True, 0)
+    return keyboard
+
+
+LATER = 10 * REPEAT_NS
+
+
+def test_a_held_key_is_one_press_however_long_it_repeats() -> None:
+    keyboard = focused()
+    presses = [keyboard.press("Return", LATER + n * REPEAT_NS) for n in range(50)]
+    assert presses == [True] + [False] * 49
+    assert keyboard.held == ("Return",)
+
+
+def test_a_key_pressed_again_after_its_release_is_a_new_press_at_once() -> None:
+    keyboard = focused()
+    keyboard.press("Return", LATER)
+    keyboard.release("Return")
+    assert keyboard.held == ()
+    assert keyboard.press("Return", LATER + 1)
+
+
+def test_a_key_that_was_down_before_the_focus_came_is_no_press() -> None:
+    keyboard = Keyboard()
+    keyboard.focus(True, LATER)
+    times = [LATER + n * REPEAT_NS // 20 for n in range(1, 100)]
+    assert not any(keyboard.press("Return", now_ns) for now_ns in times)
+    assert keyboard.held == ()
+    keyboard.release("Return")
+    assert keyboard.press("Return", times[-1] + 1)
+
+
+def test_a_key_whose_release_was_out_of_sight_is_held_no_more() -> None:
+    keyboard = focused()
+    keyboard.press("w", LATER)
+    keyboard.focus(False, LATER + 1)
+    assert keyboard.held == ()
+    assert not keyboard.focused
+
+
+def test_several_keys_are_held_in_the_order_of_pressing() -> None:
+    keyboard = focused()
+    keyboard.press("w", LATER)
+    keyboard.press("a", LATER)
+    assert keyboard.held == ("w", "a")
+
+
+def test_an_emergency_stop_counts_even_where_it_may_be_a_repeat() -> None:
+    assert wish_of("space", is_new=False) is Wish.EMERGENCY_STOP
+    assert wish_of("Escape", is_new=False) is Wish.EMERGENCY_STOP
+    assert wish_of("Return", is_new=False) is None
+    assert wish_of("Return", is_new=True) is Wish.CONFIRM
+    assert wish_of("q", is_new=False) is None
+    assert wish_of("q", is_new=True) is Wish.QUIT
+    assert wish_of("x", is_new=True) is None
+
+
+# --- the last minute ------------------------------------------------------------------------------
+
+
+def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> Facts:
+    return msgspec.structs.replace(FACTS, t_s=t_s, phase=phase, arming=arming)
+
+
+def test_phases_are_stretches_one_after_the_other() -> None:
+    history = History()
+    for t_s, phase in enumerate(("REACH", "REACH", "ALIGN", "GRASP", "GRASP")):
+        history.add(at(t_s, phase))
+    assert history.phases() == [
+        Stretch(0, 2, "REACH"),
+        Stretch(2, 3, "ALIGN"),
+        Stretch(3, 4, "GRASP"),
+    ]
+    assert history.armings() == [Stretch(0, 4, "ready")]
+
+
+def test_what_is_older_than_a_minute_is_forgotten() -> None:
+    history = History()
+    for t_s in range(200):
+        history.add(at(float(t_s)))
+    assert history.facts[0].t_s == 199 - SPAN_S
+    assert history.curve(lambda facts: facts.link_kbps)[0] == (199 - SPAN_S, FACTS.link_kbps)
+
+
+def test_facts_of_the_same_moment_count_once() -> None:
+    history = History()
+    history.add(at(1.0))
+    history.add(at(1.0, "ALIGN"))
+    history.add(at(0.5, "ALIGN"))
+    assert [facts.phase for facts in history.facts] == ["REACH"]
+
+
+def test_stretches_leave_no_gap_between_them() -> None:
+    history = History()
+    for t_s in range(40):
+        history.add(at(float(t_s), arming=("ready", "engaged", "holding")[t_s % 7 % 3]))
+    stretches = history.armings()
+    assert len(stretches) > 5
+    assert all(one.end_s == other.begin_s for one, other in pairwise(stretches))
+    assert all(one.what != other.what for one, other in pairwise(stretches))

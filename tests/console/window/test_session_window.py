@@ -1,0 +1,323 @@
+"""The window of a session: its keys, its end, and what becomes of a session that loses it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import psutil
+import pytest
+from rich.console import Console
+
+from hw.desk.keyboard import KeyboardController
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.console import app
+from tams_app.console.window.messages import TrialFacts, ViewFacts
+from tams_app.console.window.session_window import facts_of
+from tams_app.errors import SetupError
+from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.session.control import Signals
+from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
+from tams_app.units import NS_PER_MS
+from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.console.window.xvfb import Screen, virtual_screen, wait_for
+
+pytestmark = pytest.mark.waiting
+
+SNAPSHOT = StatusSnapshot(
+    t_s=1.0,
+    arming="holding",
+    deadman=True,
+    pressed=("grip",),
+    orientation_mode=False,
+    phase="ALIGN",
+    reason="stale video",
+    tcp_mm=(350.0, 0.0, 180.0),
+    gripper_closed=False,
+    views={
+        "eih": ViewStatus(3000, 2950, 95.0, 29.9, 74.0),
+        "gt": ViewStatus(1500, 1480, 96.0, 30.0, 75.0),
+        "gs": ViewStatus(900, 870, 97.0, 30.0, 76.0),
+    },
+    link_kbps=5210.0,
+    capacity_kbps=6010.0,
+    queue_ms=12.0,
+    asked_fps=30,
+    primary_view="eih",
+    budget_kbps=5520.0,
+    estimate_kbps=6000.0,
+    loss=0.003,
+)
+
+
+class PlayedSession:
+    """A session that shows nothing new, and notes what is asked of it and when."""
+
+    def __init__(self, folder: Path, config: str = "tams.yaml") -> None:
+        self.config = load_config(CONFIG_DIRECTORY / config, {})
+        video = self.config.video
+        self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)
+        self.keyboard.start()
+        self.folder = folder
+        self.board = StatusBoard(())
+        self.signals = Signals()
+        self.ended = threading.Event()
+        self.failure = self.reason = ""
+        self.notes: list[str] = []
+        self.done: list[str] = []
+        self.do: Callable[[], None] = lambda: None
+        self._began_s = time.monotonic()
+
+    def start(self) -> None:
+        """Nothing has to be started."""
+
+    def poll(self) -> None:
+        do, self.do = self.do, lambda: None
+        do()
+        pending = self.signals.take()
+        self.done += ["confirm"] * pending.confirm + ["estop"] * pending.estop
+        if self.elapsed_s() > 120:
+            self.end("nothing happened")
+
+    def elapsed_s(self) -> float:
+        return time.monotonic() - self._began_s
+
+    def snapshot(self) -> StatusSnapshot:
+        return SNAPSHOT
+
+    def end(self, reason: str) -> None:
+        self.reason = self.reason or reason
+        self.ended.set()
+
+    def fail(self, sentence: str) -> None:
+        self.failure = sentence
+        self.end(sentence)
+
+    def request_end(self, reason: str) -> None:
+        self.end(reason)
+
+    def note(self, level: str, text: str) -> None:
+        self.notes.append(f"{level}: {text}")
+
+    def stop_arm(self) -> None:
+        open_now = [child for child in window_processes() if child.status() != "zombie"]
+        self.done.append(f"arm stopped, {'window open' if open_now else 'no window'}")
+
+    def close(self) -> None:
+        self.screen.close()
+
+
+def window_processes() -> list[psutil.Process]:
+    return [
+        child
+        for child in psutil.Process().children()
+        if "tams_app.console.window.process" in " ".join(child.cmdline())
+    ]
+
+
+@pytest.fixture
+def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+    with virtual_screen(tmp_path, monkeypatch) as found:
+        yield found
+
+
+def show(session: PlayedSession) -> None:
+    app.show_session(session, Console(quiet=True))
+    assert window_processes() == []
+
+
+def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, tmp_path: Path) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+
+    def press() -> None:
+        screen.focus("TAMS")
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("key", "Return", "key", "space", "key", "q")
+
+    session.do = press
+    show(session)
+    assert session.reason == "ended by the operator"
+    assert session.failure == ""
+    assert session.done == ["confirm", "estop", "arm stopped, window open"]
+
+
+def test_keys_held_in_the_window_move_the_hand_until_they_go_up_or_the_window_stands_still(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    found: dict[str, ControllerSample] = {}
+
+    def sample() -> ControllerSample:
+        return session.keyboard.sample(time.monotonic_ns())
+
+    def until(holds: Callable[[ControllerSample], bool]) -> ControllerSample:
+        deadline_s = time.monotonic() + 60.0
+        while not holds(one := sample()):
+            assert time.monotonic() < deadline_s, one
+            time.sleep(0.008)  # as the control loop samples it
+        return one
+
+    def drive() -> None:
+        screen.focus("TAMS")
+        until(lambda one: one.status is ControllerStatus.OK)
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("keydown", "Shift_L", "keydown", "w", "keydown", "c")
+        found["held"] = until(lambda one: one.trigger == 1.0 and one.a)
+        start = found["held"].pose.position
+        found["moved"] = until(lambda one: np.linalg.norm(one.pose.position - start) > 0.02)
+        screen.xdotool("keyup", "Shift_L")
+        found["released"] = until(lambda one: one.trigger == 0.0)
+        screen.xdotool("keydown", "Shift_L")
+        until(lambda one: one.trigger == 1.0)
+        window_processes()[0].suspend()
+        found["still"] = until(lambda one: time.monotonic_ns() - one.buttons_ns > 500 * NS_PER_MS)
+        window_processes()[0].resume()
+        until(lambda one: time.monotonic_ns() - one.buttons_ns < 100 * NS_PER_MS)
+        screen.xdotool("keyup", "Shift_L", "keyup", "w", "keyup", "c")
+        session.end("driven")
+
+    session.do = drive
+    show(session)
+    assert session.reason == "driven"
+    assert session.failure == ""
+    assert found["released"].status is ControllerStatus.OK
+    assert found["still"].pose_ns < found["still"].buttons_ns + 200 * NS_PER_MS
+
+
+def test_the_keyboard_s_hand_needs_a_display(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    session = PlayedSession(tmp_path)
+    controller = session.config.controller.model_copy(update={"device": "keyboard"})
+    session.config = session.config.model_copy(update={"controller": controller})
+    with pytest.raises(SetupError, match="--hand keyboard needs the window"):
+        app.show_session(session, Console(quiet=True))
+
+
+def test_closing_the_window_ends_the_session_and_the_arm_stops_first(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    session.do = lambda: screen.ask_to_close("TAMS")
+    show(session)
+    assert session.reason == "the operator closed the window"
+    assert session.failure == ""
+    assert session.done == ["arm stopped, window open"]
+
+
+def test_a_window_whose_process_is_killed_fails_the_session_in_a_sentence(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    session.do = lambda: window_processes()[0].kill()
+    show(session)
+    assert session.failure.startswith("the window's process ended unasked")
+    assert session.done == ["arm stopped, no window"]
+
+
+def test_a_window_that_stands_still_is_told_of_and_stops_a_real_arm(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session", "lite6.yaml")
+    session.folder.mkdir()
+    polls = 0
+
+    def go_on() -> None:
+        nonlocal polls
+        polls += 1
+        if "estop" in session.done:
+            window_processes()[0].send_signal(signal.SIGCONT)
+            session.end("seen")
+        session.do = go_on
+
+    def stand_still() -> None:
+        os.kill(window_processes()[0].pid, signal.SIGSTOP)
+        session.do = go_on
+
+    session.do = stand_still
+    show(session)
+    assert session.reason == "seen"
+    assert any("the window does not answer" in note for note in session.notes)
+    assert polls > 10  # the session went on meanwhile
+
+
+def test_without_a_display_that_answers_one_sentence_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DISPLAY", ":4711")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    session = PlayedSession(tmp_path)
+    with pytest.raises(SetupError, match=r"display does not answer; run with --headless"):
+        app.show_session(session, Console(quiet=True))
+    assert window_processes() == []
+
+
+def test_without_a_display_there_is_no_window(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    session = PlayedSession(tmp_path)
+    session.do = lambda: session.end(f"{len(window_processes())} windows")
+    show(session)
+    assert session.reason == "0 windows"
+
+
+def test_the_size_is_remembered(screen: Screen, tmp_path: Path) -> None:
+    sizes = []
+
+    def resize() -> None:
+        window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
+        screen.xdotool("windowsize", window, "1000", "600")
+        assert wait_for(lambda: size_now() == (1000, 600))
+        screen.ask_to_close("TAMS")
+
+    def look() -> None:
+        assert wait_for(lambda: size_now() is not None)
+        sizes.append(size_now())
+        screen.ask_to_close("TAMS")
+
+    def size_now() -> tuple[int, int] | None:
+        window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
+        words = dict(
+            line.split("=")
+            for line in screen.xdotool("getwindowgeometry", "--shell", window).split()
+        )
+        return int(words["WIDTH"]), int(words["HEIGHT"])
+
+    for number, do in enumerate((resize, look)):
+        session = PlayedSession(tmp_path / f"session{number}")
+        session.folder.mkdir()
+        session.do = do
+        show(session)
+    assert sizes == [(1000, 600)]
+
+
+def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:
+    facts = facts_of(SNAPSHOT, ())
+    assert facts.advice.startswith("The video is too old to steer by")
+    assert facts.views["gt"] == ViewFacts(1500, 1480, 30.0, 75.0, 96.0)
+    assert (facts.budget_kbps, facts.capacity_kbps, facts.queue_ms) == (5520.0, 6000.0, 12.0)
+
+
+def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
+    trial = TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
+    told = msgspec.to_builtins(facts_of(SNAPSHOT, (), trial))
+    rates = {"link_kbps", "budget_kbps", "capacity_kbps", "queue_ms", "loss", "asked_fps"}
+    assert {key for key in rates if told[key] is not None} == set()
+    assert all(value is None for view in told["views"].values() for value in view.values())
+    assert told["trial"]["participant"] == "P01"
+    assert told["arming"] == "holding"

@@ -1,0 +1,124 @@
+"""An X server without a screen, its picture, and keys pressed on it as by a keyboard."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tams_app.records import Image
+
+
+class Screen:
+    """The server's only screen."""
+
+    def __init__(self, number: str, folder: Path, width: int, height: int, pid: int) -> None:
+        self.display = f":{number}"
+        self.pid = pid
+        self._dump = folder / "Xvfb_screen0"
+        self._shape = (height, width)
+
+    def photograph(self) -> Image:
+        """What is on the screen now: BGR, shape (height, width, 3)."""
+        dump = self._dump.read_bytes()  # XWD: header, colour map, BGRX rows
+        (header_bytes,) = struct.unpack_from(">I", dump, 0)
+        (colours,) = struct.unpack_from(">I", dump, 19 * 4)
+        start = header_bytes + colours * 12
+        height, width = self._shape
+        pixels = np.frombuffer(dump, np.uint8, width * height * 4, start)
+        return pixels.reshape(height, width, 4)[:, :, :3]
+
+    def xdotool(self, *arguments: str) -> str:
+        """What xdotool prints; it presses keys through the server's XTEST extension."""
+        done = subprocess.run(
+            ["xdotool", *arguments],
+            env=os.environ | {"DISPLAY": self.display},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=30,
+        )
+        return done.stdout.strip()
+
+    def focus(self, title: str) -> None:
+        """Give the window of this title the focus, as a window manager would."""
+        self.xdotool("windowfocus", "--sync", self._window(title))
+
+    def ask_to_close(self, title: str) -> None:
+        """What a window manager sends when its button of the window of this title is clicked."""
+        x11 = ctypes.CDLL("libX11.so.6")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        x11.XInternAtom.restype = ctypes.c_ulong
+        display = ctypes.c_void_p(x11.XOpenDisplay(self.display.encode()))
+        window = ctypes.c_ulong(int(self._window(title)))
+        event = _ClientMessage(type=33, send_event=1, window=window, format=32)
+        event.message_type = x11.XInternAtom(display, b"WM_PROTOCOLS", 0)
+        event.data[0] = x11.XInternAtom(display, b"WM_DELETE_WINDOW", 0)
+        x11.XSendEvent(display, window, 0, ctypes.c_long(0), ctypes.byref(event))
+        x11.XCloseDisplay(display)
+
+    def _window(self, title: str) -> str:
+        return self.xdotool("search", "--sync", "--onlyvisible", "--name", title).split()[0]
+
+
+class _ClientMessage(ctypes.Structure):
+    """XClientMessageEvent of Xlib, with room for any XEvent."""
+
+    _fields_ = (
+        ("type", ctypes.c_int),
+        ("serial", ctypes.c_ulong),
+        ("send_event", ctypes.c_int),
+        ("display", ctypes.c_void_p),
+        ("window", ctypes.c_ulong),
+        ("message_type", ctypes.c_ulong),
+        ("format", ctypes.c_int),
+        ("data", ctypes.c_long * 24),
+    )
+
+
+@contextmanager
+def virtual_screen(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, width: int = 1280, height: int = 720
+) -> Iterator[Screen]:
+    """A server for as long as the context lasts; DISPLAY names it."""
+    for program in ("Xvfb", "xdotool"):
+        if shutil.which(program) is None:
+            pytest.skip(f"needs {program} (see apt-packages.txt)")
+    reading, writing = os.pipe()
+    server = subprocess.Popen(
+        [
+            *("Xvfb", "-displayfd", str(writing), "-fbdir", str(folder)),
+            *("-screen", "0", f"{width}x{height}x24"),
+        ],
+        pass_fds=(writing,),
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(writing)
+    with os.fdopen(reading) as number:
+        screen = Screen(number.readline().strip(), folder, width, height, server.pid)
+    monkeypatch.setenv("DISPLAY", screen.display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
+    try:
+        yield screen
+    finally:
+        server.terminate()
+        server.wait(10)
+
+
+def wait_for(condition: Callable[[], bool], timeout_s: float = 60.0) -> bool:
+    """Whether it comes true in time; long, for machines that have other work."""
+    deadline = time.monotonic() + timeout_s
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
