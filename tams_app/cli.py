@@ -19,12 +19,16 @@ from typer.exceptions import TyperException
 from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
+from tams_app.console.logs_cli import log_app
 from tams_app.console.options import (
     ArmOption,
     BudgetOption,
     DryRunOption,
+    FoxgloveOption,
     FpsOption,
+    HandOption,
     HeadlessOption,
+    JsonOption,
     KeyOption,
     OutOption,
     ReferenceOption,
@@ -34,6 +38,7 @@ from tams_app.console.options import (
     StrategyOption,
     arm_overrides,
     check_arm_at_once,
+    with_foxglove_address,
 )
 from tams_app.console.two_sided_cli import add_two_sided
 from tams_app.errors import ConfigError, SetupError, TamsError
@@ -44,7 +49,7 @@ if TYPE_CHECKING:
     from tams_app.study.runner import TrialRunner
 
 app = typer.Typer(
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     epilog="Exit codes: 0 done; 1 the job failed; 2 wrong use, configuration or input; "
@@ -52,6 +57,7 @@ app = typer.Typer(
 )
 
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(log_app, name="log")
 
 MAX_KBPS = 1e9
 
@@ -85,6 +91,7 @@ def main() -> None:
 def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
+    arguments = with_foxglove_address(arguments)
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
         arguments.insert(0, "run")
     try:
@@ -105,7 +112,7 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     return int(code)
 
 
-_GLOBAL_OPTIONS = ("--help", "--version")
+_GLOBAL_OPTIONS = ("-h", "--help", "--version", "--install-completion", "--show-completion")
 _CTRL_C = 130  # 128 + SIGINT, as shells have it; also what typer makes of a KeyboardInterrupt
 
 
@@ -138,12 +145,14 @@ def run(
     seed: SeedOption = None,
     fps: FpsOption = None,
     headless: HeadlessOption = False,
+    hand: HandOption = None,
     operator: Annotated[
         str | None, typer.Option(help="Of the simulated rig: auto, seeing or scripted.")
     ] = None,
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
+    foxglove: FoxgloveOption = None,
     out: OutOption = None,
 ) -> None:
     """Teleoperate: on the simulated rig, one pick-and-place by a simulated operator."""
@@ -156,9 +165,14 @@ def run(
         seed=seed,
         fps=fps,
         record_reference=record_reference,
+        foxglove=foxglove,
         out=out,
     )
-    overrides |= {"headless": True if headless else None, "rig.operator.kind": operator}
+    overrides |= {
+        "headless": True if headless else None,
+        "controller.device": hand,
+        "rig.operator.kind": operator,
+    }
     settings = load_config(config, overrides)
     check_arm_at_once(arm, settings)
     from tams_app.console.app import run_session
@@ -192,14 +206,17 @@ def doctor(
         typer.Option(metavar="HOST:PORT", help="Measure the network to a `robot` that runs there."),
     ] = None,
     key: KeyOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Check this machine, and print the fix for each thing that is missing."""
     if link is not None:
         from tams_app.console.link_check import run_link_check
         from tams_app.console.two_sided import endpoint_of
 
-        raise typer.Exit(run_link_check(endpoint_of("--link", link, key)))
+        raise typer.Exit(run_link_check(endpoint_of("--link", link, key), as_json))
     settings = load_config(config, {"rig.enabled": True if speed else None})
+    if as_json and (speed or devices):
+        raise ConfigError("--json: is for the checks and for --link; leave it out here")
     if speed:
         from tams_app.console.speed import run_speed
 
@@ -211,7 +228,7 @@ def doctor(
     from tams_app.console.checks import CHECKS
     from tams_app.console.doctor import run_doctor
 
-    raise typer.Exit(run_doctor(settings, CHECKS))
+    raise typer.Exit(run_doctor(settings, CHECKS, as_json))
 
 
 @app.command()
@@ -221,19 +238,34 @@ def report(
         Path | None,
         typer.Argument(help="That of the other computer: `robot` and `operate`, in any order."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Make summary.json and bitrates.png anew from a session's log, or from the logs of two sides.
+    """Make summary.json, report.html and bitrates.png anew from a log, or from two sides' logs.
 
     From a log that is damaged or cut off, summary.json says "complete": false and what is missing;
     a complete one from before is kept as summary.json.before. That of two sides has the frames as
     they were shown, and what the link did; it is written into the folder of the robot's side.
     """
+    from rich.console import Console
+
     from tams_app.console.report import report_both, report_session
 
-    if other is None:
-        report_session(log)
-    else:
-        report_both(log, other)
+    console = Console(quiet=as_json)
+    summary = report_session(log, console) if other is None else report_both(log, other, console)
+    if as_json:
+        typer.echo(json.dumps(summary))
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(help="A session folder.")],
+    speed: Annotated[float, typer.Option(help="Times the real speed.")] = 1.0,
+    headless: HeadlessOption = False,
+) -> None:
+    """Show a session again from its log, in the window and on the terminal; nothing moves."""
+    from tams_app.console.replay.run import run_replay
+
+    raise typer.Exit(run_replay(log, speed, headless))
 
 
 @app.command()
@@ -305,7 +337,7 @@ def allocate(
         typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
     ] = None,
     strategy: StrategyOption = None,
-    as_json: Annotated[bool, typer.Option("--json")] = False,
+    as_json: JsonOption = False,
     config: ConfigOption = None,
 ) -> None:
     """The targets that a strategy gives each view while a phase begins."""

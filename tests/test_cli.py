@@ -3,15 +3,18 @@
 import csv
 import io
 import json
+import os
 import runpy
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from tams_app import __version__
-from tams_app.cli import _main, main
+from tams_app.cli import _main, app, main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
@@ -150,6 +153,7 @@ def test_the_version_is_told(capsys):
         (["run", "--fps", 0], "video.fps: must be greater than or equal to 5 (given: 0)"),
         (["run", "--fps", 61], "video.fps: must be less than or equal to 60 (given: 61)"),
         (["run", "--fps", "many"], "Invalid value for '--fps'"),
+        (["run", "--foxglove", "everywhere"], "'everywhere' is not HOST:PORT"),
         (["run", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
         (["--seed", -1], "seed"),
         (["network", "s2", "--interface", "lo"], "lo"),
@@ -174,6 +178,40 @@ def test_a_rate_that_is_asked_for_is_held_and_without_one_the_cameras_may_be_ste
     assert run(capsys, "run", "--fps", 12)[0] == 0
     assert run(capsys, "run")[0] == 0
     assert [(one.video.fps, one.rig.fixed_fps) for one in settings] == [(12, True), (30, False)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "address"),
+    [
+        (["run"], ""),
+        (["run", "--foxglove"], "127.0.0.1:8765"),
+        (["run", "--foxglove", "--headless"], "127.0.0.1:8765"),
+        (["run", "--foxglove", "0.0.0.0:9000", "--headless"], "0.0.0.0:9000"),
+        (["--foxglove"], "127.0.0.1:8765"),
+    ],
+)
+def test_viewers_connect_where_told_and_by_default_at_this_computer(
+    capsys, monkeypatch, arguments, address
+):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
+    )
+    assert run(capsys, *arguments)[0] == 0
+    assert [one.recording.foxglove for one in settings] == [address]
+
+
+@pytest.mark.parametrize("command", ["run", "robot", "operate"])
+def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, tmp_path, command):
+    where = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        options = ("--foxglove", address, "--out", tmp_path / "logs", *where.get(command, ()))
+        code, out, err = run(capsys, command, *options)
+    assert (code, out) == (1, "")
+    assert f"viewers cannot connect at {address}" in err
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "logs").exists()
 
 
 def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, monkeypatch):
@@ -344,6 +382,62 @@ def test_help_and_advice_name_the_program_as_it_was_called(capsys, monkeypatch, 
             main()
         captured = capsys.readouterr()
         assert told.format(program) in captured.out + captured.err
+
+
+@pytest.mark.parametrize("arguments", [[], ["--headless"], ["--foxglove"]])
+def test_without_a_command_it_is_run(monkeypatch, arguments):
+    ran = []
+
+    def run_session(config, arm_at_once, dry_run):
+        ran.append(config)
+        return 0
+
+    monkeypatch.setattr("tams_app.console.app.run_session", run_session)
+    assert _main(arguments) == 0
+    (config,) = ran
+    assert config.headless == ("--headless" in arguments)
+    assert bool(config.recording.foxglove) == ("--foxglove" in arguments)
+
+
+def every_command(group, path=()):
+    for name, command in sorted(group.commands.items()):
+        yield (*path, name)
+        if hasattr(command, "commands"):
+            yield from every_command(command, (*path, name))
+
+
+ALL_COMMANDS = list(every_command(typer.main.get_command(app)))
+
+
+@pytest.mark.parametrize("command", ALL_COMMANDS, ids=" ".join)
+def test_every_command_has_help_by_both_names(capsys, command):
+    short, long = run(capsys, *command, "-h"), run(capsys, *command, "--help")
+    assert short == long
+    assert short[0] == 0
+    assert "Usage:" in short[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "completions"),
+    [
+        ("tams ro", ["robot"]),
+        ("tams doctor --dev", ["--devices"]),
+        ("tams run --strategy ta", ["tams", "tams+"]),
+        ("tams operate --hand game", ["gamepad"]),
+    ],
+)
+def test_a_shell_completes_commands_options_and_values(words, completions):
+    program = "import sys; sys.argv = ['tams']; from tams_app.cli import main; main()"
+    number = str(len(words.split()) - 1)
+    asked = {"_TAMS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": number}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, **asked},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.split() == completions
 
 
 def test_the_exit_codes_are_in_the_help(capsys):

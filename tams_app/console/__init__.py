@@ -1,3 +1,3 @@
-"""What people look at and type into: live line, windows, doctor, dialogue."""
+"""What people look at and type into: live line, window, doctor, dialogue."""
 
-__all__ = ["app", "doctor", "report", "windows"]
+__all__ = ["app", "doctor", "report", "window"]

@@ -20,6 +20,7 @@ from packaging.requirements import Requirement
 from tams_app import gst
 from tams_app.config import CameraConfig, Config
 from tams_app.console.doctor import Check, Finding
+from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
@@ -203,6 +204,10 @@ def display(config: Config) -> Iterator[Finding]:
     if config.headless:
         return
     server = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    if server and not toolkit.is_installed():
+        fix = "apt-get install gir1.2-gtk-4.0, or run with --headless"
+        yield Finding("Display", False, "GTK 4 is missing", fix, essential=False)
+        return
     sinks = [name for name in _WINDOW_SINKS if not gst.missing_elements((name,))]
     if server and not sinks:
         fix = "apt-get install gstreamer1.0-x gstreamer1.0-gl"
@@ -243,8 +248,12 @@ def arm(config: Config) -> Iterator[Finding]:
 
 
 def controller(config: Config) -> Iterator[Finding]:
-    """The controller of the operator's hand, and the mapping of its buttons."""
-    if config.rig.enabled:
+    """What the operator holds; of a tracked controller the mapping of its buttons too."""
+    device = config.controller.device
+    if config.operator_is_simulated or device == "keyboard":
+        return
+    if device in ("gamepad", "spacemouse"):
+        yield _desk_device(config)
         return
     from hw.openvr.controller import OpenVrController
     from hw.openvr.devices import list_controllers
@@ -260,6 +269,20 @@ def controller(config: Config) -> Iterator[Finding]:
     mine = [info for info in found if info.role == hand and info.connected]
     detail = mine[0].controller_type if mine else f"none for the {hand} hand"
     yield Finding(what, bool(mine), detail, "switch it on and wake it, or set controller.hand")
+
+
+def _desk_device(config: Config) -> Finding:
+    from hw.make_controller import make_controller
+    from tams_app.runtime.clock import MonotonicClock
+
+    made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
+    try:
+        made.start()
+    except TamsError as error:
+        return Finding("Controller", False, "", str(error))
+    finally:
+        made.close()
+    return Finding("Controller", True, config.controller.device)
 
 
 def cameras(config: Config) -> Iterator[Finding]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from rich.console import Console
 
@@ -28,14 +29,25 @@ class Finding:
 Check = Callable[[Config], Iterator[Finding]]
 
 
-def run_doctor(config: Config, checks: Sequence[Check], console: Console | None = None) -> int:
-    """Run every check and print one line each; 0 if all that TAMS needs is there, else 1."""
+def run_doctor(
+    config: Config, checks: Sequence[Check], as_json: bool = False, console: Console | None = None
+) -> int:
+    """Run every check and print one line each; 0 if all that TAMS needs is there, else 1.
+
+    `as_json`: print the findings as one list instead.
+    """
     console = console or Console()
     broken = 0
+    found: list[Finding] = []
     for check in checks:
         for finding in check(config):
-            console.print(_line(finding), markup=False, highlight=False, soft_wrap=True)
+            found.append(finding)
+            if not as_json:
+                console.print(_line(finding), markup=False, highlight=False, soft_wrap=True)
             broken += finding.essential and not finding.ok
+    if as_json:
+        console.out(json.dumps([asdict(one) for one in found]), highlight=False)
+        return 1 if broken else 0
     console.print(
         f"{broken} of these must be mended before TAMS can run."
         if broken

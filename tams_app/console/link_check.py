@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import select
 import socket
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from typing import cast
 
 import numpy as np
@@ -40,41 +42,82 @@ _QUIET_NS = NS_PER_S
 _BUFFER_BYTES = 4_000_000
 
 
-def run_link_check(endpoint: Endpoint, console: Console | None = None) -> int:
+@dataclass(frozen=True, slots=True)
+class LinkMeasured:
+    """What the network between the two computers does.
+
+    lost_fraction: of the echoes. down, up: capacity from and to the robot's side [kbit/s], None if
+    too little came to tell, and the loss in a train of packets. latency_ms, jitter_ms: for the
+    section `link` of the configuration of the robot's side.
+    """
+
+    round_trip_ms: dict[str, float]  # p50, p95, p99
+    lost_fraction: float
+    down_kbps: float | None
+    down_lost_fraction: float
+    up_kbps: float | None
+    up_lost_fraction: float
+    latency_ms: float
+    jitter_ms: float
+
+
+def run_link_check(
+    endpoint: Endpoint, as_json: bool = False, console: Console | None = None
+) -> int:
     """Measure the link to a `robot` that runs, and print what was found; the exit code."""
     console = console or Console()
+    if not as_json:
+        console.print(f"measuring the link to {endpoint.host}:{endpoint.port}, about ten seconds")
     try:
-        return _measure(endpoint, console)
+        found = _measure(endpoint)
     except OSError as error:
         raise HelperError(f"the network refuses: {error.strerror or error}") from error
-
-
-def _measure(endpoint: Endpoint, console: Console) -> int:
-    with _Prober(endpoint, MonotonicClock()) as prober:
-        console.print(f"measuring the link to {endpoint.host}:{endpoint.port}, about ten seconds")
-        prober.connect()
-        round_trips_ms = prober.round_trips_ms()
-        down, up = prober.train_down(), prober.train_up()
-        for line in findings(round_trips_ms, down, up):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+    if as_json:
+        console.out(json.dumps(asdict(found)), highlight=False)
+        return 0
+    for line in findings(found):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
-def findings(round_trips_ms: list[float], down: TrainReport, up: TrainReport) -> Iterator[str]:
-    """What was measured, in words, and the section of the configuration that follows from it."""
+def _measure(endpoint: Endpoint) -> LinkMeasured:
+    with _Prober(endpoint, MonotonicClock()) as prober:
+        prober.connect()
+        round_trips_ms = prober.round_trips_ms()
+        return measured(round_trips_ms, prober.train_down(), prober.train_up())
+
+
+def measured(round_trips_ms: list[float], down: TrainReport, up: TrainReport) -> LinkMeasured:
+    """What echoes and trains amount to; TamsError if there was no echo."""
     if not round_trips_ms:
         raise TamsError("the robot's side answers no measurement: is it still running?")
     p50, p95, p99 = np.percentile(round_trips_ms, (50, 95, 99)).tolist()
-    lost = 1 - len(round_trips_ms) / _PINGS
-    yield f"round trip: {p50:.1f} ms (p50), {p95:.1f} ms (p95), {p99:.1f} ms (p99); lost {lost:.1%}"
-    for way, report in (("robot to operator", down), ("operator to robot", up)):
-        rate = "too little came to tell" if report.kbps is None else f"{report.kbps:.0f} kbit/s"
-        missing = 1 - report.packets / _TRAIN_PARTS
-        yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {missing:.0%} were lost"
+    return LinkMeasured(
+        round_trip_ms={"p50": p50, "p95": p95, "p99": p99},
+        lost_fraction=1 - len(round_trips_ms) / _PINGS,
+        down_kbps=down.kbps,
+        down_lost_fraction=1 - down.packets / _TRAIN_PARTS,
+        up_kbps=up.kbps,
+        up_lost_fraction=1 - up.packets / _TRAIN_PARTS,
+        latency_ms=p50 / 2,
+        jitter_ms=p95 - min(round_trips_ms),
+    )
+
+
+def findings(found: LinkMeasured) -> Iterator[str]:
+    """What was measured, in words, and the section of the configuration that follows from it."""
+    trips = ", ".join(f"{value:.1f} ms ({name})" for name, value in found.round_trip_ms.items())
+    yield f"round trip: {trips}; lost {found.lost_fraction:.1%}"
+    for way, kbps, lost in (
+        ("robot to operator", found.down_kbps, found.down_lost_fraction),
+        ("operator to robot", found.up_kbps, found.up_lost_fraction),
+    ):
+        rate = "too little came to tell" if kbps is None else f"{kbps:.0f} kbit/s"
+        yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {lost:.0%} were lost"
     yield "for the configuration of the robot's side:"
     yield "link:"
-    yield f"  latency_ms: {p50 / 2:.1f}"
-    yield f"  jitter_ms: {p95 - min(round_trips_ms):.1f}"
+    yield f"  latency_ms: {found.latency_ms:.1f}"
+    yield f"  jitter_ms: {found.jitter_ms:.1f}"
 
 
 class _Prober:

@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import typer
 
-from tams_app.config import Config
+from tams_app.config import Config, HandDevice
+from tams_app.config.streaming import BudgetMode
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import STRATEGIES
 
+FOXGLOVE = "127.0.0.1:8765"
 STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
 
 SimOption = Annotated[bool, typer.Option("--sim", help="The rig's devices, not the config's.")]
-StrategyOption = Annotated[str | None, typer.Option(help=STRATEGY_HELP)]
-BudgetOption = Annotated[str | None, typer.Option(help="feedback, sender or oracle.")]
+StrategyOption = Annotated[
+    str | None, typer.Option(help=STRATEGY_HELP, autocompletion=lambda: list(STRATEGIES))
+]
+BudgetOption = Annotated[
+    str | None,
+    typer.Option(
+        help="feedback, sender or oracle.", autocompletion=lambda: list(get_args(BudgetMode))
+    ),
+]
 SecondsOption = Annotated[float | None, typer.Option(help="End after this many seconds.")]
 SeedOption = Annotated[int | None, typer.Option(help="Of scene, noise and losses.")]
 FpsOption = Annotated[
     int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
+]
+HandOption = Annotated[
+    str | None,
+    typer.Option(
+        help="What the operator holds: openvr, keyboard, gamepad, spacemouse or sim.",
+        autocompletion=lambda: list(get_args(HandDevice)),
+    ),
 ]
 HeadlessOption = Annotated[bool, typer.Option("--headless", help="No windows.")]
 ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
@@ -27,7 +44,15 @@ DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Everything but mo
 ReferenceOption = Annotated[
     bool, typer.Option("--record-reference", help="Keep lossless captures too.")
 ]
+FoxgloveOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[HOST:PORT]",
+        help=f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
+    ),
+]
 OutOption = Annotated[Path | None, typer.Option(help="Where session folders are made.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="For a program to read.")]
 KeyOption = Annotated[
     Path | None,
     typer.Option("--key", help="The key file of both computers; none needed on loopback."),
@@ -44,6 +69,7 @@ def arm_overrides(
     seed: int | None,
     fps: int | None,
     record_reference: bool,
+    foxglove: str | None,
     out: Path | None,
 ) -> dict[str, Any]:
     """What the options of a command with an arm lay over the configuration file."""
@@ -57,8 +83,19 @@ def arm_overrides(
         "video.fps": fps,
         "rig.fixed_fps": None if fps is None else True,
         "recording.record_reference": True if record_reference else None,
+        "recording.foxglove": foxglove,
         "recording.directory": str(out) if out else None,
     }
+
+
+def with_foxglove_address(arguments: list[str]) -> list[str]:
+    """The command line with the address that a bare `--foxglove` stands for."""
+    found: list[str] = []
+    for argument, following in pairwise([*arguments, "-"]):
+        found.append(argument)
+        if argument == "--foxglove" and following.startswith("-"):
+            found.append(FOXGLOVE)
+    return found
 
 
 def check_arm_at_once(arm: bool, settings: Config) -> None:

@@ -22,8 +22,8 @@ FIGURE_NAME = "bitrates.png"
 _NOTHING = "–"
 
 
-def report_session(folder: Path, console: Console | None = None) -> None:
-    """Compute summary.json and bitrates.png from the log in `folder` and show the summary.
+def report_session(folder: Path, console: Console | None = None) -> dict[str, Any]:
+    """Compute summary.json and bitrates.png from the log in `folder`; show the summary, return it.
 
     `folder` may name the log itself. UnreadableLogError if there is no log,
     or none of ours; LogError if the folder cannot be written.
@@ -35,9 +35,10 @@ def report_session(folder: Path, console: Console | None = None) -> None:
     if missing := _missing(summary):
         console.print(missing, style="bold", highlight=False, soft_wrap=True)
     console.print(f"[bold]{folder}[/]", highlight=False)
+    return summary
 
 
-def report_both(first: Path, second: Path, console: Console | None = None) -> None:
+def report_both(first: Path, second: Path, console: Console | None = None) -> dict[str, Any]:
     """As `report_session`, of the two logs of one session, into the folder of the robot's side."""
     from tams_app.study.figures import save_bitrates
 
@@ -56,6 +57,7 @@ def report_both(first: Path, second: Path, console: Console | None = None) -> No
     if missing := _missing(summary):
         console.print(missing, style="bold", highlight=False, soft_wrap=True)
     console.print(f"[bold]{folder}[/]", highlight=False)
+    return summary
 
 
 def link_table(link: Mapping[str, Any]) -> Table:
@@ -81,8 +83,10 @@ def link_table(link: Mapping[str, Any]) -> Table:
 
 
 def write_summary(folder: Path) -> dict[str, Any]:
-    """Compute summary.json and bitrates.png from the log in `folder`, and show nothing."""
-    from tams_app.study.figures import save_bitrates  # matplotlib: no session starts with it
+    """Compute summary.json, bitrates.png and report.html from the log in `folder`, show nothing."""
+    # matplotlib and jinja2: no session starts with them
+    from tams_app.study.figures import save_bitrates
+    from tams_app.study.session_page import write_page
 
     log = read_log(folder / LOG_NAME)
     summary = save_summary(log, folder)
@@ -90,7 +94,13 @@ def write_summary(folder: Path) -> dict[str, Any]:
         save_bitrates(log, folder / FIGURE_NAME)
     except OSError as error:
         raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
+    write_page(log, summary, folder / LOG_NAME)
     return summary
+
+
+def session_log(given: Path) -> Path:
+    """The log in a session's folder, or the log itself; UnreadableLogError if there is none."""
+    return _session_folder(given) / LOG_NAME
 
 
 def _session_folder(given: Path) -> Path:

@@ -10,7 +10,8 @@ import numpy as np
 from rich.console import Console
 
 from tams_app.config import Config
-from tams_app.console.app import has_display, show_session
+from tams_app.console.app import show_session
+from tams_app.console.display import has_display
 from tams_app.errors import SignalledError, TamsError
 from tams_app.recording import SessionLog, read_log
 from tams_app.runtime.clock import MonotonicClock

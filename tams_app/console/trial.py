@@ -9,8 +9,17 @@ from rich.console import Console
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.report import write_summary
-from tams_app.console.status import arm_line, minutes, reason_lines
+from tams_app.console.status import (
+    SEPARATOR,
+    Words,
+    arm_line,
+    arm_parts,
+    fitting,
+    minutes,
+    reason_parts,
+)
 from tams_app.console.terminal import TerminalKeys
+from tams_app.console.window.messages import TrialFacts
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views
@@ -28,7 +37,7 @@ BEGINNING = (
 class LiveTrialRunner:
     """Runs whole sessions for a study (its `TrialRunner`); the experimenter ends each with `q`.
 
-    Neither live line nor windows nor a table tell strategy, network, targets, weights, or what
+    Neither live line nor window nor a table tell strategy, network, targets, weights, or what
     follows from them: rates, ages and quality.
     """
 
@@ -52,7 +61,8 @@ class LiveTrialRunner:
         signals: list[str] = []
         session = Session(config, MonotonicClock(), folder)
         try:
-            show_session(session, self._console, TrialLines(config.trial.limit_s), signals.append)
+            words = TrialWords(trial, config.trial.limit_s)
+            show_session(session, self._console, words, signals.append, trial_of=words.facts_of)
             write_summary(folder)
         except TamsError as failure:
             if signals:
@@ -66,23 +76,39 @@ class LiveTrialRunner:
             raise TamsError(session.failure)
 
 
-class TrialLines:
-    """The live line of a trial: the arm, the trial's time, and why the arm stopped last."""
+class TrialWords:
+    """What is shown of a trial: the arm, the trial's time, and why the arm stopped last."""
 
-    def __init__(self, limit_s: float) -> None:
+    def __init__(self, trial: PlannedTrial, limit_s: float) -> None:
         """`limit_s`: what the trial's rules allow, from the first engagement."""
+        self._trial = trial
         self._limit_s = limit_s
         self._began_s: float | None = None
 
-    def __call__(self, snapshot: StatusSnapshot) -> list[str]:
+    def __call__(self, snapshot: StatusSnapshot) -> Words:
+        """For the terminal."""
+        time = self._time(snapshot)
+        full = [arm_line(snapshot), time, *reason_parts(snapshot)]
+        return Words(fitting([*arm_parts(snapshot), time]), SEPARATOR.join(full))
+
+    def facts_of(self, snapshot: StatusSnapshot) -> TrialFacts:
+        """For the window."""
+        kind = "practice" if self._trial.practice else "trial"
+        return TrialFacts(
+            self._trial.participant,
+            f"{kind} {self._trial.order}",
+            self._passed_s(snapshot),
+            self._limit_s,
+        )
+
+    def _passed_s(self, snapshot: StatusSnapshot) -> float | None:
         if self._began_s is None and snapshot.arming.upper() == "ENGAGED":
             self._began_s = snapshot.t_s
-        return [arm_line(snapshot), self._time(snapshot.t_s), *reason_lines(snapshot)]
+        return None if self._began_s is None else snapshot.t_s - self._began_s
 
-    def _time(self, t_s: float) -> str:
-        limit = minutes(self._limit_s)
-        if self._began_s is None:
+    def _time(self, snapshot: StatusSnapshot) -> str:
+        limit, passed_s = minutes(self._limit_s), self._passed_s(snapshot)
+        if passed_s is None:
             return f"trial: not begun, {limit} allowed"
-        passed_s = t_s - self._began_s
-        over = ": the time is over, end it with q" if passed_s >= self._limit_s else ""
+        over = ": over, end it with q" if passed_s >= self._limit_s else ""
         return f"trial: {minutes(passed_s)} of {limit}{over}"

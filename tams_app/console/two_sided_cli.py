@@ -12,7 +12,9 @@ from tams_app.console.options import (
     ArmOption,
     BudgetOption,
     DryRunOption,
+    FoxgloveOption,
     FpsOption,
+    HandOption,
     HeadlessOption,
     KeyOption,
     OutOption,
@@ -52,6 +54,7 @@ def robot(
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
+    foxglove: FoxgloveOption = None,
     out: OutOption = None,
 ) -> None:
     """The robot's side of a session on two computers: arm, cameras, all that can stop the arm."""
@@ -64,10 +67,12 @@ def robot(
         seed=seed,
         fps=fps,
         record_reference=record_reference,
+        foxglove=foxglove,
         out=out,
     )
     overrides |= {
         "headless": True,
+        "controller.device": "auto",  # the operator's side has the device
         "name": "robot",
         "video.bind_host": "127.0.0.1",
         "video.quality.enabled": False,
@@ -88,7 +93,9 @@ def operate(
     ] = False,
     seconds: SecondsOption = None,
     seed: Annotated[int | None, typer.Option(help="Of the simulated operator.")] = None,
+    hand: HandOption = None,
     headless: HeadlessOption = False,
+    foxglove: FoxgloveOption = None,
     out: OutOption = None,
 ) -> None:
     """The operator's side: controller and windows; it moves the arm of a `robot` elsewhere."""
@@ -97,10 +104,12 @@ def operate(
         {
             "rig.enabled": True if sim else None,
             "rig.operator.kind": "seeing" if sim else None,
+            "controller.device": hand,
             "seconds": seconds,
             "seed": seed,
             "headless": True if headless else None,
             "name": "operate",
+            "recording.foxglove": foxglove,
             "recording.directory": str(out) if out else None,
         },
     )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 REMARKS_NAME = "remarks.txt"
 REMARKS_BYTES = 100_000
-_REPORT_NEEDS = ("jinja2", "pandas", "pyarrow", "statsmodels")
+_REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
 
 
 def plan_study(config: Config, folder: Path, participants: int, console: Console) -> int:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import platform
 import socket
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
+from tams_app.console.window import toolkit
 from tams_app.video.codecs import ENCODERS
 
 pytestmark = pytest.mark.waiting
@@ -34,8 +36,17 @@ def examine(*findings: Finding) -> tuple[int, list[str]]:
         yield from findings
 
     output = io.StringIO()
-    code = run_doctor(config(), [check], Console(file=output, width=80))
+    code = run_doctor(config(), [check], console=Console(file=output, width=80))
     return code, output.getvalue().splitlines()
+
+
+def test_a_program_reads_the_findings_as_one_list() -> None:
+    tc = Finding("tc", False, "", "apt-get install iproute2, which [also] has ip", essential=False)
+    x264 = Finding("GStreamer element x264enc", False, "none of " + "many " * 30, "install it")
+    output = io.StringIO()
+    console = Console(file=output, width=40)
+    assert run_doctor(config(), [lambda _: iter((tc, x264))], True, console) == 1
+    assert json.loads(output.getvalue()) == [asdict(tc), asdict(x264)]
 
 
 def test_a_lack_of_something_essential_fails_and_says_what_mends_it() -> None:
@@ -215,6 +226,14 @@ def test_without_a_display_headless_is_the_way(monkeypatch: pytest.MonkeyPatch) 
     assert not finding.essential
     assert "--headless" in finding.fix
     assert not list(checks.display(config(headless=True)))
+
+
+def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(toolkit, "is_installed", lambda: False)
+    (finding,) = checks.display(config())
+    assert not finding.ok
+    assert "gir1.2-gtk-4.0" in finding.fix
 
 
 def test_netem_is_found_where_it_can_be_loaded(tmp_path: Path) -> None:

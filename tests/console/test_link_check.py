@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tams_app.console.link_check import findings, run_link_check
+from tams_app.console.link_check import measured, run_link_check
 from tams_app.console.two_sided import endpoint_of
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
@@ -46,7 +47,7 @@ def robot(key: Path, tmp_path: Path) -> Iterator[Endpoint]:
 
 def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
     out = io.StringIO()
-    assert run_link_check(robot, Console(file=out, width=200)) == 0
+    assert run_link_check(robot, console=Console(file=out, width=200)) == 0
     text = out.getvalue()
     assert "round trip:" in text
     assert "lost 0.0%" in text
@@ -55,15 +56,24 @@ def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
     assert "latency_ms:" in text
 
 
+def test_a_program_reads_the_measurement_as_one_object(robot: Endpoint):
+    out = io.StringIO()
+    assert run_link_check(robot, True, Console(file=out, width=40)) == 0
+    found = json.loads(out.getvalue())
+    assert found["lost_fraction"] == 0.0
+    assert found["round_trip_ms"]["p50"] <= found["round_trip_ms"]["p99"]
+    assert found["latency_ms"] == found["round_trip_ms"]["p50"] / 2
+
+
 def test_another_key_is_told_in_a_sentence(robot: Endpoint, tmp_path: Path):
     new_key(tmp_path / "other")
     with pytest.raises(HelperError, match="another key"):
-        run_link_check(Endpoint(robot.host, robot.port, tmp_path / "other"), quiet())
+        run_link_check(Endpoint(robot.host, robot.port, tmp_path / "other"), console=quiet())
 
 
 def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
     with pytest.raises(HelperError, match="nothing answers there"):
-        run_link_check(Endpoint("127.0.0.1", free_port(), key), quiet())
+        run_link_check(Endpoint("127.0.0.1", free_port(), key), console=quiet())
 
 
 def test_an_operator_who_is_there_is_not_disturbed(robot: Endpoint, tmp_path: Path):
@@ -72,7 +82,7 @@ def test_an_operator_who_is_there_is_not_disturbed(robot: Endpoint, tmp_path: Pa
     try:
         operator.wait_ready()
         with pytest.raises(HelperError, match="another operator"):
-            run_link_check(robot, Talking(operator))
+            run_link_check(robot, console=Talking(operator))
     finally:
         operator.close()
 
@@ -100,7 +110,7 @@ def quiet() -> Console:
 
 def test_a_link_that_answers_nothing_is_no_measurement():
     with pytest.raises(TamsError, match="answers no measurement"):
-        list(findings([], TrainReport(1, 0, 0, 0), TrainReport(2, 0, 0, 0)))
+        measured([], TrainReport(1, 0, 0, 0), TrainReport(2, 0, 0, 0))
 
 
 @pytest.mark.parametrize(

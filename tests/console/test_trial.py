@@ -15,7 +15,9 @@ from rich.console import Console
 
 import tams_app.console.trial
 from tams_app.config import Config, load_config
-from tams_app.console.trial import LiveTrialRunner, TrialLines
+from tams_app.console.status import COLUMNS
+from tams_app.console.trial import LiveTrialRunner, TrialWords
+from tams_app.console.window.figures import trial_texts
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.recording import read_log
 from tams_app.session.session import Session
@@ -52,7 +54,8 @@ def test_a_whole_session_is_left_in_the_given_folder_and_the_screen_gives_nothin
     screen = Screen()
     LiveTrialRunner(rig(seconds=12.0), screen).run(TRIAL, tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"session.mcap", "config.yaml", "summary.json", "bitrates.png", "helpers"}
+    files = {"session.mcap", "config.yaml", "summary.json", "report.html", "bitrates.png"}
+    assert names == files | {"helpers"}
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["strategy"], summary["network"], summary["seed"]) == ("static", "s3", 5)
     log = read_log(tmp_path / "session.mcap")
@@ -82,7 +85,9 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 def test_ctrl_c_ends_the_sitting_and_not_only_the_trial(
     played: Callable[..., None], tmp_path: Path
 ) -> None:
-    def show(session: Session, console: Console, lines: object, interrupted: Any) -> None:
+    def show(
+        session: Session, console: Console, lines: object, interrupted: Any, **_: object
+    ) -> None:
         interrupted("ended by SIGINT")
 
     played(show)
@@ -94,7 +99,9 @@ def test_ctrl_c_ends_the_sitting_and_not_only_the_trial(
 def test_ctrl_c_while_the_session_starts_is_no_failed_trial(
     played: Callable[..., None], tmp_path: Path
 ) -> None:
-    def show(session: Session, console: Console, lines: object, interrupted: Any) -> None:
+    def show(
+        session: Session, console: Console, lines: object, interrupted: Any, **_: object
+    ) -> None:
         interrupted("ended by SIGINT")
         raise TamsError("ended by SIGINT before it had started")
 
@@ -107,7 +114,7 @@ def test_ctrl_c_while_the_session_starts_is_no_failed_trial(
 def test_a_failed_session_is_a_failed_trial_with_its_own_reason(
     played: Callable[..., None], tmp_path: Path, has_log: bool
 ) -> None:
-    def show(session: Session, *_: object) -> None:
+    def show(session: Session, *_: object, **__: object) -> None:
         session.failure = "the helper process guard ended unasked"
 
     played(show, has_log)
@@ -117,7 +124,7 @@ def test_a_failed_session_is_a_failed_trial_with_its_own_reason(
 
 
 def test_a_session_that_cannot_start_says_why(played: Callable[..., None], tmp_path: Path) -> None:
-    def show(*_: object) -> None:
+    def show(*_: object, **__: object) -> None:
         raise HelperError("guard could not be started")
 
     played(show)
@@ -143,18 +150,31 @@ def test_people_are_not_asked_to_drive_by_frames_that_do_not_show_the_arm(
 
 
 def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> None:
-    lines = TrialLines(120.0)
-    ready = replace(SNAPSHOT, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9)
-    text = "\n".join(lines(ready))
-    assert "READY" in text
-    assert "trial: not begun, 2:00.0 allowed" in text
-    assert not REVEALING.search(text)
+    words_of = TrialWords(TRIAL, 120.0)
+    words = words_of(replace(SNAPSHOT, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9))
+    for text in (words.live, words.plain):
+        assert "READY" in text
+        assert "trial: not begun, 2:00.0 allowed" in text
+        assert not REVEALING.search(text)
 
 
 def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -> None:
-    lines = TrialLines(120.0)
-    lines(replace(SNAPSHOT, arming="engaged", t_s=10.0))
-    assert lines(replace(SNAPSHOT, arming="ready", t_s=31.5))[1] == "trial: 0:21.5 of 2:00.0"
-    over = lines(replace(SNAPSHOT, arming="engaged", t_s=130.0, reason="stale video"))
-    assert over[1] == "trial: 2:00.0 of 2:00.0: the time is over, end it with q"
-    assert over[2] == "last stop: stale video"
+    words_of = TrialWords(TRIAL, 120.0)
+    words_of(replace(SNAPSHOT, arming="engaged", t_s=10.0))
+    ready = words_of(replace(SNAPSHOT, arming="ready", t_s=31.5))
+    assert ready.live.endswith("trial: 0:21.5 of 2:00.0")
+    late = replace(SNAPSHOT, arming="holding", phase="PRE_RELEASE", t_s=730.0, reason="stale video")
+    over = words_of(late)
+    assert over.live.endswith("of 2:00.0: over, end it with q")
+    assert len(over.live) <= COLUMNS
+    assert over.plain.endswith("last stop: stale video")
+
+
+def test_the_window_of_a_trial_is_told_who_does_it_and_its_time_and_no_more() -> None:
+    words_of = TrialWords(TRIAL, 120.0)
+    ready = replace(SNAPSHOT, arming="ready", t_s=5.0)
+    told = words_of.facts_of(ready)
+    assert (told.participant, told.passed_s, told.limit_s) == (TRIAL.participant, None, 120.0)
+    assert not REVEALING.search(" ".join(trial_texts(told)))
+    words_of.facts_of(replace(SNAPSHOT, arming="engaged", t_s=10.0))
+    assert words_of.facts_of(replace(ready, t_s=31.5)).passed_s == 21.5

@@ -17,6 +17,7 @@ from tams_app.config.streaming import PhasesConfig
 from tams_app.errors import LogError
 from tams_app.recording import read_log
 from tams_app.study.figures import bitrates_figure
+from tams_app.study.pages import page_environment
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import balance_sentence
 from tams_app.study.report import drawing, paper, wording
@@ -89,13 +90,7 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
 
 
 def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = page_environment(Path(__file__).parent)
     filters = (
         wording.name,
         wording.term_name,

@@ -1,0 +1,150 @@
+"""`log`: which sessions there are, what is in one, and a topic as a table."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tams_app.console.options import JsonOption
+from tams_app.errors import LogError
+
+log_app = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Look into the logs of sessions."
+)
+SessionArgument = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
+TopicArgument = Annotated[str, typer.Argument(help="Such as /phase; docs/LOG.md has them all.")]
+
+
+@log_app.command("list")
+def list_sessions(
+    directory: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Where the session folders are.")
+    ] = Path("logs"),
+    as_json: JsonOption = False,
+) -> None:
+    """The sessions in a folder, with what each came to (from its summary.json)."""
+    from rich.console import Console
+    from rich.table import Table
+
+    sessions = list(_sessions(directory))
+    if as_json:
+        typer.echo(json.dumps(sessions))
+        return
+    if not sessions:
+        typer.echo(f"{directory}: there is no session in it")
+        return
+    table = Table(box=None, pad_edge=False)
+    for column in ("session", "s", "strategy", "network", "outcome", "stops"):
+        table.add_column(column, no_wrap=column == "session")
+    for session in sessions:
+        table.add_row(*(_cell(value) for value in session.values()))
+    Console().print(table)
+
+
+@log_app.command()
+def show(
+    session: SessionArgument,
+    topic: Annotated[
+        str, typer.Option(help="Print this topic's messages, a JSON object each.")
+    ] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """The topics of a session's log, how much there is of each and from when to when."""
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from tams_app.console.report import session_log
+    from tams_app.recording.tables import messages_of, topic_counts
+
+    path = session_log(session)
+    if topic:
+        for message in messages_of(path, topic):
+            typer.echo(json.dumps(message))
+        return
+    counts = topic_counts(path)
+    if as_json:
+        typer.echo(json.dumps([asdict(count) for count in counts]))
+        return
+    table = Table(box=None, pad_edge=False)
+    table.add_column("topic")
+    for column in ("messages", "kB", "first s", "last s"):
+        table.add_column(column, justify="right")
+    for count in counts:
+        size_kb, first, last = count.size_bytes / 1000, count.first_s, count.last_s
+        table.add_row(
+            count.topic, str(count.messages), f"{size_kb:.1f}", f"{first:.2f}", f"{last:.2f}"
+        )
+    Console().print(table)
+
+
+@log_app.command("csv")
+def to_csv(
+    session: SessionArgument,
+    topic: TopicArgument,
+    out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
+) -> None:
+    """One topic of a session's log as a table, nested fields as columns."""
+    from tams_app.console.report import session_log
+    from tams_app.recording.tables import columns_of, write_csv
+
+    path = session_log(session)
+    columns = columns_of(path, topic)
+    if out is None:
+        write_csv(path, topic, columns, sys.stdout)
+        return
+    try:
+        with out.open("x", encoding="utf-8", newline="") as file:
+            rows = write_csv(path, topic, columns, file)
+    except FileExistsError as error:
+        raise LogError(f"{out}: is there already: give another file") from error
+    except OSError as error:
+        raise LogError(f"{out}: cannot be written: {error.strerror}") from error
+    typer.echo(f"{out}: {rows} rows")
+
+
+def _sessions(directory: Path) -> Iterator[dict[str, Any]]:
+    """Every folder with a log, by name, which begins with its time."""
+    from tams_app.session.recorders import LOG_NAME
+
+    try:
+        folders = sorted(folder for folder in directory.iterdir() if (folder / LOG_NAME).is_file())
+    except OSError as error:
+        raise LogError(f"{directory}: cannot be read: {error.strerror}") from error
+    for folder in folders:
+        summary = _summary(folder)
+        arm, outcome = summary.get("arm", {}), summary.get("outcome", {})
+        yield {
+            "session": folder.name,
+            "duration_s": summary.get("duration_s"),
+            "strategy": summary.get("strategy"),
+            "network": summary.get("network"),
+            "outcome": _outcome(outcome) if summary else "no summary: run report",
+            "stops": len(arm["stops"]) if "stops" in arm else None,
+        }
+
+
+def _summary(folder: Path) -> dict[str, Any]:
+    try:
+        found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _outcome(outcome: dict[str, Any]) -> str:
+    if outcome.get("success"):
+        return f"placed after {outcome['completion_time_s']:.1f} s"
+    return outcome.get("reason") or "not judged"
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.0f}" if isinstance(value, float) else str(value)

@@ -1,0 +1,1 @@
+"""`replay`: a session's log through the console that showed the session."""

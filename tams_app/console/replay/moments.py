@@ -1,0 +1,135 @@
+"""What the console showed at any moment of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from tams_app.policy.weights import WeightMatrix
+from tams_app.recording import SessionLog
+from tams_app.records import Note, PacketKind
+from tams_app.session.status import WINDOW_NS, StatusSnapshot, ViewStatus, pressed_buttons
+from tams_app.summary.tables import FrameTable, Integers, PacketTable
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+T = TypeVar("T")
+
+
+class Moments:
+    """A log by time; `at` gives the snapshot of a moment, `notes_between` what was said."""
+
+    def __init__(self, log: SessionLog) -> None:
+        self._log = log
+        self._views = log.header.views
+        self._tick_ns = _times([tick.started_ns for tick in log.ticks])
+        self._allocation_ns = _times([one.t_ns for one in log.allocations])
+        self._phase_ns = _times([change.t_ns for change in log.phases])
+        self._capacity_ns = _times([one.t_ns for one in log.capacities])
+        self._rates_ns = _times([one.t_ns for one in log.rates])
+        self._frames = {view: FrameTable.of(log, view) for view in self._views}
+        packets = PacketTable.of(log, sorted(log.packets, key=lambda one: one.entered_ns))
+        self._packets = packets
+        self._weights = WeightMatrix(log.header.weights) if log.header.weights else None
+        self._reasons = _reasons(log)
+        self._reason_ns = _times([t_ns for t_ns, _ in self._reasons])
+
+    def at(self, t_ns: int) -> StatusSnapshot:
+        """As the console had it at `t_ns`."""
+        log = self._log
+        tick = _last(log.ticks, self._tick_ns, t_ns)
+        allocation = _last(log.allocations, self._allocation_ns, t_ns)
+        change = _last(log.phases, self._phase_ns, t_ns)
+        capacity = _last(log.capacities, self._capacity_ns, t_ns)
+        rates = _last(log.rates, self._rates_ns, t_ns)
+        reason = _last(self._reasons, self._reason_ns, t_ns)
+        arm = None if tick is None else tick.arm
+        since, until = np.searchsorted(self._packets.entered_ns, (t_ns - WINDOW_NS, t_ns))
+        recent = slice(int(since), int(until))
+        targets = {} if allocation is None else allocation.target_kbps
+        primary = self._weights and change and self._weights.primary_view(change.phase)
+        x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
+        return StatusSnapshot(
+            t_s=(t_ns - log.header.started_ns) / NS_PER_S,
+            arming="starting" if tick is None else tick.arming,
+            deadman=tick is not None and tick.deadman,
+            pressed=pressed_buttons(None if tick is None else tick.controller),
+            orientation_mode=tick is not None and tick.orientation_mode,
+            phase="" if change is None else change.phase.value,
+            reason="" if reason is None else reason[1],
+            tcp_mm=None if arm is None else (x, y, z),
+            gripper_closed=None if arm is None else arm.gripper_closed,
+            views={
+                view: self._view(place, view, t_ns, recent, targets.get(view))
+                for place, view in enumerate(self._views)
+            },
+            link_kbps=_kbps(self._packets.size_bytes[recent]),
+            capacity_kbps=None if capacity is None else capacity.capacity_kbps,
+            queue_ms=self._queue_ms(recent),
+            asked_fps=log.header.fps if rates is None else rates.asked_fps,
+            primary_view=primary or "",
+            budget_kbps=None if allocation is None else allocation.budget_kbps,
+            estimate_kbps=None if allocation is None else allocation.capacity_kbps,
+            loss=self._loss(recent),
+        )
+
+    def notes_between(self, after_ns: int, until_ns: int) -> list[Note]:
+        """What was said later than `after_ns` and not after `until_ns`."""
+        return [note for note in self._log.notes if after_ns < note.t_ns <= until_ns]
+
+    def _view(
+        self, place: int, view: str, t_ns: int, recent: slice, target_kbps: float | None
+    ) -> ViewStatus:
+        packets, frames = self._packets, self._frames[view]
+        mine = packets.is_video[recent] & (packets.view[recent] == place)
+        shown = np.flatnonzero((frames.shown_ns > 0) & (frames.shown_ns <= t_ns))
+        newest = int(shown[-1]) if len(shown) else None
+        given = np.searchsorted(frames.capture_ns, (t_ns - NS_PER_S, t_ns))
+        return ViewStatus(
+            target_kbps=target_kbps,
+            sent_kbps=_kbps(packets.size_bytes[recent][mine]),
+            shown_age_ms=None
+            if newest is None
+            else (t_ns - int(frames.capture_ns[newest])) / NS_PER_MS,
+            given_fps=float(given[1] - given[0]),
+            latency_ms=None
+            if newest is None
+            else int(frames.shown_ns[newest] - frames.capture_ns[newest]) / NS_PER_MS,
+        )
+
+    def _queue_ms(self, recent: slice) -> float | None:
+        packets = self._packets
+        waits_ns = packets.departed_ns[recent] - packets.entered_ns[recent]
+        waits_ns = waits_ns[packets.departed_ns[recent] > 0]
+        return float(waits_ns[-1]) / NS_PER_MS if len(waits_ns) else None
+
+    def _loss(self, recent: slice) -> float | None:
+        packets = self._packets
+        media = packets.kind[recent] == PacketKind.MEDIA.value
+        return float(1.0 - packets.delivered[recent][media].mean()) if media.any() else None
+
+
+def _reasons(log: SessionLog) -> list[tuple[int, str]]:
+    """When the reason to hold or stop changed, as the live line keeps it: the last one stays."""
+    found: list[tuple[int, str]] = []
+    for tick in log.ticks:
+        holds = tick.reason and tick.arming != ArmingState.DISARMED
+        if holds and (not found or found[-1][1] != tick.reason):
+            found.append((tick.started_ns, tick.reason))
+    return found
+
+
+def _times(values: Sequence[int]) -> Integers:
+    return np.array(values, dtype=np.int64)
+
+
+def _last(records: Sequence[T], times_ns: Integers, t_ns: int) -> T | None:
+    """The last record that is not later than `t_ns`."""
+    number = int(np.searchsorted(times_ns, t_ns, side="right"))
+    return records[number - 1] if number else None
+
+
+def _kbps(sizes_bytes: Integers) -> float:
+    return float(sizes_bytes.sum()) * 8 / 1000 / (WINDOW_NS / NS_PER_S)

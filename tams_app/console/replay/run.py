@@ -1,0 +1,58 @@
+"""`replay`: from a session's folder to the console."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from pydantic import ValidationError
+from rich.console import Console
+
+from tams_app.config import Config
+from tams_app.console.app import show_session
+from tams_app.console.display import has_display
+from tams_app.console.replay.session import ReplaySession
+from tams_app.console.report import session_log
+from tams_app.errors import ConfigError, SignalledError, TamsError, UnreadableLogError
+from tams_app.recording import SessionLog, read_log
+from tams_app.recording.pictures import PictureFinder
+from tams_app.runtime.clock import MonotonicClock
+
+FASTEST = 100.0
+
+
+def run_replay(given: Path, speed: float, headless: bool) -> int:
+    """Show the log of a session, or of the folder that has it, until it is ended; the exit code."""
+    if not 0.01 <= speed <= FASTEST:
+        raise ConfigError(f"--speed: {speed:g} is not between 0.01 and {FASTEST:g}")
+    path = session_log(given)
+    log = read_log(path)
+    signals: list[str] = []
+    with tempfile.TemporaryDirectory(prefix="tams-replay-") as folder:
+        session = ReplaySession(
+            log,
+            PictureFinder(path),
+            _config_of(log, path, headless or not has_display()),
+            Path(folder),
+            speed,
+            MonotonicClock().now_ns,
+        )
+        show_session(session, Console(), interrupted=signals.append, replay_keys=session.on_keys)
+    if session.failure:
+        raise TamsError(session.failure)
+    if signals:
+        raise SignalledError(signals[0])
+    return 0
+
+
+def _config_of(log: SessionLog, path: Path, headless: bool) -> Config:
+    """The configuration of the session, as the log has it."""
+    try:
+        config = Config.model_validate(log.header.config)
+    except ValidationError as error:
+        raise UnreadableLogError(
+            f"{path}: its configuration is of another version of TAMS; use that to replay it"
+        ) from error
+    controller = config.controller.model_copy(update={"device": "auto"})
+    rig = config.rig.model_copy(update={"enabled": True})  # so that nothing is said of an arm
+    return config.model_copy(update={"controller": controller, "rig": rig, "headless": headless})

@@ -1,0 +1,179 @@
+"""A replay shows what the log says of the moment where it is."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tams_app.cli import _main
+from tams_app.config import load_config
+from tams_app.console.replay.moments import Moments
+from tams_app.console.replay.session import ReplaySession
+from tams_app.console.window.messages import Keys
+from tams_app.recording import read_log
+from tams_app.recording.pictures import PictureFinder
+from tams_app.recording.writer import DirectRecorder
+from tams_app.records import Note, Phase, PhaseChange, ShownFrame
+from tams_app.runtime.clock import VirtualClock
+from tams_app.session.viewing import viewers_of
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.synthetic_session import START_NS, VIEWS, Synthetic, header, tick
+
+pytestmark = pytest.mark.untimed
+
+GREYS = (40, 90, 140, 190)  # of the pictures of each second
+
+
+def second(t_s: float) -> int:
+    return START_NS + round(t_s * NS_PER_S)
+
+
+@pytest.fixture
+def log_path(tmp_path: Path) -> Path:
+    """Four seconds of ticks, phases, notes and pictures, each second its own."""
+    config = load_config()
+    clock = VirtualClock(START_NS)
+    made = header(config=config.model_dump(mode="json"))
+    viewers = viewers_of(config, live=False)
+    path = tmp_path / "session.mcap"
+    phases = (Phase.REACH, Phase.ALIGN, Phase.GRASP, Phase.TRANSPORT)
+    with closing(DirectRecorder(path, made, clock, 0, True, viewers)) as log:
+        for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
+            log.record(PhaseChange(second(number), phase, "a rule"))
+            log.record(Note(second(number + 0.5), "info", f"note {number}"))
+            for view in VIEWS:
+                image = np.full((48, 64, 3), grey, np.uint8)
+                shown_ns = second(number + 0.2)
+                log.record(ShownFrame(view, 30 * number, shown_ns, image, second(number + 0.1)))
+            for at in range(120 * number, 120 * (number + 1)):
+                arming = "holding" if number == 2 else "engaged"
+                reason = "stale video" if number == 2 else ""
+                log.record(replace(tick(at), arming=arming, reason=reason))
+            clock.advance_ns(NS_PER_S)
+    return path
+
+
+class Replayed:
+    """A replay in virtual time, and what it has put on the screen."""
+
+    def __init__(self, path: Path, tmp_path: Path, speed: float = 1.0) -> None:
+        self.now_ns = 0
+        self.put: dict[str, float] = {}
+        log = read_log(path)
+        self.session = ReplaySession(
+            log, PictureFinder(path), load_config(), tmp_path, speed, lambda: self.now_ns
+        )
+        self.session.screen.put = (  # type: ignore[method-assign]
+            lambda view, _index, _t_ns, image: self.put.update({view: float(image.mean())})
+        )
+
+    def passes(self, seconds: float) -> None:
+        for _ in range(round(seconds * 20)):
+            self.now_ns += 50 * NS_PER_MS
+            self.session.poll()
+
+    def press(self, *keys: str) -> None:
+        for held in (keys, ()):
+            self.session.on_keys(Keys(self.now_ns, True, held))
+
+
+def test_snapshot_notes_and_pictures_are_those_of_the_moment(
+    log_path: Path, tmp_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    expected = (("engaged", "REACH"), ("engaged", "ALIGN"), ("holding", "GRASP"))
+    for number, (arming, phase) in enumerate(expected):
+        replayed.passes(0.9 if number == 0 else 1.0)
+        snapshot = replayed.session.snapshot()
+        assert (snapshot.arming, snapshot.phase) == (arming, phase)
+        assert snapshot.t_s == pytest.approx(0.9 + number, abs=0.06)
+        assert set(replayed.put) == set(VIEWS)
+        assert all(abs(grey - GREYS[number]) < 3 for grey in replayed.put.values())
+        notes = replayed.session.board.take_notes()
+        assert [note for note in notes if note.startswith("note")] == [f"note {number}"]
+    assert replayed.session.snapshot().reason == "stale video"
+
+
+def test_arrow_keys_go_back_and_the_pictures_with_them(log_path: Path, tmp_path: Path) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    replayed.passes(3.5)
+    replayed.press("Home")
+    replayed.passes(0.5)
+    assert all(abs(grey - GREYS[0]) < 3 for grey in replayed.put.values())
+    assert replayed.session.snapshot().reason == ""
+    replayed.press("End")
+    replayed.passes(0.05)
+    assert replayed.session.playback.at_end
+    assert not replayed.session.ended.is_set()
+
+
+def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> None:
+    replayed = Replayed(log_path, tmp_path, speed=2.0)
+    replayed.passes(0.5)
+    assert replayed.session.elapsed_s() == pytest.approx(1.0)
+    replayed.session.signals.confirm()
+    replayed.passes(5.0)
+    assert replayed.session.elapsed_s() == pytest.approx(1.0)
+    replayed.press("Up")
+    replayed.session.signals.confirm()
+    replayed.passes(0.25)
+    assert replayed.session.elapsed_s() == pytest.approx(2.0)
+    told = [note for note in replayed.session.board.take_notes() if note.startswith("replay")]
+    assert [one.partition(" (")[0] for one in told] == [
+        "replay: goes on, 2 times the speed",
+        "replay: paused, 2 times the speed",
+        "replay: goes on, 4 times the speed",
+    ]
+
+
+def test_a_key_that_is_held_acts_once(log_path: Path, tmp_path: Path) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    for _ in range(20):
+        replayed.session.on_keys(Keys(0, True, ("Up",)))
+    assert replayed.session.playback.speed == 2.0
+
+
+def test_rates_ages_and_frames_are_those_that_the_log_has() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    early, late = (Moments(log).at(second(t_s)) for t_s in (2.5, 5.5))
+    view = log.header.views[0]
+    assert early.views[view].target_kbps == 1000
+    assert late.views[view].target_kbps == 3000
+    assert early.views[view].sent_kbps == pytest.approx(1000, rel=0.1)
+    assert late.views[view].sent_kbps == pytest.approx(3000, rel=0.1)
+    assert early.views[view].given_fps == pytest.approx(30, abs=1)
+    assert early.link_kbps == pytest.approx(
+        sum(one.sent_kbps or 0.0 for one in early.views.values()), rel=0.05
+    )
+    assert early.views[view].latency_ms is not None
+    assert early.views[view].shown_age_ms is not None
+    assert early.views[view].shown_age_ms >= early.views[view].latency_ms
+
+
+def test_before_the_first_record_nothing_is_known() -> None:
+    snapshot = Moments(Synthetic(1.0).log()).at(START_NS - NS_PER_S)
+    assert (snapshot.arming, snapshot.tcp_mm, snapshot.reason) == ("starting", None, "")
+    assert snapshot.loss is None
+    assert all(view.target_kbps is None for view in snapshot.views.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("{folder}/nowhere",), "there is no such folder"),
+        (("{folder}", "--speed", "0"), "--speed: 0 is not between"),
+        (("{folder}", "--speed", "nan"), "--speed: nan is not between"),
+    ],
+)
+def test_what_cannot_be_replayed_is_one_sentence(
+    log_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], sentence: str
+) -> None:
+    given = [one.format(folder=log_path.parent) for one in arguments]
+    assert _main(["replay", *given, "--headless"]) == 2
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert len(error.splitlines()) == 1

@@ -1,0 +1,126 @@
+"""`log list`, `log show` and `log csv` over logs as sessions leave them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tams_app.cli import _main
+from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.tables import flat
+from tams_app.records import Note
+from tests.synthetic_session import START_NS, header, tick
+
+pytestmark = pytest.mark.untimed
+
+TICKS = 120
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    """A session that was reported, one that was not, and things that are no sessions."""
+    for name in ("20260101-100000-run", "20260101-110000-run"):
+        folder = tmp_path / name
+        folder.mkdir()
+        log = McapLog(folder / "session.mcap", header())
+        for number in range(TICKS):
+            log.write(tick(number), 0)
+        log.write(Note(START_NS + 5, "info", "ready, by hand"), 0)
+        log.close()
+    assert _main(["report", str(tmp_path / "20260101-100000-run"), "--json"]) == 0
+    (tmp_path / "notes.txt").write_text("none", encoding="utf-8")
+    (tmp_path / "empty").mkdir()
+    return tmp_path
+
+
+@pytest.fixture
+def out(logs: Path, capsys: pytest.CaptureFixture[str]):
+    """What a command prints, and its exit code."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        code = _main(["log", *arguments])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return run
+
+
+def test_every_session_is_listed_with_what_it_came_to(logs: Path, out) -> None:
+    code, text, _ = out("list", str(logs), "--json")
+    assert code == 0
+    first, second = json.loads(text)
+    assert first["session"] == "20260101-100000-run"
+    assert first["strategy"] == header().strategy
+    assert first["duration_s"] > 0
+    assert (second["strategy"], second["outcome"]) == (None, "no summary: run report")
+    _, table, _ = out("list", str(logs))
+    assert "20260101-110000-run" in table
+    assert "notes.txt" not in table
+
+
+def test_topics_are_told_with_their_number_and_times(logs: Path, out) -> None:
+    _, text, _ = out("show", str(logs / "20260101-100000-run"), "--json")
+    found = {one["topic"]: one for one in json.loads(text)}
+    assert found["/tick"]["messages"] == TICKS
+    assert found["/tick"]["first_s"] < found["/tick"]["last_s"] < 10
+    assert found["/note"]["messages"] == 1
+    _, table, _ = out("show", str(logs / "20260101-100000-run"))
+    assert [line.split()[1] for line in table.splitlines() if "/tick" in line] == [str(TICKS)]
+
+
+def test_the_messages_of_a_topic_are_json_lines(logs: Path, out) -> None:
+    _, text, _ = out("show", str(logs / "20260101-100000-run"), "--topic", "/note")
+    (note,) = map(json.loads, text.splitlines())
+    assert (note["text"], note["level"]) == ("ready, by hand", "info")
+    assert note["log_t_s"] >= 0
+
+
+def test_a_topic_becomes_a_table_with_nested_fields_as_columns(logs: Path, out) -> None:
+    _, text, _ = out("csv", str(logs / "20260101-100000-run"), "/tick")
+    rows = list(csv.DictReader(text.splitlines()))
+    assert len(rows) == TICKS
+    assert float(rows[7]["controller.pose.position.0"]) == pytest.approx(
+        tick(7).controller.pose.position[0]  # type: ignore[union-attr]
+    )
+    assert rows[0]["phase"] == tick(0).phase.value
+
+
+def test_a_table_is_written_where_told_and_never_over_a_file(logs: Path, out) -> None:
+    target = logs / "notes.csv"
+    session = str(logs / "20260101-100000-run")
+    code, text, _ = out("csv", session, "/note", "--out", str(target))
+    assert (code, text.strip()) == (0, f"{target}: 1 rows")
+    before = target.read_text(encoding="utf-8")
+    code, _, error = out("csv", session, "/tick", "--out", str(target))
+    assert code == 1
+    assert "is there already" in error
+    assert target.read_text(encoding="utf-8") == before
+    missing = logs / "missing.csv"
+    assert out("csv", session, "/nothing", "--out", str(missing))[0] == 2
+    assert not missing.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("show", "{logs}/empty"), "holds no session.mcap"),
+        (("show", "{logs}/nowhere"), "there is no such folder"),
+        (("list", "{logs}/nowhere"), "cannot be read"),
+        (("csv", "{logs}/20260101-100000-run", "/nothing"), "has no message of /nothing; it has"),
+        (("show", "{logs}/20260101-100000-run", "--topic", "tick"), "has no message of tick"),
+    ],
+)
+def test_what_is_not_there_is_one_sentence(logs: Path, out, arguments, sentence: str) -> None:
+    code, _, error = out(*(argument.format(logs=logs) for argument in arguments))
+    assert code in (1, 2)
+    assert sentence in error
+    assert len(error.splitlines()) == 1
+
+
+def test_flat_keeps_every_value_under_its_path() -> None:
+    nested = {"a": {"b": [1, None, {"c": "x"}]}, "d": True}
+    assert flat(nested) == {"a.b.0": 1, "a.b.1": "", "a.b.2.c": "x", "d": True}

@@ -1,0 +1,169 @@
+"""report.html: what it shows is what the log says, and it needs no other file."""
+
+from __future__ import annotations
+
+import base64
+import re
+from contextlib import closing
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tams_app.config import load_config
+from tams_app.console.report import write_summary
+from tams_app.recording import SessionLog, read_log
+from tams_app.recording.pictures import read_pictures
+from tams_app.recording.writer import DirectRecorder
+from tams_app.records import Note, Phase, PhaseChange, ShownFrame, StopRecord
+from tams_app.runtime.clock import VirtualClock
+from tams_app.session.viewing import viewers_of
+from tams_app.study.session_page import PAGE_NAME, stills_of
+from tams_app.study.timeline import held_stretches, phase_stretches, timeline_figure
+from tams_app.teleop.reasons import Reason
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.synthetic_session import START_NS, VIEWS, Synthetic, header, tick
+
+pytestmark = pytest.mark.untimed
+
+GREYS = (40, 120, 200)  # of the pictures of each phase
+
+
+def second(t_s: float) -> int:
+    return START_NS + round(t_s * NS_PER_S)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Three seconds in three phases, with two stops, a note, and pictures in a grey of each."""
+    path = tmp_path / "20260101-100000-run"
+    path.mkdir()
+    clock = VirtualClock(START_NS)
+    phases = (Phase.REACH, Phase.ALIGN, Phase.PRE_RELEASE)
+    viewers = viewers_of(load_config(), live=False)
+    log = DirectRecorder(path / "session.mcap", header(), clock, 0, True, viewers)
+    with closing(log):
+        for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
+            log.record(PhaseChange(second(number), phase, "a rule"))
+            for view in VIEWS:
+                image = np.full((48, 64, 3), grey, np.uint8)
+                shown_ns, capture_ns = second(number + 0.2), second(number + 0.1)
+                log.record(ShownFrame(view, 30 * number, shown_ns, image, capture_ns))
+            for at in range(120 * number, 120 * (number + 1)):
+                log.record(tick(at))
+            clock.advance_ns(NS_PER_S)
+        log.record(StopRecord("stale video", second(1.5), second(1.5) + 80 * NS_PER_MS))
+        log.record(StopRecord("arm error: C31 (<collision>)", second(2.5), None))
+        log.record(Note(second(1.5), "warning", "hold, stale video."))
+    return path
+
+
+@pytest.fixture
+def page(folder: Path) -> str:
+    write_summary(folder)
+    return (folder / PAGE_NAME).read_text(encoding="utf-8")
+
+
+class Sources(HTMLParser):
+    """Everything that a page would load."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name in ("src", "href", "xlink:href", "data", "srcset") and value:
+                self.found.append(value)
+
+
+def test_the_page_needs_no_other_file(page: str) -> None:
+    sources = Sources(page).found
+    assert sources
+    assert [one for one in sources if not one.startswith(("data:image/", "#"))] == []
+    assert "@import" not in page
+    assert re.findall(r"url\((?!#)", page) == []
+    assert "<script" not in page
+
+
+def test_each_stop_is_told_with_its_time_and_what_to_do(page: str) -> None:
+    text = unescape(page)
+    assert Reason.STALE_VIDEO.sentence in text
+    assert Reason.ARM_ERROR.sentence in text
+    assert "arm error: C31 (&lt;collision&gt;)" in page
+    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in page.split("<tr>")]
+    (stale,) = (row for row in rows if row[2:4] == ["stale", "video"])
+    assert stale[:2] == ["1", "1.50"]
+    assert stale[4] == "80"
+
+
+def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> None:
+    for name in ("Reach", "Align", "Pre-Release"):
+        assert f"<strong>{name}</strong>" in page
+    stills = stills_of(read_log(folder / "session.mcap"), folder / "session.mcap")
+    for still, grey in zip(stills, GREYS, strict=True):
+        assert list(still.pictures) == list(VIEWS)
+        for source in still.pictures.values():
+            data = np.frombuffer(base64.b64decode(source.partition(",")[2]), np.uint8)
+            assert abs(float(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE).mean()) - grey) < 3
+    assert page.count('class="primary"') == 3
+
+
+def test_notes_are_told_with_their_levels(page: str) -> None:
+    assert '<td class="warning">hold, stale video.</td>' in page
+
+
+def test_a_log_without_pictures_says_so(folder: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    clock = VirtualClock(START_NS)
+    with closing(DirectRecorder(bare / "session.mcap", header(), clock, 0)) as log:
+        log.record(PhaseChange(START_NS, Phase.REACH, "a rule"))
+        log.record(tick(0))
+    write_summary(bare)
+    assert "has no pictures as they were shown" in (bare / PAGE_NAME).read_text(encoding="utf-8")
+    assert list(read_pictures(bare / "session.mcap")) == []
+    assert len(list(read_pictures(folder / "session.mcap"))) == 9
+
+
+def with_arming(*states: ArmingState) -> SessionLog:
+    """A log whose ticks are a second each in these states."""
+    ticks = [replace(tick(120 * number), arming=state) for number, state in enumerate(states)]
+    log = Synthetic(1.0).log()
+    return replace(log, ticks=ticks, ended_ns=second(len(states)))
+
+
+def test_holds_and_faults_are_stretches_until_they_end() -> None:
+    ready, hold, fault = ArmingState.READY, ArmingState.HOLDING, ArmingState.FAULT
+    log = with_arming(ready, hold, hold, fault, ready, fault)
+    found = [(one.name, round(one.start_s), round(one.end_s)) for one in held_stretches(log)]
+    assert found == [("hold", 1, 3), ("fault", 3, 4), ("fault", 5, 6)]
+    assert held_stretches(with_arming()) == []
+
+
+def test_phases_follow_each_other_to_the_end() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    phases = phase_stretches(log)
+    assert [one.name for one in phases] == ["Reach", "Align"]
+    assert phases[0].end_s == phases[1].start_s == pytest.approx(3.0)
+
+
+def test_all_views_have_one_scale_and_every_phase_its_name_in_the_figure() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    figure = timeline_figure(log)
+    band, *rates = figure.axes[:4]
+    assert [text.get_text() for text in band.texts] == ["Reach", "Align"]
+    assert len({axis.get_ylim() for axis in rates}) == 1
+    most = max(float(np.max(line.get_ydata())) for axis in rates for line in axis.lines)
+    assert rates[0].get_ylim()[1] >= most
+
+
+def test_a_session_without_video_has_a_figure_too() -> None:
+    log = replace(Synthetic(1.0).log(), captured=[], shown=[], packets=[], quality=[], phases=[])
+    assert len(timeline_figure(log).axes) == 7
