@@ -9,7 +9,9 @@ passage: `open`; `cut`, which loses everything; `hold`, which keeps it: what was
 once, in one burst, when it ends.
 
 Beside that the operator's side may change its address (`moves`), and everything that it has ever
-sent may be sent again from elsewhere (`replays`); both count how often.
+sent may be sent again from elsewhere (`replays`); both count how often. `hostile_hz`: so many
+datagrams a second that neither side has made reach each of them, from its peer's address or, for
+the robot's side, from elsewhere too.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from typing import Any, Literal
 from tams_app.runtime.process import HelperProcess, HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.link.rig import hostile
 
 Passage = Literal["open", "cut", "hold"]
 HOST = "127.0.0.1"
@@ -120,7 +123,13 @@ class Relay:
         self._ways = (there, back)
         self._caller: tuple[str, int] | None = None
         self._kept: list[bytes] = []
+        self._kept_back: list[bytes] = []
         self._moves = self._replays = 0
+        self._hostile_hz = 0
+        self._hostile_since_ns = self._hostile_now = 0  # since it began at this rate
+        self.hostile = 0  # so many have reached each side
+        self._draw = random.Random(0)
+        self._elsewhere = _udp("")
         self._entrance = _udp(HOST)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._entrance, selectors.EVENT_READ)
@@ -143,9 +152,11 @@ class Relay:
             self._exit = self._new_exit()
         if told["replays"] > self._replays:
             self._replays = told["replays"]
-            with _udp("") as elsewhere:
-                for datagram in self._kept:
-                    _send(elsewhere, datagram, self._robot)
+            for datagram in self._kept:
+                _send(self._elsewhere, datagram, self._robot)
+        if told["hostile_hz"] != self._hostile_hz:
+            self._hostile_hz = told["hostile_hz"]
+            self._hostile_since_ns, self._hostile_now = now_ns, 0
 
     def step(self) -> None:
         """Pass on what came and what is due."""
@@ -161,12 +172,26 @@ class Relay:
         for datagram in back.due(now_ns):
             if self._caller is not None:
                 _send(self._entrance, datagram, self._caller)
+        self._attack(now_ns)
+
+    def _attack(self, now_ns: int) -> None:
+        due = (now_ns - self._hostile_since_ns) * self._hostile_hz // NS_PER_S - self._hostile_now
+        if due <= 0 or self._caller is None or not self._kept or not self._kept_back:
+            return
+        self._hostile_now += due
+        for _ in range(due):
+            self.hostile += 1
+            source = self._exit if self.hostile % 2 else self._elsewhere
+            _send(source, hostile(self.hostile, self._kept, self._draw), self._robot)
+            datagram = hostile(self.hostile, self._kept_back, self._draw)
+            _send(self._entrance, datagram, self._caller)
 
     def close(self) -> None:
         """Close the sockets."""
         self._selector.close()
         self._entrance.close()
         self._exit.close()
+        self._elsewhere.close()
 
     def _read(self, source: Any) -> None:
         there, back = self._ways
@@ -184,6 +209,8 @@ class Relay:
                     self._kept.append(datagram)
                 there.offer(now_ns, datagram)
             else:
+                if len(self._kept_back) < _KEPT:
+                    self._kept_back.append(datagram)
                 back.offer(now_ns, datagram)
 
     def _new_exit(self) -> socket.socket:
@@ -201,8 +228,10 @@ class ImpairedLink:
     back: Conditions = field(default_factory=Conditions)
     seed: int = 0
     port: int = 0
+    hostile: int = 0  # so many had reached each side when it was told something last
     _moves: int = 0
     _replays: int = 0
+    _hostile_hz: int = 0
 
     def __enter__(self) -> ImpairedLink:
         self._process = HelperProcess("impaired", __name__, self.specification(), None)
@@ -233,14 +262,22 @@ class ImpairedLink:
         self._replays += 1
         return self.tell()
 
+    def attack(self, hostile_hz: int) -> int:
+        """So many hostile datagrams a second reach each side; when it was in force [ns]."""
+        self._hostile_hz = hostile_hz
+        return self.tell()
+
     def tell(self) -> int:
         """Tell the process how `there` and `back` are now; when it was in force [ns]."""
         self._process.tell(**self._state())
-        return int(self._process.wait_ready()["t_ns"])
+        ready = self._process.wait_ready()
+        self.hostile = int(ready["hostile"])
+        return int(ready["t_ns"])
 
     def _state(self) -> dict[str, Any]:
         ways = {"there": asdict(self.there), "back": asdict(self.back)}
-        return {**ways, "moves": self._moves, "replays": self._replays}
+        counts = {"moves": self._moves, "replays": self._replays}
+        return {**ways, **counts, "hostile_hz": self._hostile_hz}
 
 
 def _udp(host: str) -> socket.socket:
@@ -274,7 +311,7 @@ def main() -> None:
         if side.told is not told:
             told = side.told
             relay.follow(told)
-            side.ready(t_ns=time.monotonic_ns())
+            side.ready(t_ns=time.monotonic_ns(), hostile=relay.hostile)
         relay.step()
     relay.close()
 

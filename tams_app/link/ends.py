@@ -7,7 +7,8 @@ nothing but a counter.
 `RobotEnd` waits to be called. A caller becomes the operator with the first message under the keys
 of its own call, so that a recorded call, sent again, is answered and nothing more. There is one
 operator at a time: while one is heard, or was a moment ago, others are told that it is busy.
-`OperatorEnd` calls until it is answered, and calls again when nothing is heard any more.
+`OperatorEnd` calls until it is answered, and calls again when nothing is heard any more, or when it
+hears the robot's side again after a long time.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ BUSY, WELCOME = b"\1", b"\0"  # the first byte of an answer's content
 
 LET_GO_NS = 3 * NS_PER_S  # an operator who is not heard for so long has let go
 REDIAL_NS = 2 * NS_PER_S  # not heard for so long: call again
+# Not heard for so long: what is heard then begins a session anew. SRTP's packet index is lost after
+# 32,768 packets that did not arrive (RFC 3711, 3.3.1); a view sends at most some 1,000 a second.
+_OUTLIVED_NS = 30 * NS_PER_S
 _RING_NS = 250 * NS_PER_MS  # between two calls
 _ATTEMPT_NS = 5 * NS_PER_S  # a call that is not answered is begun anew, with other keys
 # A flood must not take the time of the operator who is there: a call is looked at in .1 ms.
@@ -260,11 +264,21 @@ class OperatorEnd(_End):
             self.refused = not self.connected
             return Heard()
         if kind == MESSAGE or kind in _MEDIA:
+            silent_ns = self.silent_ns(now_ns)
             heard = self._take(datagram, address, now_ns)
-            if heard.message is not None or heard.media is not None:
-                self.busy = False  # said while it heard us, and we did not hear it
+            if heard.message is None and heard.media is None:
+                return heard
+            self.busy = False  # said while it heard us, and we did not hear it
+            if silent_ns is not None and silent_ns >= _OUTLIVED_NS:
+                heard = self._hang_up()
             return heard
         return self._refuse(Heard(), "of no known kind")
+
+    def _hang_up(self) -> Heard:
+        """Tell the other side, which is then free for the next call."""
+        goodbye = self.message(GOODBYE)
+        self._peer = self._dialer = None
+        return Heard(replies=[] if goodbye is None else [goodbye])
 
     def _answered(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
         heard = Heard()

@@ -11,6 +11,7 @@ from typing import TypeVar
 import msgspec
 
 from tams_app.errors import TamsError
+from tams_app.vectors import Floats3
 
 HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
@@ -34,6 +35,7 @@ class Welcome(msgspec.Struct, frozen=True):
     session: the same for as long as its senders run.
     video: its `VideoConfig`, which receivers must follow.
     repair: its `RepairRule`, as a mapping of its fields.
+    hand_rotation: its `HandConfig.rotation`: a device on a desk moves the hand in the arm's frame.
     """
 
     protocol: int
@@ -47,6 +49,7 @@ class Welcome(msgspec.Struct, frozen=True):
     simulated: bool
     video: dict[str, object]
     repair: dict[str, object]
+    hand_rotation: tuple[Floats3, Floats3, Floats3]
 
 
 class HandMessage(msgspec.Struct, frozen=True, array_like=True):

@@ -168,6 +168,7 @@ class ControlLoop:
             controller=sample,
             arm=arm,
             link=link,
+            pose=output.pose,
         )
         for listener in self._listeners:
             listener.on_tick(tick)

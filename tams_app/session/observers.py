@@ -14,6 +14,7 @@ from tams_app.session.control import Signals, describe
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.study.trial import TrialJudge
+from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
@@ -58,15 +59,13 @@ class ArmingObserver(Listener):
         if output.reason is None:
             self._note("info", output.arming.value)
         else:
-            self._note("warning", f"{output.arming.value}, {_advice(output, output.reason)}")
+            self._note("warning", f"{output.arming.value}, {_advice(output)}")
 
 
-def _advice(output: TeleopOutput, reason: Reason) -> str:
-    """What happened and what to do. A detail that is a sentence says both by itself."""
+def _advice(output: TeleopOutput) -> str:
+    """What happened and what to do."""
     told = describe(output)
-    if not output.detail.endswith("."):
-        return f"{told}. {reason.sentence}"
-    return told if "confirm" in told else f"{told} Release the trigger, then confirm."
+    return f"{told}{'' if told.endswith('.') else '.'} {what_to_do(told)}".strip()
 
 
 class StopWatch(Listener):

@@ -30,6 +30,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
+from tams_app.session.viewing import invite_viewers, viewers_of
 
 LOG_NAME = "session.mcap"
 REFERENCE_NAME = "reference.mcap"
@@ -148,9 +149,12 @@ class Recorders(SessionRecords):
         wall_offset_ns = time.time_ns() - started_ns
         header = session_header(config, started_ns, wall_offset_ns)
         free_mb, bitstream = config.recording.min_free_mb, config.recording.bitstream
+        viewers = viewers_of(config)
         reference: ReferenceRecorder | None = None
         with ExitStack() as stack:
-            log = Recorder(folder / LOG_NAME, header, clock, free_mb, on_failure, bitstream)
+            log = Recorder(
+                folder / LOG_NAME, header, clock, free_mb, on_failure, bitstream, viewers
+            )
             stack.callback(log.close)
             if config.recording.record_reference:
                 reference = ReferenceRecorder(
@@ -161,6 +165,7 @@ class Recorders(SessionRecords):
             log.start()
             self._stack = stack.pop_all()
         super().__init__(clock, log, reference, show)
+        invite_viewers(config, self.note)
 
     def close(self) -> None:
         """Write what is queued and finish the files."""

@@ -42,7 +42,8 @@ class SimulatedRig(Devices):
         """`screen`: where the frames shown are put, for an operator who looks at them.
 
         `operator_confirms`: the simulated operator arms the arm by the menu button.
-        `operator_is_here`: else there is neither an operator nor a controller.
+        `operator_is_here`: else there is neither an operator nor a controller. Whether they are
+        simulated is `Config.operator_is_simulated`.
         """
         super().__init__(config, clock)
         kind = arm_kind(config.arm.model)
@@ -76,7 +77,7 @@ class SimulatedRig(Devices):
         }
         self._operator: RigOperator | None = None
         self._operator_is_here = operator_is_here
-        if operator_is_here and config.rig.hand_trajectory is None:
+        if operator_is_here and config.operator_is_simulated and not config.rig.hand_trajectory:
             self._operator = RigOperator(
                 config,
                 clock,
@@ -105,6 +106,9 @@ class SimulatedRig(Devices):
             self._tell(self._operator.choice.kind, self._operator.choice.sentence)
         elif not self._operator_is_here:
             self._tell("elsewhere", "the operator is at another computer")
+        elif not self._config.operator_is_simulated:
+            device = self._config.controller.device
+            self._tell("person", f"a person drives the rig: {device}")
         else:
             self._tell("recorded", "the operator is a recorded hand, which sees nothing")
 
@@ -120,8 +124,10 @@ class SimulatedRig(Devices):
         )
 
     def make_controller(self, note: Note) -> Controller:
-        """The controller in the simulated operator's hand, or in a recorded one."""
+        """The controller in the hand of the simulated operator, a recorded one, or a person."""
         trajectory = self._config.rig.hand_trajectory
+        if not self._config.operator_is_simulated:
+            return super().make_controller(note)
         if self._operator is None:
             assert trajectory is not None, "then there is an operator"
             return recorded_hand(Path(trajectory))

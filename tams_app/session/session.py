@@ -14,10 +14,12 @@ import cv2
 from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.controller import Controller
+from hw.desk.keyboard import KeyboardController
+from hw.make_controller import keyboard_of
 from tams_app.config import Config, Network
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, PacketRecord, ServoMode, ShownFrame
+from tams_app.records import Activity, PacketRecord, ServoMode
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperProcess
@@ -74,6 +76,7 @@ class Session(Ending):
         self._helpers: dict[str, HelperProcess] = {}
         self._weights = WeightMatrix(config.policy.weights.matrix)
         self._arm: Arm | None = None
+        self.keyboard: KeyboardController | None = None  # which the console's window has to feed
         self._gate: ArmGate | None = None
         self._control: Worker | None = None
         self.board = StatusBoard(config.video.views)
@@ -96,7 +99,7 @@ class Session(Ending):
             use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
             self._stack.callback(use_ordinary)
         helper_logs = self.folder / "helpers"
-        helper_logs.mkdir()
+        helper_logs.mkdir(exist_ok=True)  # the window is there before
         failed = self._on_worker_failure
         self._log = Recorders(config, clock, self.folder, failed, self._show_note)
         self._stack.callback(self._log.close)
@@ -104,8 +107,8 @@ class Session(Ending):
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         ladder = build.rate_ladder(config)
         video = config.video
-        self._screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
-        self._stack.callback(self._screen.close)
+        self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        self._stack.callback(self.screen.close)
         self._devices = self._make_devices(helper_logs)
         self._stack.callback(self._devices.close)
         self._devices.start()
@@ -124,7 +127,7 @@ class Session(Ending):
         cameras = self._stack.enter_context(ExitStack())  # closed after arm and controller
         self._go_on()
         self._devices.wait_ready()
-        self._screen.hide()  # all who read it have it open
+        self.screen.hide()  # all who read it have it open
         self._helpers.update(self._devices.helpers)
         self._go_on()
         connected = self._connect_devices(helper_logs)
@@ -155,7 +158,7 @@ class Session(Ending):
 
     def _start_video(self, helper_logs: Path) -> None:
         config, log = self.config, self._log
-        self._quality = LiveQuality(config.video, self._screen, helper_logs, log.record, self.note)
+        self._quality = LiveQuality(config.video, self.screen, helper_logs, log.record, self.note)
         self._stack.callback(self._quality.close)
         self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
         codecs = choose_codecs(config.video, config.policy.budget.mode == "oracle")
@@ -174,7 +177,7 @@ class Session(Ending):
             self._clock,
             helper_logs,
             self._log,
-            self._screen,
+            self.screen,
             self._on_worker_failure,
             self._arm_at_once,
             self.operator_is_here,
@@ -220,6 +223,7 @@ class Session(Ending):
         guard.wait_ready()
         self._helpers["guard"] = guard.process
         controller = self._make_controller()
+        self.keyboard = keyboard_of(controller)
         self._stack.callback(controller.close)
         controller.start()
         self._hurry(controller.realtime_thread_ids)
@@ -290,10 +294,6 @@ class Session(Ending):
         """Keep a sentence in the log and show it."""
         self._log.note(level, text)
 
-    def shown(self, view: str) -> ShownFrame | None:
-        """The newest frame of `view`, for a window."""
-        return self._video.shown(view)
-
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
         now_ns, video = self._clock.now_ns(), self._video
@@ -301,8 +301,20 @@ class Session(Ending):
         snapshot = self.board.snapshot(now_ns, self.elapsed_s(), video, video.capacity, given_fps)
         primary = self._weights.primary_view(self.board.phase)
         live_ssim = self._quality.recent_live(primary, now_ns)
-        asked_fps = self.config.video.fps
-        return replace(snapshot, primary_view=primary, live_ssim=live_ssim, asked_fps=asked_fps)
+        return replace(
+            snapshot,
+            primary_view=primary,
+            live_ssim=live_ssim,
+            asked_fps=self.config.video.fps,
+            views={
+                view: replace(status, latency_ms=self._latency_ms(view))
+                for view, status in snapshot.views.items()
+            },
+        )
+
+    def _latency_ms(self, view: str) -> float | None:
+        shown = self._video.shown(view)
+        return None if shown is None else (shown.shown_ns - shown.capture_ns) / NS_PER_MS
 
     def stop_arm(self) -> None:
         """Stop the arm: the first thing when a session ends; may be called twice.

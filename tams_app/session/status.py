@@ -12,6 +12,7 @@ from tams_app.records import (
     Allocation,
     ArmState,
     ControllerSample,
+    PacketFate,
     PacketKind,
     PacketRecord,
     Phase,
@@ -37,6 +38,7 @@ class ViewStatus:
     sent_kbps: float | None
     shown_age_ms: float | None  # age of the frame on the screen, counted from its capture
     given_fps: float | None = None  # frames that came from the camera over the last second
+    latency_ms: float | None = None  # of the newest frame, from its capture to the mailbox
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +61,9 @@ class StatusSnapshot:
     asked_fps: float | None = None  # of each camera
     primary_view: str = ""
     live_ssim: float | None = None  # of the primary view, over its last scored frames
+    budget_kbps: float | None = None
+    estimate_kbps: float | None = None  # of the capacity, as the budget believes
+    loss: float | None = None  # share of the media packets of the last second
 
 
 class StatusBoard(Listener):
@@ -132,7 +137,7 @@ class StatusBoard(Listener):
             t_s=elapsed_s,
             arming=output.arming.value if output else "starting",
             deadman=output.deadman if output else False,
-            pressed=_pressed(self._sample),
+            pressed=pressed_buttons(self._sample),
             orientation_mode=output.orientation_mode if output else False,
             phase=self.phase.value,
             reason=self._reason,
@@ -150,10 +155,14 @@ class StatusBoard(Listener):
             link_kbps=sum(packet.size_bytes * 8 for packet in packets) / per_kbps,
             capacity_kbps=_finite(capacity.mean_kbps(now_ns - WINDOW_NS, now_ns)),
             queue_ms=_queue_ms(packets),
+            budget_kbps=self._allocation.budget_kbps if self._allocation else None,
+            estimate_kbps=_finite(self._allocation.capacity_kbps) if self._allocation else None,
+            loss=_loss(packets),
         )
 
 
-def _pressed(sample: ControllerSample | None) -> tuple[str, ...]:
+def pressed_buttons(sample: ControllerSample | None) -> tuple[str, ...]:
+    """Names of the buttons that are down, other than the trigger."""
     if sample is None:
         return ()
     down = {
@@ -172,6 +181,14 @@ def _mm(position: Vector) -> tuple[float, float, float]:
 
 def _finite(kbps: float) -> float | None:
     return kbps if kbps != float("inf") else None
+
+
+def _loss(packets: list[PacketRecord]) -> float | None:
+    """The share of media packets that were not delivered; None without any."""
+    fates = [packet.fate for packet in packets if packet.kind is PacketKind.MEDIA]
+    if not fates:
+        return None
+    return sum(fate is not PacketFate.DELIVERED for fate in fates) / len(fates)
 
 
 def _queue_ms(packets: list[PacketRecord]) -> float | None:

@@ -29,6 +29,7 @@ from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
+from tests.spoken import spoken
 
 PATIENCE_S = 60.0  # the machine may be busy with other things
 MOVING_M_S = 0.02
@@ -246,8 +247,13 @@ class Application:
         self.note_helpers()
         later = self.lines[after:]
         assert not any(line.startswith("fault") for line in later), later
-        self.witness = Witness(self._control_port())
-        until(self.witness.moves, "the arm to move")
+        until(self.watched().moves, "the arm to move")
+        return self.watched()
+
+    def watched(self) -> Witness:
+        """A witness who looks at the arm."""
+        if self.witness is None:
+            self.witness = Witness(self._control_port())
         return self.witness
 
     def note_helpers(self) -> None:
@@ -306,7 +312,7 @@ class Application:
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            self.lines.append(line)
+            self.lines.append(spoken(line))
 
     def _note_children(self) -> None:
         with contextlib.suppress(psutil.NoSuchProcess):

@@ -202,7 +202,7 @@ def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(
     with Application(tmp_path, arm={"servo": servo}) as application:
         witness = application.engaged()
         application.keep_the_rig()
-        # the log goes to the disk twice a second
+        # the log goes to the disk each 0.8 s
         until(lambda: ends_armed(only_log(application.out)), "armed ticks on the disk")
         application.process.kill()
         witness.waits_for_the_stop()
@@ -222,6 +222,7 @@ def test_a_full_disk_stops_the_arm_and_leaves_what_was_written_readable(
     application: Application, witness: Witness
 ) -> None:
     application.keep_the_rig()
+    until(lambda: ends_armed(only_log(application.out)), "armed ticks on the disk")
     (folder,) = application.out.iterdir()
     size = (folder / "session.mcap").stat().st_size
     _, most = resource.prlimit(application.process.pid, resource.RLIMIT_FSIZE)

@@ -34,6 +34,7 @@ pytestmark = [
 LINK = load_config().link
 REST_MS, SLACK_MS = 100.0, 100.0
 CUT_S, WHILE_S = 1.0, 2.0
+HOSTILE_HZ = 2000
 WAY = Conditions(latency_ms=20.0, jitter_ms=5.0)
 
 
@@ -141,6 +142,19 @@ def test_a_session_played_again_from_elsewhere_changes_nothing(two: Two):
     assert all(tick.twist.is_zero for tick in after)
     assert [one for one in log.hands_heard if one.t_ns > silent_ns] == []
     assert sum(note.text == "an operator is connected" for note in log.notes) == 1
+
+
+def test_hostile_datagrams_at_both_ports_do_not_disturb_an_arm_that_moves(two: Two):
+    two.side.moves()
+    two.link.attack(HOSTILE_HZ)
+    two.goes_on_for(10.0)
+    two.link.attack(0)
+    log = two.log()
+    assert two.link.hostile > 15_000
+    assert sum(log.link_health[-1].ignored.values()) > two.link.hostile / 2
+    assert sum(note.text == "an operator is connected" for note in log.notes) == 1
+    stray = [one.operator for one in log.hands_heard]
+    assert len(set(stray)) == 1
 
 
 def test_an_operator_with_another_key_is_told_so_and_the_one_who_is_there_goes_on(two: Two):

@@ -149,17 +149,42 @@ def test_a_stopped_gateway_of_the_operator_stops_the_arm_and_it_is_armed_again_w
     rests_in_time(robot, stopped_ns, Reason.LINK_LOST.label)
 
 
-def test_a_killed_operators_application_stops_the_arm_and_one_that_is_started_anew_moves_it(
-    robot: RobotSide, operate: OperateSide, tmp_path: Path
+@pytest.mark.parametrize("killed", [("application",), ("link", "application")])
+def test_a_killed_operators_side_stops_the_arm_and_one_that_is_started_anew_moves_it(
+    robot: RobotSide, operate: OperateSide, tmp_path: Path, killed: tuple[str, ...]
 ) -> None:
-    """As a computer that is rebooted."""
+    """A gateway whose application has gone says goodbye; a computer without power does not."""
     before = len(robot.lines)
+    processes = {"link": operate.helper("link"), "application": operate.process}
     killed_ns = time.monotonic_ns()
-    operate.process.kill()
+    for name in killed:
+        processes[name].kill()
     robot.says(LINK_LOST, before)
     with HandSide(tmp_path / "anew", robot.port) as anew:
         anew.moves()
     rests_in_time(robot, killed_ns, Reason.LINK_LOST.label)
+
+
+def test_a_stopped_application_of_the_robot_is_stopped_by_the_guard_and_waits_when_it_goes_on(
+    robot: RobotSide, side: HandSide
+) -> None:
+    witness = robot.watched()
+    application = psutil.Process(robot.process.pid)
+    assert witness.moves()
+    application.suspend()
+    witness.waits_for_the_stop()
+    witness.stands()
+    resumed_ns = time.monotonic_ns()
+    application.resume()
+    side.becomes(ArmingState.FAULT)
+    witness.stands()
+    side.moves()
+    log = robot.interrupted()
+    assert commanded_mm(log, resumed_ns)[0] == 0.0
+    fault = next(
+        one for one in log.ticks if one.started_ns > resumed_ns and one.arming == ArmingState.FAULT
+    )
+    assert fault.reason.startswith((Reason.GUARD_STOPPED.label, Reason.LINK_LOST.label))
 
 
 def test_a_stopped_operators_application_stops_the_arm_which_waits_when_it_goes_on(

@@ -26,6 +26,7 @@ HOST = "127.0.0.1"
 FULL_SPEED_M_S = 0.3  # of the hand: more than the arm's, which is then at its limit
 _CONFIRM_EACH_S = 1.0
 _PRESSED_S = 1.0
+_RELEASED_S = 0.2  # what was pressed in vain must be seen released before it counts again
 _ATTEMPTS = 5
 _WAY_TO_SPEED_MM = 60.0
 _WAY_S = 2.0
@@ -152,6 +153,7 @@ class HandSide:
         while self.arming != ArmingState.ENGAGED:
             assert time.monotonic() < deadline_s, f"{self.arming}: {self.reason}"
             self.hand.trigger = 0.0
+            time.sleep(_RELEASED_S)
             self._arms(deadline_s)
             self.hand.trigger = 1.0  # which is in vain if just now something is stale
             _waits(lambda: self.arming == ArmingState.ENGAGED, _PRESSED_S)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import random
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from tams_app.link.ends import Address, Heard, OperatorEnd, RobotEnd
+from tams_app.link.ends import HELLO, Address, Heard, OperatorEnd, RobotEnd
 from tams_app.units import NS_PER_MS
 
 KEY = b"k" * 32
@@ -55,6 +55,23 @@ def spoilt(datagram: bytes, draw: random.Random) -> bytes:
     return datagram[:-1] if changed == datagram else bytes(changed)
 
 
+def hostile(number: int, real: Sequence[bytes], draw: random.Random) -> bytes:
+    """Noise, noise that begins as ours does, copies that were changed, and recordings."""
+    match number % 5:
+        case 0:
+            return draw.randbytes(draw.randrange(1500))
+        case 1:
+            first = draw.choice((0x80, 0x81, 0xBF, HELLO, 0xC2, 0xC3, 0xC4))
+            return bytes((first,)) + draw.randbytes(draw.randrange(120))
+        case 2:
+            return spoilt(draw.choice(real), draw)
+        case 3:
+            whole = draw.choice(real)
+            return whole[: draw.randrange(len(whole))]
+        case _:
+            return draw.choice(real)
+
+
 class Desk:
     """An operator's end, where it is in the network, and all that it has sent."""
 
@@ -100,6 +117,9 @@ class Rig:
             desk.heard.append(heard.message)
         if heard.media is not None:
             desk.media.append(heard.media)
+        for reply, to in heard.replies:
+            assert to == ROBOT
+            self.send_up(desk, reply)
         return heard
 
     def send_up(self, desk: Desk, datagram: bytes) -> None:

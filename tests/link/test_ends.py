@@ -211,6 +211,7 @@ def test_a_recorded_session_changes_only_counters(later_ns: int, address: Addres
     assert rig.robot._peer is peer
     assert (peer.address, peer.heard_ns) == (desk.address, heard_ns)
     assert rig.robot.counts["late"] + rig.robot.counts["not authentic"] > 0
+    rig.run_ms(300, desk)  # after an hour in a session that is begun anew
     assert rig.gets_through(desk)
 
 
@@ -398,6 +399,29 @@ def test_operator_and_robot_find_each_other_after_an_outage_of_any_length(outage
     rig.up = rig.down = everything
     rig.run_ms(600, desk)
     assert rig.gets_through(desk)
+
+
+@pytest.mark.parametrize("goodbye_arrives", [True, False])
+def test_video_is_authentic_again_after_an_outage_in_which_its_index_was_lost(
+    goodbye_arrives: bool,
+) -> None:
+    """Only what the robot sends is lost: it still hears its operator, and so does not let go."""
+    rig, desk = connected()
+    rig.down = nothing
+    packets_a_second = 1000
+    for second in range(40):  # more than half of all numbers
+        for sequence in range(packets_a_second):
+            rig.robot.media(rtp(second * packets_a_second + sequence))
+        rig.run_ms(1000, desk)
+    rig.down = everything
+    rig.up = everything if goodbye_arrives else drops(MESSAGE, 1)
+    rig.run_ms(600 if goodbye_arrives else LET_GO_MS + 600, desk)
+    assert rig.sessions == 2
+    assert rig.gets_through(desk)
+    packet = rtp(40 * packets_a_second)
+    media = rig.robot.media(packet)
+    assert media is not None
+    assert rig.at_desk(desk, media[0]).media == packet
 
 
 def test_a_robot_that_was_restarted_is_found() -> None:

@@ -15,13 +15,13 @@ import msgspec
 import pytest
 
 from tams_app.errors import HelperError
-from tams_app.link.ends import HELLO, RobotEnd
+from tams_app.link.ends import RobotEnd
 from tams_app.link.gateway import EVENT, HEARD, MESSAGE, Carrier, LinkEvent, Routes, Streams
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key, read_key
 from tams_app.units import NS_PER_S
 from tests.link.gateways import LOOPBACK, Network, Pair, port_of, udp
-from tests.link.rig import rtcp, rtp, spoilt
+from tests.link.rig import hostile, rtcp, rtp
 
 pytestmark = pytest.mark.waiting
 
@@ -310,7 +310,7 @@ def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagram
         heard.clear()
     sent: list[bytes] = []
     for number in range(datagrams):
-        datagram = _hostile(number, real, draw)
+        datagram = hostile(number, real, draw)
         if number % 8 == 7:
             network.to_operator(datagram)
         elif number % 2:
@@ -333,20 +333,3 @@ def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagram
         end.setblocking(False)
         with pytest.raises(BlockingIOError):
             end.recv(2000)
-
-
-def _hostile(number: int, real: list[bytes], draw: random.Random) -> bytes:
-    """Noise, noise that begins as ours does, copies that were changed, and recordings."""
-    match number % 5:
-        case 0:
-            return draw.randbytes(draw.randrange(1500))
-        case 1:
-            first = draw.choice((0x80, 0x81, 0xBF, HELLO, 0xC2, 0xC3, 0xC4))
-            return bytes((first,)) + draw.randbytes(draw.randrange(120))
-        case 2:
-            return spoilt(draw.choice(real), draw)
-        case 3:
-            whole = draw.choice(real)
-            return whole[: draw.randrange(len(whole))]
-        case _:
-            return draw.choice(real)

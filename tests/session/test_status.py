@@ -6,7 +6,15 @@ from types import SimpleNamespace
 import pytest
 
 from tams_app.capacity import ConstantCapacity
-from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.records import (
+    Allocation,
+    ControllerSample,
+    ControllerStatus,
+    PacketFate,
+    PacketKind,
+    PacketRecord,
+    Phase,
+)
 from tams_app.session.status import StatusBoard
 from tams_app.teleop.safety import ArmingState
 from tests.session.test_parts import arm_at, output
@@ -58,3 +66,27 @@ def test_the_gripper_is_shown_as_the_arm_has_acknowledged_it(closed):
 def test_the_frames_that_each_camera_gives_are_shown():
     assert snapshot(StatusBoard(("gt",))).views["gt"].given_fps == 14.0
     assert snapshot(StatusBoard(("gs",))).views["gs"].given_fps is None
+
+
+def packet(fate, kind=PacketKind.MEDIA):
+    return PacketRecord("gt", kind, 0, 1000, 10**9, 10**9, 10**9, fate)
+
+
+def test_loss_is_the_share_of_media_packets_that_did_not_arrive():
+    board = StatusBoard(("gt",))
+    assert snapshot(board).loss is None
+    board.packets([packet(PacketFate.DELIVERED)] * 6)
+    board.packets([packet(PacketFate.LOST), packet(PacketFate.OVERFLOW)])
+    board.packets([packet(PacketFate.LOST, PacketKind.PADDING)] * 4)
+    assert snapshot(board).loss == 0.25
+
+
+def test_budget_and_estimate_are_those_of_the_last_allocation():
+    board = StatusBoard(("gt",))
+    assert snapshot(board).budget_kbps is None
+    board.on_allocation(Allocation(0, Phase.REACH, 5000.0, 4600.0, {"gt": 4000}))
+    shown = snapshot(board)
+    assert (shown.budget_kbps, shown.estimate_kbps) == (4600.0, 5000.0)
+    assert shown.capacity_kbps == 6000.0
+    board.on_allocation(Allocation(0, Phase.REACH, float("inf"), 4600.0, {"gt": 4000}))
+    assert snapshot(board).estimate_kbps is None

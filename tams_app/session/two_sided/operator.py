@@ -11,12 +11,15 @@ from pathlib import Path
 import cv2
 
 from hw.controller import Controller
+from hw.desk.keyboard import KeyboardController
+from hw.make_controller import keyboard_of, make_controller
 from tams_app import __version__
 from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
-from tams_app.records import OperatorGlance, ShownFrame
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import OperatorGlance, Phase, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
@@ -60,10 +63,11 @@ class OperatorSession(Ending):
         self.folder = folder
         self.signals = Requests(clock)
         self.board = StatusBoard(())
+        self.keyboard: KeyboardController | None = None  # which the console's window has to feed
         self._endpoint = endpoint
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
-        self._screen: FrameBlock | None = None
+        self._weights = WeightMatrix(config.policy.weights.matrix)
         self._video: OperatorVideo | None = None
         self._welcome: Welcome | None = None
         self._silent = self._busy = False
@@ -84,14 +88,14 @@ class OperatorSession(Ending):
             use_round_robin(APPLICATION_PRIORITY)
             self._stack.callback(use_ordinary)
         helper_logs = self.folder / "helpers"
-        helper_logs.mkdir()
+        helper_logs.mkdir(exist_ok=True)  # the window is there before
         self._gateway = gateway = Gateway("operator", self._endpoint, _GREETING, helper_logs)
         self._stack.callback(gateway.close)
         gateway.launch()
         gateway.wait_ready()
         self._helpers["link"] = gateway.process
         self._welcome = welcome = self._call()
-        if self.config.rig.enabled and not welcome.simulated:
+        if self.config.operator_is_simulated and not welcome.simulated:
             raise ConfigError("--sim: the robot there is real, and moves for a person only")
         self.config = follow(welcome, self.config)
         self._log = Recorders(
@@ -108,7 +112,7 @@ class OperatorSession(Ending):
             self._log,
             self._shown_now,
             identity,
-            simulated=self.config.rig.enabled,
+            simulated=self.config.operator_is_simulated,
         )
         self._start_video(welcome)
         hand = Worker("hand", self._hand_thread, self._on_worker_failure)
@@ -160,9 +164,8 @@ class OperatorSession(Ending):
         codecs = choose_codecs(video, False)
         for remark in codecs.remarks:
             self.note("warning", remark)
-        if self.config.rig.enabled:
-            self._screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
-            self._stack.callback(self._screen.close)
+        self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        self._stack.callback(self.screen.close)
         self._video = OperatorVideo(
             video,
             RepairRule(**welcome.repair),  # type: ignore[arg-type]
@@ -185,15 +188,16 @@ class OperatorSession(Ending):
         self._link.controller = controller
 
     def _make_controller(self, helper_logs: Path) -> Controller:
-        if self._screen is None:
-            from hw.openvr.controller import OpenVrController  # the rig needs no OpenVR
-
-            return OpenVrController(self.config.controller, self._clock, self.note)
+        if not self.config.operator_is_simulated:
+            config = self.config
+            controller = make_controller(config.controller, config.hand, self._clock, self.note)
+            self.keyboard = keyboard_of(controller)
+            return controller
         operator = RigOperator(
             self.config,
             self._clock,
             new_block_name(),
-            self._screen,
+            self.screen,
             helper_logs,
             confirms=True,
             on_glance=self._record_glance,
@@ -203,7 +207,7 @@ class OperatorSession(Ending):
         self._helpers["operator"] = operator.launch()
         operator.wait_ready()
         self._log.fact("operator", operator.choice.kind)
-        self._screen.hide()
+        self.screen.hide()
         return operator.controller
 
     # --- while it runs --------------------------------------------------------------------------
@@ -247,10 +251,6 @@ class OperatorSession(Ending):
         """Keep a sentence in the log and show it."""
         self._log.note(level, text)
 
-    def shown(self, view: str) -> ShownFrame | None:
-        """The newest frame of `view`, for a window."""
-        return None if self._video is None else self._video.shown(view)
-
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
         state, video, now_ns = self._link.state, self._video, self._clock.now_ns()
@@ -263,6 +263,7 @@ class OperatorSession(Ending):
                 sent_kbps=None,
                 shown_age_ms=self._age_ms(view),
                 given_fps=None if video is None else video.shown_fps(view),
+                latency_ms=self._latency_ms(view),
             )
             for view, target in zip(self.config.video.views, targets, strict=False)
         }
@@ -282,7 +283,14 @@ class OperatorSession(Ending):
             capacity_kbps=None if state is None else state.capacity_kbps,
             queue_ms=None,
             asked_fps=self.config.video.fps,
+            primary_view=self._primary_view("" if state is None else state.phase),
+            estimate_kbps=None if state is None else state.capacity_kbps,
         )
+
+    def _primary_view(self, phase: str) -> str:
+        """By this computer's weights: the robot's side does not tell its own."""
+        known = {one.value: one for one in Phase}
+        return self._weights.primary_view(known[phase]) if phase in known else ""
 
     def stop_arm(self) -> None:
         """Let go: the robot's side hears of a controller that is put down, and stops the arm."""
@@ -311,8 +319,7 @@ class OperatorSession(Ending):
 
     def _on_shown(self, shown: ShownFrame) -> None:
         self._log.record(shown)
-        if self._screen is not None:
-            self._screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
+        self.screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
 
     def _record_glance(self, glance: OperatorGlance) -> None:
         self._log.record(glance)
@@ -331,7 +338,15 @@ class OperatorSession(Ending):
         return None if state is None else state.sent_ns
 
     def _age_ms(self, view: str) -> float | None:
-        shown, offset = self.shown(view), self._link.offset
+        return self._since_capture_ms(view, lambda _shown: self._clock.now_ns())
+
+    def _latency_ms(self, view: str) -> float | None:
+        return self._since_capture_ms(view, lambda shown: shown.shown_ns)
+
+    def _since_capture_ms(self, view: str, until_ns: Callable[[ShownFrame], int]) -> float | None:
+        """From the newest frame's capture, on the robot's clock, until then on ours."""
+        shown = None if self._video is None else self._video.shown(view)
+        offset = self._link.offset
         if shown is None or offset is None:
             return None
-        return (self._clock.now_ns() + offset.offset_ns - shown.capture_ns) / NS_PER_MS
+        return (until_ns(shown) + offset.offset_ns - shown.capture_ns) / NS_PER_MS

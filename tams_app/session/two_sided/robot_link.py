@@ -110,6 +110,7 @@ class RobotLink(Listener):
             simulated=config.rig.enabled,
             video=config.video.model_dump(mode="json"),
             repair=asdict(rule),
+            hand_rotation=config.hand.rotation,
         )
         self._gateway = gateway = self._make_gateway(encode(welcome))
         gateway.launch()

@@ -42,7 +42,13 @@ def follow(welcome: Welcome, ours: Config) -> Config:
             f"the robot's side has the views {', '.join(video.views)}, this configuration "
             f"{', '.join(ours.video.views)}: give both the same"
         )
-    update = {"strategy": welcome.strategy, "network": welcome.network, "video": video}
+    hand = ours.hand.model_copy(update={"rotation": welcome.hand_rotation})
+    update = {
+        "strategy": welcome.strategy,
+        "network": welcome.network,
+        "video": video,
+        "hand": hand,
+    }
     return ours.model_copy(update=update)
 
 

@@ -30,6 +30,7 @@ from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ
 from tams_app.session.recorded_hand import recorded_hand
 from tams_app.session.recorders import LOG_NAME, SessionRecords, session_header
+from tams_app.session.viewing import viewers_of
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.study.plan import PlannedTrial
@@ -66,13 +67,14 @@ def run_virtual_trial(
 class SimulatedTrialRunner:
     """Runs a study's trials in virtual time; a `TrialRunner` for `study run --sim`.
 
-    One process per trial, one core per process. The logs are kept without the bitstream.
+    One process per trial, one core per process. The logs are kept without bitstream and pictures.
     """
 
     config: Config  # the study's
 
     def run(self, trial: PlannedTrial, folder: Path) -> None:
-        recording = self.config.recording.model_copy(update={"bitstream": False})
+        kept = {"bitstream": False, "pictures_per_s": 0.0}
+        recording = self.config.recording.model_copy(update=kept)
         config = trial.configure(self.config).model_copy(update={"recording": recording})
         gc.freeze()  # what was imported lives as long as the process
         run_virtual_trial(config, trial.participant_seed, folder, time.time_ns())
@@ -149,8 +151,9 @@ class VirtualTrial(Listener):
         config, clock = self._config, self._clock
         header = session_header(config, START_NS, wall_start_ns - START_NS)
         keeping = config.recording
+        viewers = viewers_of(config, live=False)
         log = DirectRecorder(
-            folder / LOG_NAME, header, clock, keeping.min_free_mb, keeping.bitstream
+            folder / LOG_NAME, header, clock, keeping.min_free_mb, keeping.bitstream, viewers
         )
         stack.callback(log.close)
         return SessionRecords(clock, log)

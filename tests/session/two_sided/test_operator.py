@@ -41,6 +41,7 @@ def welcome(**changes: object) -> bytes:
         "simulated": True,
         "video": config.video.model_dump(mode="json"),
         "repair": asdict(RepairRule(True, 60, 300.0)),
+        "hand_rotation": config.hand.rotation,
     }
     return encode(Welcome(**{**fields, **changes}))
 
