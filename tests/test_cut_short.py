@@ -12,6 +12,7 @@ import pytest
 from tams_app.recording import read_log
 from tams_app.records import Activity
 from tams_app.runtime.process import PROJECT_DIRECTORY
+from tests.spoken import spoken
 
 HELPERS = {
     "rig": "hw.sim.rig",
@@ -49,7 +50,7 @@ class Running:
             text=True,
         )
         for line in self.process.stdout:
-            if line.startswith("engaged"):
+            if spoken(line).startswith("engaged"):
                 break
         self.children = psutil.Process(self.process.pid).children(recursive=True)
 
@@ -99,7 +100,7 @@ def test_an_interrupted_session_ends_in_order(running, number):
 def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running):
     running.process.send_signal(signal.SIGUSR1)
     for line in running.process.stdout:
-        if line.startswith("fault"):
+        if spoken(line).startswith("fault"):
             break
     running.process.send_signal(signal.SIGINT)
     code, _, log = running.end()

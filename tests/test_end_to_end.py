@@ -14,6 +14,7 @@ from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
 from tests.real_time import require_real_time
+from tests.spoken import spoken
 
 pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
 
@@ -54,7 +55,8 @@ def summary(finished):
 def test_a_session_leaves_log_configuration_summary_and_frame(finished):
     folder, words = finished
     names = {path.name for path in folder.iterdir()}
-    assert names == {"session.mcap", "config.yaml", "summary.json", "bitrates.png", "helpers"}
+    files = {"session.mcap", "config.yaml", "summary.json", "report.html", "bitrates.png"}
+    assert names == files | {"helpers"}
     assert load_config(folder / "config.yaml").seed == 1
     assert (folder / "bitrates.png").read_bytes().startswith(b"\x89PNG")
     assert folder.name in words.replace("\n", "")
@@ -199,7 +201,7 @@ def test_an_operator_who_sees_places_the_block_and_says_how_often_they_looked(tm
         check=False,
     )
     assert result.returncode == 0, result.stderr
-    first = result.stdout.splitlines()[0]
+    first = spoken(result.stdout.splitlines()[0])
     assert first == "the seeing operator works, from the images on the screen alone, as configured"
     (folder,) = tmp_path.iterdir()
     told = json.loads((folder / "summary.json").read_text())
