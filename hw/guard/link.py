@@ -129,7 +129,7 @@ class GuardLink:
         self.armed = False
         self._answers = 0  # heard so far
         self._heard_ns: int | None = None
-        self._ended = False  # the guard's process
+        self.ended = False  # the guard's process
         self._acknowledged = False
         self.latched = False
         self.arm_lost = False
@@ -164,9 +164,11 @@ class GuardLink:
 
     def answers(self, now_ns: int) -> bool:
         """While armed: the guard is there and its last answer is fresh. True if not armed."""
-        if not self.armed or self._heard_ns is None:
-            return True
-        return not self._ended and now_ns - self._heard_ns <= self._silence_ns
+        return not self.armed or (not self.ended and self.is_fresh(now_ns))
+
+    def is_fresh(self, now_ns: int) -> bool:
+        """Whether the guard's last answer is fresh, armed or not; true before the first beat."""
+        return self._heard_ns is None or now_ns - self._heard_ns <= self._silence_ns
 
     def alive(self, now_ns: int) -> bool:
         """While armed: the guard answers and could stop the arm. True if not armed."""
@@ -186,7 +188,7 @@ class GuardLink:
         answers = self._memory.answers
         written = answers.written()
         if written == self._answers:
-            self._ended = self._ended or not self._runs()
+            self.ended = self.ended or not self._runs()
             return
         for number in range(max(self._answers, written - ANSWERS.heads), written):
             record = answers.head(number)

@@ -15,7 +15,7 @@ from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS
 
-SILENCE_NS = 200 * NS_PER_MS  # without an answer the guard is gone
+SILENCE_NS = 200 * NS_PER_MS  # without an answer the arm has no guard
 
 
 class Guarding(Listener):
@@ -27,6 +27,7 @@ class Guarding(Listener):
         self._signals = signals
         self._note = note
         self._latched = False
+        self._silent = False  # while the arm was armed, and has not answered since
         self._link: GuardLink | None = None
 
     def start(self) -> None:
@@ -61,7 +62,13 @@ class Guarding(Listener):
             self._signals.trip(Reason.GUARD_STOPPED)
         self._latched = link.latched
         if not link.answers(now_ns):
+            self._silent = True
+        elif link.is_fresh(now_ns):
+            self._silent = False
+        if self._silent and link.ended:
             self._signals.fault(Reason.GUARD_LOST)
+        elif self._silent:
+            self._signals.trip(Reason.GUARD_SILENT)  # in each tick, until it is back
         elif link.arm_lost:
             self._signals.trip(Reason.GUARD_BLIND)  # in each tick, until it is back
 

@@ -29,6 +29,11 @@ class Reason(Enum):
         "guard lost",
         "The guard process that stops the arm independently is gone: start the session again.",
     )
+    GUARD_SILENT = _fault(
+        "guard silent",
+        "The guard process that stops the arm independently does not answer: close other programs "
+        "on this computer, wait until the guard is back, release the trigger, then confirm.",
+    )
     GUARD_STOPPED = _fault(
         "guard stopped the arm",
         "The control loop was silent for too long and the guard stopped the arm: close other "

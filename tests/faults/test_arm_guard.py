@@ -60,7 +60,9 @@ def test_a_killed_guard_stops_the_arm(patient: WiredBench) -> None:
     is_logged(bench, Reason.GUARD_LOST)
 
 
-def test_a_guard_that_hangs_stops_the_arm(patient: WiredBench) -> None:
+def test_a_guard_that_hangs_stops_the_arm_which_may_go_on_once_it_answers(
+    patient: WiredBench,
+) -> None:
     bench = patient
     bench.engage_and_move()
     os.kill(guard_pid(bench), signal.SIGSTOP)
@@ -68,10 +70,13 @@ def test_a_guard_that_hangs_stops_the_arm(patient: WiredBench) -> None:
         since = bench.next
         seen = bench.run_until_state(ArmingState.FAULT)
         assert seen - since <= STOPPED_TICKS
-        is_stopped(bench, seen, Reason.GUARD_LOST)
+        is_stopped(bench, seen, Reason.GUARD_SILENT)
+        tells(bench, Reason.GUARD_SILENT.label)
     finally:
         os.kill(guard_pid(bench), signal.SIGCONT)
-    stays(bench)
+    tells(bench, "release the trigger")
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.GUARD_SILENT)
 
 
 def stays(bench: WiredBench) -> None:

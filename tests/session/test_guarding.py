@@ -22,12 +22,18 @@ class ScriptedLink:
 
     latched = False
     arm_lost = False
+    ended = False
+    armed = True
+    fresh = True
 
     def beat(self, now_ns):
         """Nothing to hear."""
 
     def answers(self, now_ns):
-        return True
+        return not self.armed or (self.fresh and not self.ended)
+
+    def is_fresh(self, now_ns):
+        return self.fresh
 
 
 def guarding(tmp_path, signals):
@@ -73,7 +79,40 @@ def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
     assert signals.take().faults == ()
     guard.before_tick(SILENCE_NS + 1)
     guard.close()
-    assert signals.take().faults == (Reason.GUARD_LOST,)
+    assert signals.take().faults == (Reason.GUARD_SILENT,)
+
+
+def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_not(tmp_path):
+    signals = Signals()
+    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    taken = []
+    for armed, fresh in ((True, False), (True, False), (False, False), (False, True), (True, True)):
+        link.armed, link.fresh = armed, fresh
+        guard.before_tick(0)
+        taken.append(signals.take().faults)
+    silent = (Reason.GUARD_SILENT,)
+    assert taken == [silent, silent, silent, (), ()]
+
+
+def test_silence_while_disarmed_is_none(tmp_path):
+    signals = Signals()
+    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    link.armed = link.fresh = False
+    guard.before_tick(0)
+    assert signals.take().faults == ()
+
+
+def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
+    signals = Signals()
+    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    link.ended = True
+    for armed in (True, False):
+        link.armed = armed
+        guard.before_tick(0)
+        assert signals.take().faults == (Reason.GUARD_LOST,)
 
 
 def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tmp_path):
