@@ -1,8 +1,8 @@
 """A long session on two computers: whether memory grows, the loop slows down, and logs stay whole.
 
 The hand goes to and fro across the workspace and lets go in between, over a relay with the delay,
-jitter and loss of s2, with at most 6 Mbit/s of video. Memory is what each process has of its own
-(USS), each half minute.
+jitter and loss of s2, with at most 6 Mbit/s of video. Memory is the anonymous memory of each
+process, each half minute: what is mapped from files comes and goes with what else runs.
 """
 
 from __future__ import annotations
@@ -83,13 +83,22 @@ def _memory_mb(processes: dict[str, psutil.Process]) -> dict[str, float]:
     """Of each side's application and helpers, by module."""
     found: dict[str, float] = {}
     for side, process in processes.items():
-        found[side] = process.memory_full_info().uss / 1e6
-        for child in process.children(recursive=True):
+        found[side] = _anonymous_mb(process.pid)
+        # the robot's application is a child of this process
+        for child in process.children(recursive=side == "robot"):
             words = child.cmdline()
             if ("-m" in words and side == "robot") or "tams_app.link.gateway" in words:
                 name = f"{side}: {words[words.index('-m') + 1]}"
-                found[name] = found.get(name, 0.0) + child.memory_full_info().uss / 1e6
+                found[name] = found.get(name, 0.0) + _anonymous_mb(child.pid)
     return found
+
+
+def _anonymous_mb(pid: int) -> float:
+    """As the kernel counts it (proc(5), smaps_rollup)."""
+    for line in Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines():
+        if line.startswith("Anonymous:"):
+            return int(line.split()[1]) * 1024 / 1e6
+    raise ProcessLookupError(f"process {pid} has no memory of its own")
 
 
 def _growth(rows: list[tuple[float, float]], seconds: float) -> float | None:
