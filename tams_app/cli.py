@@ -261,8 +261,23 @@ def replay(
     log: Annotated[Path, typer.Argument(help="A session folder.")],
     speed: Annotated[float, typer.Option(help="Times the real speed.")] = 1.0,
     headless: HeadlessOption = False,
+    recompute: Annotated[
+        bool,
+        typer.Option(
+            "--recompute",
+            help="Instead, feed what was recorded through today's code, and compare: exit code 1 "
+            "if it differs.",
+        ),
+    ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Show a session again from its log, in the window and on the terminal; nothing moves."""
+    if recompute:
+        from tams_app.console.replay.recompute import run_recompute
+
+        raise typer.Exit(run_recompute(log, as_json))
+    if as_json:
+        raise ConfigError("--json: is for --recompute; leave it out here")
     from tams_app.console.replay.run import run_replay
 
     raise typer.Exit(run_replay(log, speed, headless))

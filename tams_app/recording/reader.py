@@ -39,6 +39,7 @@ from tams_app.records import (
     Outcome,
     PacketRecord,
     PhaseChange,
+    PolicyInputs,
     SceneTruth,
     StateHeard,
     StopRecord,
@@ -69,6 +70,7 @@ class SessionLog:
     allocations: list[Allocation] = field(default_factory=list)
     capacities: list[LinkCapacity] = field(default_factory=list)
     uplink: list[UplinkSummary] = field(default_factory=list)
+    policy_inputs: list[PolicyInputs] = field(default_factory=list)
     rates: list[CameraRates] = field(default_factory=list)
     captured: list[FrameCaptured] = field(default_factory=list)
     sent: list[FrameSent] = field(default_factory=list)

@@ -29,6 +29,7 @@ from tams_app.records import (
     PacketRecord,
     Phase,
     PhaseChange,
+    PolicyInputs,
     SceneTruth,
     ShownFrame,
     StateHeard,
@@ -160,6 +161,7 @@ Recordable: TypeAlias = (
     | Allocation
     | LinkCapacity
     | UplinkSummary
+    | PolicyInputs
     | CameraRates
     | Frame
     | EncodedFrame
@@ -207,6 +209,7 @@ TOPICS: dict[type, Topic[Any]] = {
         Topic("/allocation", Allocation, lambda one: one.t_ns, "allocations"),
         Topic("/capacity", LinkCapacity, lambda one: one.t_ns, "capacities"),
         Topic("/uplink", UplinkSummary, lambda one: one.t_ns, "uplink"),
+        Topic("/policy/inputs", PolicyInputs, lambda one: one.t_ns, "policy_inputs"),
         Topic("/cameras", CameraRates, lambda one: one.t_ns, "rates"),
         Topic("/frames/captured", FrameCaptured, lambda one: one.capture_ns, "captured"),
         Topic("/frames/sent", FrameSent, lambda one: one.encoded_ns, "sent"),

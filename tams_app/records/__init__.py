@@ -44,6 +44,7 @@ from tams_app.records.log import (
     StopRecord,
     SystemSample,
     Tick,
+    TickInputs,
 )
 from tams_app.records.policy import (
     Allocation,
@@ -62,6 +63,7 @@ from tams_app.records.uplink import (
     PacketFate,
     PacketKind,
     PacketRecord,
+    PolicyInputs,
     Reception,
     UplinkReport,
     UplinkSummary,
@@ -97,6 +99,7 @@ __all__ = [
     "PacketRecord",
     "Phase",
     "PhaseChange",
+    "PolicyInputs",
     "Pose",
     "Reception",
     "SceneTruth",
@@ -108,6 +111,7 @@ __all__ = [
     "StopRecord",
     "SystemSample",
     "Tick",
+    "TickInputs",
     "Twist",
     "UplinkReport",
     "UplinkSummary",

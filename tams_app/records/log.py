@@ -11,6 +11,17 @@ from tams_app.records.policy import Phase
 
 
 @dataclass(frozen=True, slots=True)
+class TickInputs:
+    """What a tick was told besides hand, arm and link."""
+
+    arm_ready: bool
+    video_age_ns: int | None
+    confirm: bool
+    estop: bool
+    faults: tuple[str, ...]  # labels of what the session lost or the guard did
+
+
+@dataclass(frozen=True, slots=True)
 class Tick:
     """One tick of the control loop, as it was seen and as it ended."""
 
@@ -31,6 +42,9 @@ class Tick:
     arm: ArmState | None
     link: CommandLink
     pose: Pose | None = None  # as sent, by a pose servo
+    gripper: bool | None = None  # told to close (True) or open (False) by this tick
+    stop: bool = False  # this tick told the arm to stop
+    inputs: TickInputs | None = None  # None: the log is of schema 3 or older
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,6 +80,44 @@ class UplinkReport:
 
 
 @dataclass(frozen=True, slots=True)
+class PolicyInputs:
+    """All that one step of the policy was told: an `UplinkReport`, its arrivals as columns.
+
+    `padded_ns`: when padding was sent since the step before.
+    """
+
+    t_ns: int
+    sent_bytes: int
+    padded_ns: tuple[int, ...]
+    receptions: tuple[Reception, ...]
+    view: tuple[str, ...]
+    sent_ns: tuple[int, ...]
+    size_bytes: tuple[int, ...]
+    arrived_ns: tuple[int | None, ...]
+
+    @staticmethod
+    def of(report: UplinkReport, padded_ns: tuple[int, ...]) -> PolicyInputs:
+        """What `report` tells, after padding at these times."""
+        arrivals = report.arrivals
+        return PolicyInputs(
+            report.now_ns,
+            report.sent_bytes,
+            padded_ns,
+            report.receptions,
+            tuple(one.view for one in arrivals),
+            tuple(one.sent_ns for one in arrivals),
+            tuple(one.size_bytes for one in arrivals),
+            tuple(one.arrived_ns for one in arrivals),
+        )
+
+    def report(self) -> UplinkReport:
+        """The report as it was."""
+        columns = zip(self.view, self.sent_ns, self.size_bytes, self.arrived_ns, strict=True)
+        arrivals = tuple(PacketArrival(*one) for one in columns)
+        return UplinkReport(self.t_ns, self.sent_bytes, arrivals, self.receptions)
+
+
+@dataclass(frozen=True, slots=True)
 class UplinkSummary:
     """What one `UplinkReport` told the budget, all views together, as the log keeps it."""
 

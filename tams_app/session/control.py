@@ -12,7 +12,7 @@ from hw.controller import Controller
 from tams_app.config import Config
 from tams_app.policy.phases import PhaseInference
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Twist
+from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, TickInputs, Twist
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
@@ -143,7 +143,8 @@ class ControlLoop:
             listener.before_tick(now_ns)
         sample = self._controller.sample(now_ns)
         arm, link = self._arm.state(), self._arm.link()
-        output = self._teleop.step(self._input(now_ns, sample, arm, link))
+        told = self._input(now_ns, sample, arm, link)
+        output = self._teleop.step(told)
         self._act(output)
         change = self._phases.step(now_ns, arm)
         if change is not None:
@@ -151,25 +152,7 @@ class ControlLoop:
                 listener.on_phase(change)
         for listener in self._listeners:
             listener.on_output(now_ns, output, arm)
-        tick = Tick(
-            due_ns=due_ns,
-            started_ns=now_ns,
-            finished_ns=self._clock.now_ns(),
-            skipped=skipped,
-            arming=output.arming.value,
-            reason=describe(output),
-            deadman=output.deadman,
-            orientation_mode=output.orientation_mode,
-            phase=self._phases.phase,
-            speed=self._phases.speed,
-            vertical_speed=self._phases.vertical_speed,
-            speed_scale=output.speed_scale,
-            twist=output.twist or Twist.zero(),
-            controller=sample,
-            arm=arm,
-            link=link,
-            pose=output.pose,
-        )
+        tick = tick_of(told, output, self._phases, due_ns, self._clock.now_ns(), skipped)
         for listener in self._listeners:
             listener.on_tick(tick)
         return output
@@ -207,6 +190,45 @@ class ControlLoop:
             self._controller.pulse(output.haptic)
         if output.request is not Request.NONE:
             self._gate.request(output.request)
+
+
+def tick_of(
+    told: TeleopInput,
+    output: TeleopOutput,
+    phases: PhaseInference,
+    due_ns: int,
+    finished_ns: int,
+    skipped: int,
+) -> Tick:
+    """The tick as it is logged."""
+    return Tick(
+        due_ns=due_ns,
+        started_ns=told.now_ns,
+        finished_ns=finished_ns,
+        skipped=skipped,
+        arming=output.arming.value,
+        reason=describe(output),
+        deadman=output.deadman,
+        orientation_mode=output.orientation_mode,
+        phase=phases.phase,
+        speed=phases.speed,
+        vertical_speed=phases.vertical_speed,
+        speed_scale=output.speed_scale,
+        twist=output.twist or Twist.zero(),
+        controller=told.sample,
+        arm=told.arm,
+        link=told.link,
+        pose=output.pose,
+        gripper=output.gripper,
+        stop=output.stop,
+        inputs=TickInputs(
+            told.arm_ready,
+            told.video_age_ns,
+            told.confirm,
+            told.estop,
+            tuple(fault.label for fault in told.faults),
+        ),
+    )
 
 
 def describe(output: TeleopOutput) -> str:

@@ -15,6 +15,8 @@ from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
 
+VIDEO_DELAY_FACT = "video_delay_ns"
+
 
 class Engine:
     """Control, policy, observers and judge of one session; it makes no thread and no file.
@@ -39,7 +41,7 @@ class Engine:
         """`ended` is told that the trial is over; `listeners` hear everything last."""
         self._clock = clock
         self._log = log
-        self._codecs = video.codecs
+        self._video = video
         self.stops = StopWatch(log.record)
         self.trial = TrialObserver(
             config.trial, clock, devices.arm, devices.truth, log.record, ended
@@ -62,6 +64,7 @@ class Engine:
     def begin(self, scheduler: str) -> None:
         """Log the start; `scheduler` says what runs the control loop."""
         self._log.fact("scheduler", scheduler)
-        self._log.fact("encoder", self._codecs.encoder.element)
-        self._log.fact("decoder", self._codecs.decoder.element)
+        self._log.fact("encoder", self._video.codecs.encoder.element)
+        self._log.fact("decoder", self._video.codecs.decoder.element)
+        self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))
         self._log.on_phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))

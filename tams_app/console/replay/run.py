@@ -5,16 +5,16 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from pydantic import ValidationError
 from rich.console import Console
 
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.display import has_display
+from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
-from tams_app.errors import ConfigError, SignalledError, TamsError, UnreadableLogError
-from tams_app.recording import SessionLog, read_log
+from tams_app.errors import ConfigError, SignalledError, TamsError
+from tams_app.recording import read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.runtime.clock import MonotonicClock
 
@@ -32,7 +32,7 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
         session = ReplaySession(
             log,
             PictureFinder(path),
-            _config_of(log, path, headless or not has_display()),
+            _shown_config(logged_config(log, path), headless or not has_display()),
             Path(folder),
             speed,
             MonotonicClock().now_ns,
@@ -45,14 +45,7 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
     return 0
 
 
-def _config_of(log: SessionLog, path: Path, headless: bool) -> Config:
-    """The configuration of the session, as the log has it."""
-    try:
-        config = Config.model_validate(log.header.config)
-    except ValidationError as error:
-        raise UnreadableLogError(
-            f"{path}: its configuration is of another version of TAMS; use that to replay it"
-        ) from error
+def _shown_config(config: Config, headless: bool) -> Config:
     controller = config.controller.model_copy(update={"device": "auto"})
     rig = config.rig.model_copy(update={"enabled": True})  # so that nothing is said of an arm
     return config.model_copy(update={"controller": controller, "rig": rig, "headless": headless})
