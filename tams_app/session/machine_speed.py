@@ -19,7 +19,7 @@ from functools import cache
 from tams_app.session.rate_ladder import rungs
 
 # Seconds that one round of each work takes on the reference, a slow shared core of 2.5 GHz
-# (docs/BENCHMARKS.md). Interpreted code stands for the application's threads, compressing for
+# (docs/MEASUREMENTS.md). Interpreted code stands for the application's threads, compressing for
 # encoder, decoder and renderer.
 INTERPRETED_S = 0.0080
 COMPRESSING_S = 0.0109

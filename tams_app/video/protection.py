@@ -3,7 +3,7 @@
 All parity is paid for by the view's own target, so the question is asked view by view: what share
 of the frames is damaged without it and with it, what a damaged frame costs there, and what the
 image loses by the bits that the parity takes. The answer counts by the view's share of all bits,
-and must be worth a change. The constants were measured (FINDINGS 5, docs/BENCHMARKS.md).
+and must be worth a change. The constants were measured (FINDINGS 5, docs/MEASUREMENTS.md).
 """
 
 from __future__ import annotations

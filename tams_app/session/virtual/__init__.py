@@ -2,7 +2,7 @@
 
 Live, threads and processes hand things to each other; here one queue of events says what is due.
 What is modelled of the time that things take, besides network and jitter buffer (measured live on
-the machine of docs/BENCHMARKS.md, medians):
+the machine of docs/MEASUREMENTS.md, medians):
 
 | from | to | takes |
 |---|---|---|

@@ -23,7 +23,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
-# over (docs/BENCHMARKS.md, Live and virtual: medians of 18, 11 and 12 ms by view).
+# over (docs/MEASUREMENTS.md, Live and virtual: medians of 18, 11 and 12 ms by view).
 DELIVERY_NS = 12 * NS_PER_MS
 
 
