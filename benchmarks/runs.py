@@ -34,14 +34,16 @@ class Run:
         return None
 
 
-def run_session(out: Path, *options: str) -> Run:
+def run_session(out: Path, *options: str, headless: bool = True) -> Run:
     """`run_tams.py run --sim --headless` with `options`; RuntimeError with its words on failure.
 
+    `headless` False: with the window, on the display of this process's environment.
     By the scripted operator, unless they say otherwise: the machine's speed must not change what
     is done.
     """
     before = set(out.glob("*/"))
-    command = [sys.executable, "run_tams.py", "run", "--sim", "--headless", "--out", str(out)]
+    command = [sys.executable, "run_tams.py", "run", "--sim", "--out", str(out)]
+    command += ["--headless"] if headless else []
     if "--operator" not in options:
         command += ["--operator", "scripted"]
     spawned_ns = time.time_ns()

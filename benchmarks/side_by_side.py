@@ -7,6 +7,7 @@ the same part of the frames, one pixel for each pixel received, with its target 
 
 from __future__ import annotations
 
+import math
 import tempfile
 from argparse import ArgumentParser
 from bisect import bisect_right
@@ -18,6 +19,8 @@ import cv2
 import numpy as np
 
 from benchmarks.experiments.recorded_motion import record_hand
+from hw.sim.layout import draw_layout
+from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, FixedViewpoint
 from tams_app.config import load_config
 from tams_app.palette import rgb, view_colour
 from tams_app.policy.weights import WeightMatrix
@@ -31,7 +34,8 @@ PICTURE = Path(__file__).resolve().parent.parent / "docs" / "side-by-side.webp"
 NETWORK, STRATEGIES = "s3", {"equal": "Equal", "tams": "TAMS"}
 BEFORE_S, LENGTH_S, FPS = 3.0, 10.0, 10
 SIZE = (272, 204)  # of a part, width and height [px]
-CENTRES = {"eih": (320, 280), "gt": (300, 240), "gs": (320, 280)}  # of the parts [px]
+WRIST_CENTRE = (320, 230)  # of the wrist camera's part [px]
+LIFT_M = 0.04  # the other parts' centres are so far above the block, where the gripper comes
 GAP, HEAD = 6, 24  # [px]
 BACKGROUND, INK = (40, 40, 40), (235, 235, 235)
 QUALITY = 80  # of WebP
@@ -75,12 +79,15 @@ def watched(strategy: str, seed: int, hand: Path, folder: Path) -> Seen:
             "recording.bitstream": False,
         },
     )
+    centres = {"eih": WRIST_CENTRE} | {
+        view: pixel_of(viewpoint, seed) for view, viewpoint in FIXED_VIEWPOINTS.items()
+    }
     times_ns: dict[str, list[int]] = {view: [] for view in config.video.views}
     parts: dict[str, list[Image]] = {view: [] for view in config.video.views}
 
     def watch(shown: ShownFrame) -> None:
         times_ns[shown.view].append(shown.shown_ns)
-        parts[shown.view].append(_part(shown))
+        parts[shown.view].append(_part(shown.image, *centres[shown.view]))
 
     folder.mkdir()
     with closing(VirtualTrial(config, 0, folder, WALL_NS, watch)) as trial:
@@ -88,11 +95,20 @@ def watched(strategy: str, seed: int, hand: Path, folder: Path) -> Seen:
     return Seen(read_log(folder / LOG_NAME), times_ns, parts)
 
 
-def _part(shown: ShownFrame) -> Image:
-    x, y = CENTRES[shown.view]
+def pixel_of(viewpoint: FixedViewpoint, seed: int) -> tuple[int, int]:
+    """Where in the image it is that the gripper comes to take the block, column and row."""
+    block = draw_layout(seed).block
+    seen = viewpoint.axes().T @ np.subtract((block.x, block.y, LIFT_M), viewpoint.place)
+    focal_px = HEIGHT_PX / 2 / math.tan(math.radians(viewpoint.fovy_deg) / 2)
+    column, row = seen[:2] / seen[2] * focal_px
+    return round(WIDTH_PX / 2 + column), round(HEIGHT_PX / 2 + row)
+
+
+def _part(image: Image, x: int, y: int) -> Image:
     width, height = SIZE
-    top, left = y - height // 2, x - width // 2
-    return shown.image[top : top + height, left : left + width].copy()
+    left = min(max(0, x - width // 2), image.shape[1] - width)
+    top = min(max(0, y - height // 2), image.shape[0] - height)
+    return image[top : top + height, left : left + width].copy()
 
 
 def composed(trials: dict[str, Seen], t_ns: int) -> Image:

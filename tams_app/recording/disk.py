@@ -83,11 +83,6 @@ class LogFile:
     def flush(self) -> None:
         """Nothing is buffered."""
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether everything was written."""
-        return self._error is None
-
     def check(self) -> None:
         """LogError if anything could not be written."""
         if self._error is not None:

@@ -15,8 +15,6 @@ from foxglove.channels import CompressedVideoChannel
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
-from tams_app.errors import LogError
-from tams_app.recording.chunk_index import add_chunk_indexes
 from tams_app.recording.disk import LogFile
 from tams_app.recording.topics import (
     HEADER,
@@ -31,7 +29,7 @@ from tams_app.recording.viewers import MakeViewers, Viewers
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.units import NS_PER_S
 
-CHUNK_BYTES = 1024 * 1024
+CHUNK_BYTES = 1024 * 1024  # the index of each, about 1 kB, stays in memory until the end
 
 
 def _keep_sdk_quiet() -> None:
@@ -76,7 +74,6 @@ class McapLog:
                 profile=PROFILE,
                 chunk_size=CHUNK_BYTES,
                 disable_seeking=True,  # else a killed process leaves a chunk of unknown length
-                emit_chunk_indexes=False,  # else they stay in memory until `close`, which adds them
             ),
         )
         self._channels: dict[type, Any] = {}
@@ -113,26 +110,14 @@ class McapLog:
             self._file.check()
 
     def close(self) -> None:
-        """Finish the file, or cut it after its last whole chunk; may be called twice.
-
-        LogError if the disk refuses the index.
-        """
+        """Finish the file, or cut it after its last whole chunk; may be called twice."""
         if self._file is None:
             return
         file, self._file = self._file, None
         if self._viewers is not None:
             self._viewers.close()
         self._mcap.close()
-        file.close()
-        if not file.is_whole:
-            return  # which the owner has learned from `flush`
-        try:
-            add_chunk_indexes(file.path)
-        except OSError as error:
-            raise LogError(
-                f"{file.path}: the index at its end cannot be written: {error.strerror}; "
-                "all before it is readable"
-            ) from error
+        file.close()  # of an error the owner has learned from `flush`
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         channel = self._channels.get(type(item)) or self._open_channel(type(item))

@@ -119,13 +119,9 @@ def _read_summary(file: IO[bytes]) -> Summary | None:
         if zlib.crc32(checked) != checksum:
             return None
         file.seek(0)
-        summary = SeekingReader(file, record_size_limit=_RECORD_LIMIT_BYTES).get_summary()
+        return SeekingReader(file, record_size_limit=_RECORD_LIMIT_BYTES).get_summary()
     except (*DAMAGE, OSError):  # OSError: shorter than a footer, or a start that is none
         return None
-    if summary is None or summary.statistics is None:
-        return None
-    # fewer where a process ended before it had added the index
-    return summary if len(summary.chunk_indexes) == summary.statistics.chunk_count else None
 
 
 def _whole_chunk(file: IO[bytes], index: ChunkIndex) -> list[McapRecord]:
