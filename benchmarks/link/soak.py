@@ -90,6 +90,7 @@ def _memory_mb(processes: dict[str, psutil.Process]) -> dict[str, float]:
             if ("-m" in words and side == "robot") or "tams_app.link.gateway" in words:
                 name = f"{side}: {words[words.index('-m') + 1]}"
                 found[name] = found.get(name, 0.0) + _anonymous_mb(child.pid)
+        found[f"{side}: together"] = sum(mb for name, mb in found.items() if name.startswith(side))
     return found
 
 
