@@ -19,6 +19,7 @@ from typer.exceptions import TyperException
 from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
+from tams_app.console.export_cli import add_export
 from tams_app.console.logs_cli import log_app
 from tams_app.console.options import (
     ArmOption,
@@ -32,13 +33,14 @@ from tams_app.console.options import (
     KeyOption,
     OutOption,
     ReferenceOption,
+    Ros2Option,
     SecondsOption,
     SeedOption,
     SimOption,
     StrategyOption,
     arm_overrides,
     check_arm_at_once,
-    with_foxglove_address,
+    with_values,
 )
 from tams_app.console.two_sided_cli import add_two_sided
 from tams_app.errors import ConfigError, SetupError, TamsError
@@ -91,7 +93,7 @@ def main() -> None:
 def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
-    arguments = with_foxglove_address(arguments)
+    arguments = with_values(arguments)
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
         arguments.insert(0, "run")
     try:
@@ -153,6 +155,7 @@ def run(
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
     foxglove: FoxgloveOption = None,
+    ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
     """Teleoperate: on the simulated rig, one pick-and-place by a simulated operator."""
@@ -166,6 +169,7 @@ def run(
         fps=fps,
         record_reference=record_reference,
         foxglove=foxglove,
+        ros2=ros2,
         out=out,
     )
     overrides |= {
@@ -181,6 +185,7 @@ def run(
 
 
 add_two_sided(app)
+add_export(app)
 
 
 @app.command()

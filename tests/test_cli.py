@@ -154,6 +154,8 @@ def test_the_version_is_told(capsys):
         (["run", "--fps", 61], "video.fps: must be less than or equal to 60 (given: 61)"),
         (["run", "--fps", "many"], "Invalid value for '--fps'"),
         (["run", "--foxglove", "everywhere"], "'everywhere' is not HOST:PORT"),
+        (["run", "--ros2", "everywhere"], "Invalid value for '--ros2'"),
+        (["run", "--ros2", 233], "recording.ros2: must be less than or equal to 232 (given: 233)"),
         (["run", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
         (["--seed", -1], "seed"),
         (["network", "s2", "--interface", "lo"], "lo"),
@@ -199,6 +201,40 @@ def test_viewers_connect_where_told_and_by_default_at_this_computer(
     )
     assert run(capsys, *arguments)[0] == 0
     assert [one.recording.foxglove for one in settings] == [address]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "domain"),
+    [
+        (["run"], None),
+        (["run", "--ros2"], 0),
+        (["run", "--ros2", "--foxglove", "--headless"], 0),
+        (["run", "--ros2", "42", "--headless"], 42),
+    ],
+)
+def test_a_session_is_published_in_the_domain_of_ros_2_that_is_named(
+    capsys, monkeypatch, arguments, domain
+):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
+    )
+    assert run(capsys, *arguments)[0] == 0
+    assert [one.recording.ros2 for one in settings] == [domain]
+
+
+@pytest.mark.parametrize("command", ["run", "robot", "operate"])
+def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_anything(
+    capsys, monkeypatch, tmp_path, command
+):
+    monkeypatch.setattr("tams_app.ros2.extra.find_spec", lambda name: None)
+    where = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
+    options = ("--ros2", "--out", tmp_path / "logs", *where.get(command, ()))
+    code, out, err = run(capsys, command, *options)
+    assert (code, out) == (1, "")
+    assert "--ros2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "logs").exists()
 
 
 @pytest.mark.parametrize("command", ["run", "robot", "operate"])

@@ -140,6 +140,8 @@ class RecordingConfig(Section):
     """With `viewers`: frames of each view as they were shown that are kept a second, as JPEG."""
     foxglove: str = ""
     """HOST:PORT where Foxglove may connect while a session runs; empty: nowhere."""
+    ros2: Annotated[int, Field(ge=0, le=232)] | None = None
+    """Domain of ROS 2 in which a session is published while it runs; null: none."""
     min_free_mb: NonNegative = 500.0
     """Free disk space that a session wants at its start; it ends below a tenth of that."""
 

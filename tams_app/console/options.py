@@ -14,6 +14,8 @@ from tams_app.errors import ConfigError
 from tams_app.policy.allocation import STRATEGIES
 
 FOXGLOVE = "127.0.0.1:8765"
+ROS2 = "0"
+_BARE = {"--foxglove": FOXGLOVE, "--ros2": ROS2}  # what an option without a value stands for
 STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
 
 SimOption = Annotated[bool, typer.Option("--sim", help="The rig's devices, not the config's.")]
@@ -51,6 +53,13 @@ FoxgloveOption = Annotated[
         help=f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
     ),
 ]
+Ros2Option = Annotated[
+    int | None,
+    typer.Option(
+        metavar="[DOMAIN]",
+        help=f"Publish the session in ROS 2 while it runs; by default in domain {ROS2}.",
+    ),
+]
 OutOption = Annotated[Path | None, typer.Option(help="Where session folders are made.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="For a program to read.")]
 KeyOption = Annotated[
@@ -70,6 +79,7 @@ def arm_overrides(
     fps: int | None,
     record_reference: bool,
     foxglove: str | None,
+    ros2: int | None,
     out: Path | None,
 ) -> dict[str, Any]:
     """What the options of a command with an arm lay over the configuration file."""
@@ -84,17 +94,18 @@ def arm_overrides(
         "rig.fixed_fps": None if fps is None else True,
         "recording.record_reference": True if record_reference else None,
         "recording.foxglove": foxglove,
+        "recording.ros2": ros2,
         "recording.directory": str(out) if out else None,
     }
 
 
-def with_foxglove_address(arguments: list[str]) -> list[str]:
-    """The command line with the address that a bare `--foxglove` stands for."""
+def with_values(arguments: list[str]) -> list[str]:
+    """The command line with the values that a bare `--foxglove` and `--ros2` stand for."""
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)
-        if argument == "--foxglove" and following.startswith("-"):
-            found.append(FOXGLOVE)
+        if argument in _BARE and following.startswith("-"):
+            found.append(_BARE[argument])
     return found
 
 

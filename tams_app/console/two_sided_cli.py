@@ -19,6 +19,7 @@ from tams_app.console.options import (
     KeyOption,
     OutOption,
     ReferenceOption,
+    Ros2Option,
     SecondsOption,
     SeedOption,
     SimOption,
@@ -55,6 +56,7 @@ def robot(
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
     foxglove: FoxgloveOption = None,
+    ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
     """The robot's side of a session on two computers: arm, cameras, all that can stop the arm."""
@@ -68,6 +70,7 @@ def robot(
         fps=fps,
         record_reference=record_reference,
         foxglove=foxglove,
+        ros2=ros2,
         out=out,
     )
     overrides |= {
@@ -96,6 +99,7 @@ def operate(
     hand: HandOption = None,
     headless: HeadlessOption = False,
     foxglove: FoxgloveOption = None,
+    ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
     """The operator's side: controller and windows; it moves the arm of a `robot` elsewhere."""
@@ -110,6 +114,7 @@ def operate(
             "headless": True if headless else None,
             "name": "operate",
             "recording.foxglove": foxglove,
+            "recording.ros2": ros2,
             "recording.directory": str(out) if out else None,
         },
     )

@@ -1,7 +1,7 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
 from tams_app.recording.mcap_stream import Gap
-from tams_app.recording.reader import SessionLog, read_log, read_ticks, read_video
+from tams_app.recording.reader import SessionLog, read_log, read_records, read_ticks, read_video
 from tams_app.recording.reference import ReferenceRecorder, read_reference
 from tams_app.recording.topics import (
     Facts,
@@ -28,6 +28,7 @@ __all__ = [
     "SessionLog",
     "Viewers",
     "read_log",
+    "read_records",
     "read_reference",
     "read_ticks",
     "read_video",

@@ -91,10 +91,9 @@ class McapLog:
         """Write one record; `now_ns` stands in where a record has no time of its own."""
         if isinstance(item, EncodedFrame):
             self._write_video(item)
-            return
-        if isinstance(item, Outcome):
+        elif isinstance(item, Outcome):
             item = OutcomeGiven(now_ns, item)
-        if not isinstance(item, ShownFrame):  # that one is for viewers alone
+        if not isinstance(item, EncodedFrame | ShownFrame):  # the latter is for viewers alone
             self._write_record(item, TOPICS[type(item)].time_ns(item))
         if self._viewers is not None:
             self._viewers.hear(item, now_ns)
@@ -132,17 +131,7 @@ class McapLog:
         return channel
 
     def _write_video(self, frame: EncodedFrame) -> None:
-        sent = FrameSent(
-            frame.view,
-            frame.index,
-            frame.capture_ns,
-            frame.encoded_ns,
-            frame.keyframe,
-            len(frame.data),
-            frame.pushed_ns,
-            frame.rtp_timestamp,
-        )
-        self._write_record(sent, frame.encoded_ns)
+        self._write_record(FrameSent.of(frame), frame.encoded_ns)
         if not self._bitstream:
             return
         channel = self._videos.get(frame.view)

@@ -113,19 +113,13 @@ def read_log(path: Path) -> SessionLog:
     """Everything but the video of the log at `path`; UnreadableLogError if it is none of ours."""
     log: SessionLog | None = None
     stream = McapStream(path, PROFILE)
-    for name, message in stream:
-        if log is not None and log.header.schema < _RENAMED_SCHEMA:
-            name = FORMER_NAMES.get(name, name)
-        topic = _TOPICS_BY_NAME.get(name)
-        if topic is None:
-            continue  # video, viewers' channels, and what a newer version may add
-        record = _decode(path, topic, message.data)
+    for t_ns, record in _records(path, stream):
         if isinstance(record, Header):
             log = SessionLog(record, record.started_ns)
         if log is None:
             break
         log.add(record)
-        log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
+        log.ended_ns = max(log.ended_ns, t_ns)
     if log is None and stream.gaps:
         raise UnreadableLogError(f"{path}: is damaged at its beginning; give an undamaged copy")
     if log is None:
@@ -135,6 +129,42 @@ def read_log(path: Path) -> SessionLog:
     log.truncated = not stream.complete and not stream.gaps
     log.gaps = [_session_time(gap, log.header.wall_offset_ns) for gap in stream.gaps]
     return log
+
+
+def read_records(path: Path) -> Iterator[tuple[int, Any]]:
+    """Every record of the log at `path` with its time, as it was written; errors as of `read_log`.
+
+    The header is the first. After each `FrameSent` comes its `EncodedFrame`, if its bytes were
+    kept. Of a log that is damaged or cut off, what can be read.
+    """
+    first = True
+    for t_ns, record in _records(path, McapStream(path, PROFILE), video=True):
+        if first and not isinstance(record, Header):
+            break
+        first = False
+        yield t_ns, record
+    if first:
+        raise UnreadableLogError(f"{path}: holds no session header at its beginning")
+
+
+def _records(path: Path, stream: McapStream, video: bool = False) -> Iterator[tuple[int, Any]]:
+    """Our records, and with `video` the encoded frames, with their times on the session's clock."""
+    header: Header | None = None
+    sent: dict[str, FrameSent] = {}  # by the topic that their bytes follow on
+    for name, message in stream:
+        if header is not None and header.schema < _RENAMED_SCHEMA:
+            name = FORMER_NAMES.get(name, name)
+        if (topic := _TOPICS_BY_NAME.get(name)) is not None:
+            record = _decode(path, topic, message.data)
+        elif video and (frame := sent.pop(name, None)) is not None:
+            record = frame.with_data(_video_bytes(message.data))
+        else:
+            continue  # viewers' channels, and what a newer version may add
+        if isinstance(record, Header):
+            header = record
+        elif isinstance(record, FrameSent):
+            sent[VIDEO_PREFIX + record.view] = record
+        yield message.log_time - (0 if header is None else header.wall_offset_ns), record
 
 
 def _session_time(gap: Gap, wall_offset_ns: int) -> Gap:
@@ -153,18 +183,7 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
             record = _decode(path, TOPICS[FrameSent], message.data)
             sent = record if record.view == view else sent
         elif name == VIDEO_PREFIX + view and sent is not None:
-            payload = wire.fields(message.data).get(_VIDEO_DATA_FIELD, b"")
-            assert isinstance(payload, bytes)
-            yield EncodedFrame(
-                view,
-                sent.index,
-                sent.capture_ns,
-                sent.encoded_ns,
-                sent.keyframe,
-                payload,
-                sent.pushed_ns,
-                sent.rtp_timestamp,
-            )
+            yield sent.with_data(_video_bytes(message.data))
             sent = None  # where the next record is missing, its bytes are no other frame's
 
 
@@ -173,6 +192,12 @@ def read_ticks(path: Path) -> Iterator[Tick]:
     for name, message in McapStream(path, PROFILE):
         if name == TOPICS[Tick].name:
             yield _decode(path, TOPICS[Tick], message.data)
+
+
+def _video_bytes(message: bytes) -> bytes:
+    payload = wire.fields(message).get(_VIDEO_DATA_FIELD, b"")
+    assert isinstance(payload, bytes)
+    return payload
 
 
 def _decode(path: Path, topic: Any, data: bytes) -> Any:

@@ -104,6 +104,32 @@ class FrameSent:
     pushed_ns: int = 0
     rtp_timestamp: int | None = None
 
+    @staticmethod
+    def of(frame: EncodedFrame) -> FrameSent:
+        return FrameSent(
+            frame.view,
+            frame.index,
+            frame.capture_ns,
+            frame.encoded_ns,
+            frame.keyframe,
+            len(frame.data),
+            frame.pushed_ns,
+            frame.rtp_timestamp,
+        )
+
+    def with_data(self, data: bytes) -> EncodedFrame:
+        """The frame again, with its bytes."""
+        return EncodedFrame(
+            self.view,
+            self.index,
+            self.capture_ns,
+            self.encoded_ns,
+            self.keyframe,
+            data,
+            self.pushed_ns,
+            self.rtp_timestamp,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class FrameShown:

@@ -12,6 +12,7 @@
 | the simulated operator's eyes | round robin 1 | they share the GIL with the hand, and rest a lot |
 | renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
 | the operator's window | ordinary, nice -10 | what it shows must not wait; it limits itself |
+| the ROS 2 bridge | ordinary, nice 5 | what it publishes may wait |
 | quality | idle | it takes what is left over |
 
 The application's threads share the GIL: one that is pushed off its core while it holds the GIL
@@ -34,6 +35,7 @@ RIG_PRIORITY = 5
 OPERATOR_PRIORITY = 5
 RENDERER_NICE = -10
 WINDOW_NICE = -10
+ROS2_NICE = 5
 
 _LOWEST_NICE = 19
 

@@ -14,7 +14,7 @@ from tams_app.session.control import Signals, describe
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.study.trial import TrialJudge
-from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.advice import advice
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
@@ -59,13 +59,7 @@ class ArmingObserver(Listener):
         if output.reason is None:
             self._note("info", output.arming.value)
         else:
-            self._note("warning", f"{output.arming.value}, {_advice(output)}")
-
-
-def _advice(output: TeleopOutput) -> str:
-    """What happened and what to do."""
-    told = describe(output)
-    return f"{told}{'' if told.endswith('.') else '.'} {what_to_do(told)}".strip()
+            self._note("warning", f"{output.arming.value}, {advice(describe(output))}")
 
 
 class StopWatch(Listener):

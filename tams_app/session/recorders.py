@@ -30,6 +30,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
+from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import invite_viewers, viewers_of
 
 LOG_NAME = "session.mcap"
@@ -144,14 +145,20 @@ class Recorders(SessionRecords):
         folder: Path,
         on_failure: Callable[[str, BaseException], None],
         show: Callable[[str], None] = lambda _text: None,
+        estop: Callable[[], None] = lambda: None,
     ) -> None:
+        """`estop` is called when ROS 2 asks for it, in a thread of its own."""
         started_ns = clock.now_ns()
         wall_offset_ns = time.time_ns() - started_ns
         header = session_header(config, started_ns, wall_offset_ns)
         free_mb, bitstream = config.recording.min_free_mb, config.recording.bitstream
-        viewers = viewers_of(config)
+        bridge: Ros2Bridge | None = None
         reference: ReferenceRecorder | None = None
         with ExitStack() as stack:
+            if config.recording.ros2 is not None:
+                bridge = Ros2Bridge(config.recording.ros2, header, clock, folder / "helpers")
+                stack.callback(bridge.end)
+            viewers = viewers_of(config, others=() if bridge is None else (bridge,))
             log = Recorder(
                 folder / LOG_NAME, header, clock, free_mb, on_failure, bitstream, viewers
             )
@@ -166,6 +173,15 @@ class Recorders(SessionRecords):
             self._stack = stack.pop_all()
         super().__init__(clock, log, reference, show)
         invite_viewers(config, self.note)
+        self._bridge = bridge
+        if bridge is not None:
+            bridge.listen(estop, self.note)
+            self._stack.callback(bridge.stop_listening)
+
+    @property
+    def bridge_pid(self) -> int | None:
+        """Of the bridge to ROS 2; None where there is none, or none any more."""
+        return None if self._bridge is None else self._bridge.pid
 
     def close(self) -> None:
         """Write what is queued and finish the files."""

@@ -101,7 +101,9 @@ class Session(Ending):
         helper_logs = self.folder / "helpers"
         helper_logs.mkdir(exist_ok=True)  # the window is there before
         failed = self._on_worker_failure
-        self._log = Recorders(config, clock, self.folder, failed, self._show_note)
+        self._log = Recorders(
+            config, clock, self.folder, failed, self._show_note, self.signals.estop
+        )
         self._stack.callback(self._log.close)
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
@@ -251,6 +253,7 @@ class Session(Ending):
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
         pids.update(relay=self._video.relay_pid, quality=self._quality.pid)
+        pids.update(ros2=self._log.bridge_pid)
         return {name: pid for name, pid in pids.items() if pid is not None}
 
     def _run(

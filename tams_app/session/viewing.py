@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from foxglove import Context
+from pydantic import ValidationError
 
 from hw.arms import arm_kind
 from hw.sim.layout import (
@@ -19,8 +20,9 @@ from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import Config, LimitsConfig
 from tams_app.recording import Header, MakeViewers, Viewers
 from tams_app.records import ArmFigure, Pose, Solid, SolidKind
+from tams_app.ros2.extra import require_extra
 from tams_app.rotation import Rotation
-from tams_app.telemetry import Address, Lens, Scene, Telemetry, check_address
+from tams_app.telemetry import Address, Lens, Scene, Telemetry, ViewerGroup, check_address
 from tams_app.vectors import Floats3
 
 _WRIST_VIEW = "eih"
@@ -34,14 +36,19 @@ def address_of(config: Config) -> Address | None:
 
 
 def check_viewers(config: Config) -> None:
-    """ConfigError or SetupError in one sentence if viewers cannot connect where they should."""
+    """ConfigError or SetupError in one sentence if viewers cannot be served as they should."""
     address = address_of(config)
     if address is not None:
         check_address(address)
+    if config.recording.ros2 is not None:
+        require_extra("--ros2")
 
 
 def invite_viewers(config: Config, note: Callable[[str, str], None]) -> None:
     """Say where viewers may connect, if they may, and who can."""
+    if config.recording.ros2 is not None:
+        domain = config.recording.ros2
+        note("info", f"published in ROS 2, domain {domain}: all who reach it see this session")
     address = address_of(config)
     if address is None:
         return
@@ -54,18 +61,34 @@ def invite_viewers(config: Config, note: Callable[[str, str], None]) -> None:
         )
 
 
-def viewers_of(config: Config, live: bool = True) -> MakeViewers | None:
-    """Makes the channels for viewers; None if they are not wanted. `live`: may be connected to."""
+def viewers_of(
+    config: Config, live: bool = True, others: Sequence[Viewers] = ()
+) -> MakeViewers | None:
+    """Makes the channels for viewers; None if there is no viewer. `live`: may be connected to.
+
+    `others`: who hears of the session besides.
+    """
     address = address_of(config) if live else None
-    if not config.recording.viewers and address is None:
+    has_channels = config.recording.viewers or address is not None
+    if not has_channels and not others:
         return None
 
     def make(context: Context, header: Header) -> Viewers:
-        return Telemetry(
-            context, header, scene_of(config), config.recording.pictures_per_s, address
-        )
+        channels: list[Viewers] = []
+        if has_channels:
+            scene, pictures_per_s = scene_of(config), config.recording.pictures_per_s
+            channels.append(Telemetry(context, header, scene, pictures_per_s, address))
+        return ViewerGroup(header, [*channels, *others])
 
     return make
+
+
+def scene_of_header(header: Header) -> Scene | None:
+    """That of the configuration that a log's header has; None if another version wrote it."""
+    try:
+        return scene_of(Config.model_validate(header.config))
+    except ValidationError:
+        return None
 
 
 def scene_of(config: Config) -> Scene:

@@ -4,8 +4,9 @@ Foxglove's own messages beside ours: log lines, the arm and its surroundings, pi
 shown, the rates of each second; in the log's file and, if asked for, live over a WebSocket.
 """
 
+from tams_app.telemetry.group import ViewerGroup
 from tams_app.telemetry.live import Address, check_address
 from tams_app.telemetry.scene import Lens, Scene
 from tams_app.telemetry.telemetry import Telemetry
 
-__all__ = ["Address", "Lens", "Scene", "Telemetry", "check_address"]
+__all__ = ["Address", "Lens", "Scene", "Telemetry", "ViewerGroup", "check_address"]

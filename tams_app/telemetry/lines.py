@@ -1,6 +1,9 @@
-"""Sentences for Foxglove's log panel: notes, stops and the verdict."""
+"""Sentences for people: notes, stops and the verdict; for Foxglove's log panel among others."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
 
 from foxglove import Context
 from foxglove.channels import LogChannel
@@ -11,7 +14,32 @@ from tams_app.records import Note, Outcome, StopRecord
 from tams_app.telemetry.messages import timestamp
 from tams_app.units import NS_PER_MS
 
+Spoken: TypeAlias = Note | StopRecord | OutcomeGiven
+
 _LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A sentence with its time, level (info, warning, error) and kind (note, stop, outcome)."""
+
+    t_ns: int
+    level: str
+    kind: str
+    text: str
+
+
+def line_of(record: Spoken) -> Line:
+    """The sentence that a record amounts to; a stop that was not the operator's is an error."""
+    if isinstance(record, Note):
+        return Line(record.t_ns, record.level, "note", record.text)
+    if isinstance(record, OutcomeGiven):
+        return Line(record.t_ns, "info", "outcome", _sentence(record.outcome))
+    if record.stopped_ns is None:
+        how = "the session ended before the arm was seen at rest"
+    else:
+        how = f"at rest after {(record.stopped_ns - record.visible_ns) / NS_PER_MS:.0f} ms"
+    return Line(record.visible_ns, "error", "stop", f"stop, {record.reason}: {how}")
 
 
 class LogLines:
@@ -22,24 +50,12 @@ class LogLines:
         self._channel = LogChannel("/log", context=context)
         self._offset_ns = offset_ns
 
-    def on_note(self, note: Note) -> None:
-        self._send(note.t_ns, _LEVELS.get(note.level, LogLevel.Unknown), "note", note.text)
-
-    def on_stop(self, stop: StopRecord) -> None:
-        """A stop that was not the operator's release, as an error."""
-        if stop.stopped_ns is None:
-            how = "the session ended before the arm was seen at rest"
-        else:
-            how = f"at rest after {(stop.stopped_ns - stop.visible_ns) / NS_PER_MS:.0f} ms"
-        self._send(stop.visible_ns, LogLevel.Error, "stop", f"stop, {stop.reason}: {how}")
-
-    def on_outcome(self, given: OutcomeGiven) -> None:
-        self._send(given.t_ns, LogLevel.Info, "outcome", _sentence(given.outcome))
-
-    def _send(self, t_ns: int, level: LogLevel, name: str, text: str) -> None:
-        wall_ns = t_ns + self._offset_ns
-        line = Log(timestamp=timestamp(wall_ns), level=level, name=name, message=text)
-        self._channel.log(line, log_time=wall_ns)
+    def send(self, record: Spoken) -> None:
+        line = line_of(record)
+        wall_ns = line.t_ns + self._offset_ns
+        level = _LEVELS.get(line.level, LogLevel.Unknown)
+        message = Log(timestamp=timestamp(wall_ns), level=level, name=line.kind, message=line.text)
+        self._channel.log(message, log_time=wall_ns)
 
 
 def _sentence(outcome: Outcome) -> str:

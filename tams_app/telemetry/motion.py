@@ -11,7 +11,7 @@ from tams_app.records import ArmState, Pose, SceneTruth, Tick
 from tams_app.rotation import Rotation
 from tams_app.telemetry.messages import BASE, pose_of, timestamp, transform
 from tams_app.telemetry.pace import Pace
-from tams_app.telemetry.scene import TRACKING, Scene
+from tams_app.telemetry.scene import TRACKING, Scene, thing_frames
 
 MOTION_HZ = 30.0
 
@@ -49,20 +49,17 @@ class MotionChannels:
     def on_truth(self, truth: SceneTruth) -> None:
         """Where the rig's things are."""
         wall_ns = truth.t_ns + self._offset_ns
-        places = {"block": truth.block, "container": truth.container}
+        places = thing_frames(truth)
         moved = [transform(wall_ns, BASE, name, pose) for name, pose in places.items()]
         self._things.log(FrameTransforms(transforms=moved), log_time=wall_ns)
 
     def _send_arm(self, arm: ArmState) -> None:
         wall_ns = arm.received_ns + self._offset_ns
-        places = {"tcp": arm.tcp}
-        if self._scene.figure is not None:
-            places |= self._scene.figure.place(arm.joints)
+        places = self._scene.arm_frames(arm)
         moved = [transform(wall_ns, BASE, name, pose) for name, pose in places.items()]
         self._arm.log(FrameTransforms(transforms=moved), log_time=wall_ns)
         joints = [
-            JointState(name=f"joint{number}", position=angle)
-            for number, angle in enumerate(arm.joints.tolist(), start=1)
+            JointState(name=name, position=angle) for name, angle in joint_angles(arm).items()
         ]
         message = JointStates(timestamp=timestamp(wall_ns), joints=joints)
         self._joints.log(message, log_time=wall_ns)
@@ -70,6 +67,12 @@ class MotionChannels:
     def _send(self, channel: PoseInFrameChannel, wall_ns: int, frame: str, pose: Pose) -> None:
         message = PoseInFrame(timestamp=timestamp(wall_ns), frame_id=frame, pose=pose_of(pose))
         channel.log(message, log_time=wall_ns)
+
+
+def joint_angles(arm: ArmState) -> dict[str, float]:
+    """The reported angles [rad] by the joints' names, from the base on."""
+    angles = arm.joints.tolist()
+    return {f"joint{number}": angle for number, angle in enumerate(angles, start=1)}
 
 
 def _led_to(tick: Tick, tcp: Pose, seconds: float) -> Pose:

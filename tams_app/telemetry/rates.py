@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import statistics
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
 from tams_app.records import Allocation, FrameQuality, LinkCapacity, PacketFate, PacketKind
@@ -74,18 +76,31 @@ class RatesMeter:
         self._captures: dict[str, deque[tuple[int, int]]] = {
             view: deque(maxlen=_UNDER_WAY) for view in views
         }
+        self._on: dict[type, Callable[[Any], None]] = {
+            Allocation: self._on_allocation,
+            LinkCapacity: self._on_capacity,
+            FrameCaptured: self._on_captured,
+            FrameShown: self._on_shown,
+            FrameQuality: self._on_quality,
+            PacketBatch: self._on_packets,
+        }
 
-    def on_allocation(self, allocation: Allocation) -> None:
+    def hear(self, record: Any) -> None:
+        """Count a record, if it is one that counts."""
+        if on_record := self._on.get(type(record)):
+            on_record(record)
+
+    def _on_allocation(self, allocation: Allocation) -> None:
         self._allocation = allocation
 
-    def on_capacity(self, capacity: LinkCapacity) -> None:
+    def _on_capacity(self, capacity: LinkCapacity) -> None:
         self._capacity_kbps = capacity.capacity_kbps
 
-    def on_captured(self, frame: FrameCaptured) -> None:
+    def _on_captured(self, frame: FrameCaptured) -> None:
         self._seconds[frame.view].captured += 1
         self._captures[frame.view].append((frame.index, frame.capture_ns))
 
-    def on_shown(self, frame: FrameShown) -> None:
+    def _on_shown(self, frame: FrameShown) -> None:
         second = self._seconds[frame.view]
         second.shown += 1
         captures = self._captures[frame.view]
@@ -94,14 +109,14 @@ class RatesMeter:
         if captures and captures[0][0] == frame.index:
             second.latency_ms.append((frame.shown_ns - captures[0][1]) / NS_PER_MS)
 
-    def on_quality(self, quality: FrameQuality) -> None:
+    def _on_quality(self, quality: FrameQuality) -> None:
         second = self._seconds[quality.view]
         if quality.live is not None:
             second.live.append(quality.live)
         if quality.received is not None:
             second.received.append(quality.received)
 
-    def on_packets(self, batch: PacketBatch) -> None:
+    def _on_packets(self, batch: PacketBatch) -> None:
         columns = zip(
             batch.view,
             batch.kind,

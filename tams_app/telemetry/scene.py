@@ -6,7 +6,7 @@ Sent again every few seconds, as a viewer that connects late knows only what it 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -22,7 +22,7 @@ from foxglove.messages import (
     SceneUpdate,
 )
 
-from tams_app.records import ArmFigure, Pose, Solid
+from tams_app.records import ArmFigure, ArmState, Pose, SceneTruth, Solid
 from tams_app.telemetry.messages import BASE, colour_of, entities, timestamp, transform
 from tams_app.vectors import Floats3
 
@@ -56,6 +56,22 @@ class Scene:
     things: Mapping[str, tuple[Solid, ...]]  # by frame; none where only a camera sees them
     lenses: Mapping[str, Lens]  # by view; none where they were not measured
 
+    def arm_frames(self, arm: ArmState) -> Mapping[str, Pose]:
+        """The TCP as reported, and the links as the reported joints put them, in the base frame."""
+        links = {} if self.figure is None else self.figure.place(arm.joints)
+        return {"tcp": arm.tcp, **links}
+
+    def still_frames(self) -> Iterator[tuple[str, str, Pose]]:
+        """Parent, frame and pose of what does not move in its parent: tracking, and the views."""
+        yield BASE, TRACKING, self.tracking
+        for view, lens in self.lenses.items():
+            yield lens.parent, view, lens.pose
+
+
+def thing_frames(truth: SceneTruth) -> Mapping[str, Pose]:
+    """Where the rig's things are, in the base frame."""
+    return {"block": truth.block, "container": truth.container}
+
 
 class SceneChannels:
     """Sends the scene."""
@@ -74,10 +90,7 @@ class SceneChannels:
     def send(self, wall_ns: int) -> None:
         """Everything, at this instant."""
         scene = self._scene
-        still = [transform(wall_ns, BASE, TRACKING, scene.tracking)]
-        still += [
-            transform(wall_ns, lens.parent, view, lens.pose) for view, lens in scene.lenses.items()
-        ]
+        still = [transform(wall_ns, *one) for one in scene.still_frames()]
         self._still.log(FrameTransforms(transforms=still), log_time=wall_ns)
         box = SceneUpdate(entities=[_wire_box(wall_ns, *scene.workspace)])
         self._workspace.log(box, log_time=wall_ns)

@@ -9,23 +9,14 @@ from foxglove import Context, Schema
 
 from tams_app.recording import Header
 from tams_app.recording.codec import Codec
-from tams_app.recording.topics import FrameCaptured, FrameShown, OutcomeGiven, PacketBatch
-from tams_app.records import (
-    Allocation,
-    FrameQuality,
-    LinkCapacity,
-    Note,
-    SceneTruth,
-    ShownFrame,
-    StopRecord,
-    Tick,
-)
+from tams_app.recording.topics import OutcomeGiven
+from tams_app.records import Note, SceneTruth, ShownFrame, StopRecord, Tick
 from tams_app.telemetry.lines import LogLines
 from tams_app.telemetry.live import Address, serve
 from tams_app.telemetry.motion import MotionChannels
 from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.pictures import Pictures
-from tams_app.telemetry.rates import Rates, RatesMeter
+from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, SceneChannels
 
 SCENE_HZ = 0.2
@@ -48,7 +39,6 @@ class Telemetry:
         self._offset_ns = offset_ns
         lines = LogLines(context, offset_ns)
         self._motion = MotionChannels(context, scene, offset_ns)
-        self._meter = meter = RatesMeter(header.views, header.started_ns)
         self._pictures = Pictures(context, header.views, offset_ns, pictures_per_s)
         self._scene = SceneChannels(context, scene)
         self._scene_pace = Pace(SCENE_HZ)
@@ -59,25 +49,18 @@ class Telemetry:
         self._on: dict[type, Callable[[Any], None]] = {
             Tick: self._on_tick,
             SceneTruth: self._motion.on_truth,
-            Note: lines.on_note,
-            StopRecord: lines.on_stop,
-            OutcomeGiven: lines.on_outcome,
-            Allocation: meter.on_allocation,
-            LinkCapacity: meter.on_capacity,
-            FrameCaptured: meter.on_captured,
-            FrameShown: meter.on_shown,
-            FrameQuality: meter.on_quality,
-            PacketBatch: meter.on_packets,
+            Note: lines.send,
+            StopRecord: lines.send,
+            OutcomeGiven: lines.send,
+            Rates: self._on_rates,
             ShownFrame: self._pictures.on_picture,
         }
         self._server = None if address is None else serve(context, address, header.name)
 
     def hear(self, record: Any, now_ns: int) -> None:
-        """A record that the log keeps, or a frame shown that was wanted."""
+        """A record that the log keeps, the rates of a second, or a frame shown that was wanted."""
         if on_record := self._on.get(type(record)):
             on_record(record)
-        if (rates := self._meter.take(now_ns)) is not None:
-            self._rates.log(self._codec.encode(rates), rates.t_ns + self._offset_ns)
 
     def wants(self, view: str, shown_ns: int) -> bool:
         """Whether a frame shown now is to be heard of with its pixels; each view in one thread."""
@@ -93,3 +76,6 @@ class Telemetry:
         if self._scene_pace.is_due(tick.started_ns):
             self._scene.send(tick.started_ns + self._offset_ns)
         self._motion.on_tick(tick)
+
+    def _on_rates(self, rates: Rates) -> None:
+        self._rates.log(self._codec.encode(rates), rates.t_ns + self._offset_ns)

@@ -7,6 +7,11 @@ from tams_app.teleop.reasons import Reason
 _REASONS = {reason.label: reason for reason in Reason}
 
 
+def advice(told: str) -> str:
+    """What happened, as it is told, and what to do."""
+    return f"{told}{'' if told.endswith('.') else '.'} {what_to_do(told)}".strip()
+
+
 def what_to_do(told: str) -> str:
     """For a reason's label and its detail (`session.control.describe`); "" for no reason.
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.advice import advice, what_to_do
 from tams_app.teleop.reasons import Reason
 
 pytestmark = pytest.mark.untimed
@@ -22,3 +22,18 @@ def test_a_detail_that_is_a_sentence_needs_only_how_to_go_on():
 def test_words_that_are_no_reason_have_no_advice():
     assert what_to_do("") == ""
     assert what_to_do("something else: entirely") == ""
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ("emergency stop", f"emergency stop. {Reason.EMERGENCY_STOP.sentence}"),
+        (
+            "arm refuses: Free the joint.",
+            "arm refuses: Free the joint. Release the trigger, then confirm.",
+        ),
+        ("arm refuses: Free it, then confirm.", "arm refuses: Free it, then confirm."),
+    ],
+)
+def test_what_happened_is_told_with_what_to_do(told, said):
+    assert advice(told) == said

@@ -99,7 +99,12 @@ class OperatorSession(Ending):
             raise ConfigError("--sim: the robot there is real, and moves for a person only")
         self.config = follow(welcome, self.config)
         self._log = Recorders(
-            self.config, self._clock, self.folder, self._on_worker_failure, self.board.note
+            self.config,
+            self._clock,
+            self.folder,
+            self._on_worker_failure,
+            self.board.note,
+            self.signals.estop,
         )
         self._stack.callback(self._log.close)
         identity = secrets.randbits(63)
@@ -120,6 +125,7 @@ class OperatorSession(Ending):
         hand.start()  # from now on the robot's side hears us
         self._start_controller(helper_logs)
         pids = {name: process.pid for name, process in self._helpers.items()}
+        pids["ros2"] = self._log.bridge_pid
         running = {name: pid for name, pid in pids.items() if pid is not None}
         load = Worker(
             "load", LoadMonitor(self._clock, running, self._log.record).run, self._on_worker_failure

@@ -1,0 +1,113 @@
+"""A log as a bag of ROS 2: the messages that the bridge publishes, at the times of the log.
+
+SQLite storage and metadata version 8: what has been in ROS 2 longest.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+
+from tams_app.errors import LogError
+from tams_app.recording import Header, read_records
+from tams_app.ros2.conversion import Conversion, Sent
+from tams_app.ros2.messages import cdr, ros_name
+from tams_app.ros2.topics import Topic, published
+from tams_app.ros2.types import typestore
+from tams_app.telemetry import Scene
+from tams_app.telemetry.rates import RatesMeter
+
+_NEVER = QosTime(0, 0)  # as rosbag2 writes what is not set
+
+
+def write_bag(
+    log: Path, bag: Path, scene_of: Callable[[Header], Scene | None]
+) -> Mapping[str, int]:
+    """Write the folder `bag` from the log at `log`; how many messages each topic has.
+
+    `scene_of`: what is known of a session's surroundings. UnreadableLogError if it is no log of
+    ours; LogError if there is something in the place of `bag`, or if it cannot be written: then
+    nothing is left of it.
+    """
+    try:
+        with Writer(bag, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+            return _fill(writer, log, scene_of)
+    except WriterError as error:
+        raise LogError(f"{bag}: is there already: give another folder") from error
+    except (OSError, sqlite3.Error) as error:
+        _remove(bag)
+        raise LogError(f"{bag}: cannot be written: {error}") from error
+    except BaseException:
+        _remove(bag)
+        raise
+
+
+def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None]) -> Counter[str]:
+    records = read_records(log)
+    _, header = next(records)
+    connections = {topic: _connect(writer, topic) for topic in published(header.views)}
+    conversion, meter = (
+        Conversion(header, scene_of(header)),
+        RatesMeter(header.views, header.started_ns),
+    )
+    counts = Counter({topic.name: 0 for topic in connections})
+
+    def write(sent: Sent) -> None:
+        writer.write(connections[sent.topic], sent.wall_ns, cdr(sent.message))
+        counts[sent.topic.name] += 1
+
+    for sent in conversion.opening():
+        write(sent)
+    newest_ns = header.started_ns
+    for t_ns, record in records:
+        newest_ns = max(newest_ns, t_ns)
+        for sent in conversion.of(record):
+            write(sent)
+        meter.hear(record)
+        if (rates := meter.take(newest_ns)) is not None:
+            for sent in conversion.of(rates):
+                write(sent)
+    return counts
+
+
+def _connect(writer: Writer, topic: Topic) -> Connection:
+    return writer.add_connection(
+        topic.name,
+        ros_name(topic.type),
+        typestore=typestore(),
+        offered_qos_profiles=[_qos(topic)],
+    )
+
+
+def _qos(topic: Topic) -> Qos:
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=topic.depth,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if topic.latched else QosDurability.VOLATILE,
+        deadline=_NEVER,
+        lifespan=_NEVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_NEVER,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def _remove(bag: Path) -> None:
+    with suppress(OSError):
+        shutil.rmtree(bag)

@@ -1,0 +1,199 @@
+"""From our records to the messages of ROS 2: the same for the bridge and for bags.
+
+Frames are those of REP 103 and 105: `base_link` is the arm's base (x forward, y left, z up), and
+`<view>_optical` a camera's (z forward, x right, y down). Stamps are wall time, as in the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+from cyclonedds.idl import IdlStruct
+
+from tams_app.recording import Header
+from tams_app.recording.topics import OutcomeGiven
+from tams_app.records import (
+    ArmState,
+    EncodedFrame,
+    Note,
+    PhaseChange,
+    Pose,
+    SceneTruth,
+    StopRecord,
+    Tick,
+)
+from tams_app.ros2 import messages, topics
+from tams_app.ros2.diagnostics import arm_status, line_status
+from tams_app.telemetry.lines import Spoken, line_of
+from tams_app.telemetry.messages import BASE
+from tams_app.telemetry.motion import MOTION_HZ, joint_angles
+from tams_app.telemetry.pace import Pace
+from tams_app.telemetry.rates import Rates
+from tams_app.telemetry.scene import Scene, thing_frames
+
+BASE_LINK = "base_link"
+DIAGNOSTICS_HZ = 1.0
+# the columns of /tams/rates; in its last row, of all views, those of one view are NaN
+VIEW_RATES = (
+    *("target_kbps", "sent_kbps", "loss", "captured_fps", "shown_fps", "latency_ms"),
+    *("live_ssim", "received_ssim"),
+)
+ALL_RATES = ("budget_kbps", "capacity_kbps", "queue_ms")
+RATES = (*VIEW_RATES, *ALL_RATES)
+ALL_VIEWS = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A message, its topic and its time in nanoseconds since 1970."""
+
+    topic: topics.Topic
+    message: IdlStruct
+    wall_ns: int
+
+
+class Conversion:
+    """Takes the records of one session in their order."""
+
+    def __init__(self, header: Header, scene: Scene | None) -> None:
+        """Without a `scene`, the TCP is the only frame of the arm that is placed."""
+        self._offset_ns = header.wall_offset_ns
+        self._started_ns = header.started_ns
+        self._hardware = str(header.config.get("arm", {}).get("model", ""))
+        self._scene = scene
+        self._views = set(() if scene is None else scene.lenses)
+        self._reported_ns: int | None = None
+        self._frames_pace = Pace(MOTION_HZ)
+        self._diagnostics_pace = Pace(DIAGNOSTICS_HZ)
+        self._told = ("", "")
+        self._on: dict[type, Callable[[Any], Iterator[Sent]]] = {
+            Tick: self._on_tick,
+            SceneTruth: self._on_truth,
+            PhaseChange: self._on_phase,
+            Rates: self._on_rates,
+            EncodedFrame: self._on_frame,
+            Note: self._on_line,
+            StopRecord: self._on_line,
+            OutcomeGiven: self._on_line,
+        }
+
+    def opening(self) -> Iterator[Sent]:
+        """What holds for the whole session."""
+        if self._scene is not None:
+            wall_ns = self._started_ns + self._offset_ns
+            yield self._transforms(topics.TF_STATIC, wall_ns, self._scene.still_frames())
+
+    def of(self, record: Any) -> Iterator[Sent]:
+        """The messages of a record, of which there may be none."""
+        on_record = self._on.get(type(record))
+        return iter(()) if on_record is None else on_record(record)
+
+    def _on_tick(self, tick: Tick) -> Iterator[Sent]:
+        wall_ns = tick.started_ns + self._offset_ns
+        linear, angular = (
+            messages.Vector3(*map(float, part)) for part in (tick.twist.linear, tick.twist.angular)
+        )
+        twist = messages.Twist(linear, angular)
+        yield Sent(topics.TWIST, messages.TwistStamped(_header(wall_ns), twist), wall_ns)
+        if tick.arm is not None and tick.arm.received_ns != self._reported_ns:
+            self._reported_ns = tick.arm.received_ns
+            yield from self._on_arm(tick.arm)
+        told = (tick.arming, tick.reason)
+        due = self._diagnostics_pace.is_due(tick.started_ns)
+        if due or told != self._told:
+            self._told = told
+            yield self._diagnostics(wall_ns, arm_status(tick, self._hardware))
+
+    def _on_arm(self, arm: ArmState) -> Iterator[Sent]:
+        wall_ns = arm.received_ns + self._offset_ns
+        header = _header(wall_ns)
+        place = messages.Pose(messages.Point(*_xyz(arm.tcp)), _quaternion(arm.tcp))
+        yield Sent(topics.TCP_POSE, messages.PoseStamped(header, place), wall_ns)
+        angles = joint_angles(arm)
+        joints = messages.JointState(header, list(angles), list(angles.values()), [], [])
+        yield Sent(topics.JOINTS, joints, wall_ns)
+        if self._frames_pace.is_due(arm.received_ns):
+            frames = {"tcp": arm.tcp} if self._scene is None else self._scene.arm_frames(arm)
+            moved = ((BASE, frame, pose) for frame, pose in frames.items())
+            yield self._transforms(topics.TF, wall_ns, moved)
+
+    def _on_truth(self, truth: SceneTruth) -> Iterator[Sent]:
+        moved = ((BASE, frame, pose) for frame, pose in thing_frames(truth).items())
+        yield self._transforms(topics.TF, truth.t_ns + self._offset_ns, moved)
+
+    def _on_phase(self, change: PhaseChange) -> Iterator[Sent]:
+        phase = messages.String(change.phase.value)
+        yield Sent(topics.PHASE, phase, change.t_ns + self._offset_ns)
+
+    def _on_rates(self, rates: Rates) -> Iterator[Sent]:
+        rows = {one.view: [_number(one, name) for name in RATES] for one in rates.views}
+        rows[ALL_VIEWS] = [_number(rates, name) for name in RATES]
+        height, width = len(rows), len(RATES)
+        dimensions = [
+            messages.MultiArrayDimension(",".join(rows), height, height * width),
+            messages.MultiArrayDimension(",".join(RATES), width, width),
+        ]
+        numbers = [number for row in rows.values() for number in row]
+        array = messages.Float64MultiArray(messages.MultiArrayLayout(dimensions, 0), numbers)
+        yield Sent(topics.RATES, array, rates.t_ns + self._offset_ns)
+
+    def _on_frame(self, frame: EncodedFrame) -> Iterator[Sent]:
+        captured = messages.Time.of(frame.capture_ns + self._offset_ns)
+        video = messages.CompressedVideo(captured, optical(frame.view), frame.data, "h264")
+        wall_ns = frame.encoded_ns + self._offset_ns
+        yield Sent(topics.video_topic(frame.view), video, wall_ns)
+
+    def _on_line(self, record: Spoken) -> Iterator[Sent]:
+        line = line_of(record)
+        yield self._diagnostics(line.t_ns + self._offset_ns, line_status(line, self._hardware))
+
+    def _diagnostics(self, wall_ns: int, status: messages.DiagnosticStatus) -> Sent:
+        header = _header(wall_ns, "")
+        return Sent(topics.DIAGNOSTICS, messages.DiagnosticArray(header, [status]), wall_ns)
+
+    def _transforms(
+        self, topic: topics.Topic, wall_ns: int, frames: Iterable[tuple[str, str, Pose]]
+    ) -> Sent:
+        moved = [
+            messages.TransformStamped(
+                _header(wall_ns, self._frame(parent)),
+                self._frame(child),
+                messages.Transform(messages.Vector3(*_xyz(pose)), _quaternion(pose)),
+            )
+            for parent, child, pose in frames
+        ]
+        return Sent(topic, messages.TFMessage(moved), wall_ns)
+
+    def _frame(self, name: str) -> str:
+        """What ROS calls one of our frames."""
+        if name in self._views:
+            return optical(name)
+        return BASE_LINK if name == BASE else name
+
+
+def optical(view: str) -> str:
+    """The frame of a view's camera, whose axes are those of its picture."""
+    return f"{view}_optical"
+
+
+def _header(wall_ns: int, frame: str = BASE_LINK) -> messages.Header:
+    return messages.Header(messages.Time.of(wall_ns), frame)
+
+
+def _xyz(pose: Pose) -> tuple[float, float, float]:
+    x, y, z = pose.position.tolist()
+    return x, y, z
+
+
+def _quaternion(pose: Pose) -> messages.Quaternion:
+    x, y, z, w = map(float, pose.rotation)
+    return messages.Quaternion(x, y, z, w)
+
+
+def _number(rates: object, name: str) -> float:
+    """NaN for what was not measured, or is not of one view."""
+    value = getattr(rates, name, None)
+    return nan if value is None else float(value)

@@ -1,0 +1,200 @@
+"""The messages of ROS 2 that we send and hear, as DDS types: fields, order and names are ROS's.
+
+A field's unit and frame are what its ROS definition says: metres, radians, seconds. The names are
+those that ROS 2 gives its types on DDS. No `from __future__ import annotations`: cyclonedds reads
+the annotations, and cannot read a sequence from text.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
+
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.annotations import final
+from cyclonedds.idl.types import byte, float64, int32, sequence, uint8, uint32
+
+from tams_app.units import NS_PER_S
+
+Strings: TypeAlias = Annotated[Sequence[str], sequence(str)]
+Numbers: TypeAlias = Annotated[Sequence[float], sequence(float64)]
+Octets: TypeAlias = Annotated[Sequence[int], sequence(uint8)]  # `bytes` is one
+
+
+@dataclass
+@final
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+    @staticmethod
+    def of(wall_ns: int) -> "Time":
+        """Nanoseconds since 1970."""
+        return Time(*divmod(wall_ns, NS_PER_S))
+
+
+@dataclass
+@final
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+@final
+class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
+    data: str
+
+
+@dataclass
+@final
+class Empty(IdlStruct, typename="std_msgs::msg::dds_::Empty_"):
+    structure_needs_at_least_one_member: uint8 = 0  # so called by ROS, as DDS knows no empty type
+
+
+@dataclass
+@final
+class MultiArrayDimension(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayDimension_"):
+    label: str
+    size: uint32
+    stride: uint32
+
+
+@dataclass
+@final
+class MultiArrayLayout(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayLayout_"):
+    dim: Annotated[Sequence[MultiArrayDimension], sequence(MultiArrayDimension)]
+    data_offset: uint32
+
+
+@dataclass
+@final
+class Float64MultiArray(IdlStruct, typename="std_msgs::msg::dds_::Float64MultiArray_"):
+    layout: MultiArrayLayout
+    data: Numbers
+
+
+@dataclass
+@final
+class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+@final
+class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+@final
+class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+@final
+class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+    position: Point
+    orientation: Quaternion
+
+
+@dataclass
+@final
+class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
+    header: Header
+    pose: Pose
+
+
+@dataclass
+@final
+class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
+    linear: Vector3
+    angular: Vector3
+
+
+@dataclass
+@final
+class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
+    header: Header
+    twist: Twist
+
+
+@dataclass
+@final
+class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
+    translation: Vector3
+    rotation: Quaternion
+
+
+@dataclass
+@final
+class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
+    header: Header
+    child_frame_id: str
+    transform: Transform
+
+
+@dataclass
+@final
+class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
+    transforms: Annotated[Sequence[TransformStamped], sequence(TransformStamped)]
+
+
+@dataclass
+@final
+class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
+    header: Header
+    name: Strings
+    position: Numbers
+    velocity: Numbers
+    effort: Numbers
+
+
+@dataclass
+@final
+class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
+    key: str
+    value: str
+
+
+@dataclass
+@final
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
+    level: byte
+    name: str
+    message: str
+    hardware_id: str
+    values: Annotated[Sequence[KeyValue], sequence(KeyValue)]
+
+
+@dataclass
+@final
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
+    header: Header
+    status: Annotated[Sequence[DiagnosticStatus], sequence(DiagnosticStatus)]
+
+
+@dataclass
+@final
+class CompressedVideo(IdlStruct, typename="foxglove_msgs::msg::dds_::CompressedVideo_"):
+    timestamp: Time
+    frame_id: str
+    data: Octets
+    format: str
+
+
+def ros_name(message: type[IdlStruct]) -> str:
+    """What ROS 2 calls a type, such as `geometry_msgs/msg/PoseStamped`."""
+    return message.__idl_typename__.replace("::msg::dds_::", "/msg/").removesuffix("_")
+
+
+def cdr(message: IdlStruct) -> bytes:
+    """As ROS 2 has it on the wire and in bags: little-endian CDR (XCDR1) with its header."""
+    return message.serialize(use_version_2=False)

@@ -1,0 +1,47 @@
+"""Records on their way to the bridge's process: a datagram each, in the log's own JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from tams_app.recording.codec import Codec
+from tams_app.recording.topics import TOPICS, FrameSent, Header, OutcomeGiven
+from tams_app.records import EncodedFrame, Note, PhaseChange, SceneTruth, StopRecord, Tick
+from tams_app.telemetry.rates import Rates
+
+EMERGENCY_STOP = "/tams/emergency_stop"  # the one topic that we hear
+LONGEST_BYTES = 1 << 20  # of a datagram; a socket's own limit may be lower
+STOP = b"stop"  # what comes back: somewhere in ROS the emergency stop was asked for
+
+_LOGGED = (Header, Tick, SceneTruth, PhaseChange, Note, StopRecord, OutcomeGiven, FrameSent)
+_CODECS: dict[type, Codec[Any]] = {one: TOPICS[one].codec for one in _LOGGED}
+_CODECS[Rates] = Codec(Rates)
+_BY_NAME = {one.__name__: codec for one, codec in _CODECS.items()}
+
+
+class _Datagram(msgspec.Struct, array_like=True):
+    """A record's type, its JSON, and the bytes of an encoded frame."""
+
+    name: str
+    record: bytes
+    data: bytes | None = None
+
+
+def encode(record: Any) -> bytes | None:
+    """None for a record of which ROS 2 is told nothing."""
+    data = None
+    if isinstance(record, EncodedFrame):
+        record, data = FrameSent.of(record), record.data
+    codec = _CODECS.get(type(record))
+    if codec is None:
+        return None
+    return msgspec.msgpack.encode(_Datagram(type(record).__name__, codec.encode(record), data))
+
+
+def decode(content: bytes | memoryview) -> Any:
+    """The record again."""
+    datagram = msgspec.msgpack.decode(content, type=_Datagram)
+    record = _BY_NAME[datagram.name].decode(datagram.record)
+    return record if datagram.data is None else record.with_data(datagram.data)

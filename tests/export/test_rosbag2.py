@@ -1,0 +1,216 @@
+"""A log as a bag of ROS 2, read by rosbags."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+
+from tams_app.cli import _main
+from tams_app.config import load_config
+from tams_app.export.rosbag2 import write_bag
+from tams_app.recording import SessionLog, read_log
+from tams_app.recording.writer import DirectRecorder
+from tams_app.records import Note
+from tams_app.ros2 import extra
+from tams_app.ros2.conversion import DIAGNOSTICS_HZ
+from tams_app.ros2.topics import published
+from tams_app.runtime.clock import VirtualClock
+from tams_app.session.recorders import LOG_NAME
+from tams_app.session.viewing import scene_of_header, viewers_of
+from tests.ros2.records import full_header, truth
+from tests.synthetic_session import START_NS, VIEWS, live_records
+
+pytestmark = pytest.mark.untimed
+
+DATA = Path(__file__).parent.parent / "data"
+SECONDS = 3.0
+VIDEO_BYTES = 500
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of three seconds with all kinds of records."""
+    folder = tmp_path_factory.mktemp("20260101-100000-run")
+    clock = VirtualClock(START_NS)
+    viewers = viewers_of(load_config(), live=False)
+    log = DirectRecorder(folder / LOG_NAME, full_header(), clock, 0, True, viewers)
+    with closing(log):
+        log.record(Note(START_NS, "info", "ready"))
+        log.record(truth())
+        for record in live_records(SECONDS, VIDEO_BYTES):
+            log.record(record)
+            clock.advance_ns(100_000)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bag(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bags") / "bag"
+    write_bag(session / LOG_NAME, folder, scene_of_header)
+    return folder
+
+
+def messages(bag: Path, topic: str) -> Iterator[tuple[int, Any]]:
+    with AnyReader([bag]) as reader:
+        chosen = [one for one in reader.connections if one.topic == topic]
+        for connection, wall_ns, data in reader.messages(chosen):
+            yield wall_ns, reader.deserialize(data, connection.msgtype)
+
+
+def counts_of(log: SessionLog) -> dict[str, int]:
+    """How many messages each record of a log amounts to, where that is a matter of counting."""
+    reports = {tick.arm.received_ns for tick in log.ticks if tick.arm is not None}
+    frames = Counter(sent.view for sent in log.sent)
+    return {
+        "/tams/twist_cmd": len(log.ticks),
+        "/tams/tcp_pose": len(reports),
+        "/joint_states": len(reports),
+        "/tams/phase": len(log.phases),
+        "/tf_static": 1,
+        **{f"/tams/{view}/compressed": frames[view] for view in VIEWS},
+    }
+
+
+def test_a_bag_has_every_record_of_the_log(session: Path, bag: Path) -> None:
+    log = read_log(session / LOG_NAME)
+    with AnyReader([bag]) as reader:
+        counts = {one.topic: one.msgcount for one in reader.connections}
+        assert reader.message_count == sum(counts.values())
+    expected = counts_of(log)
+    assert {topic: counts[topic] for topic in expected} == expected
+    assert expected["/tams/twist_cmd"] == 360
+    assert expected["/tams/eih/compressed"] == 90
+    assert counts["/tams/rates"] in (2, 3)
+    at_least = SECONDS * DIAGNOSTICS_HZ + len(log.notes)
+    assert at_least <= counts["/diagnostics"] <= at_least + 1
+    assert 89 <= counts["/tf"] - len(log.scene) <= 91
+
+
+@pytest.mark.parametrize("name", ["live-0.1", "virtual-0.1"])
+def test_a_log_of_an_older_version_becomes_a_bag(name: str, tmp_path: Path) -> None:
+    path = DATA / f"{name}.mcap"
+    log = read_log(path)
+    counts = write_bag(path, tmp_path / "bag", scene_of_header)
+    expected = counts_of(log)
+    if scene_of_header(log.header) is None:
+        expected["/tf_static"] = 0
+    for view in VIEWS:
+        expected[f"/tams/{view}/compressed"] = counts[f"/tams/{view}/compressed"]  # not all kept
+    assert {topic: counts[topic] for topic in expected} == expected
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == sum(counts.values()) > 100
+
+
+def test_every_topic_has_its_type_and_quality_of_service(bag: Path) -> None:
+    topics = {topic.name: topic for topic in published(VIEWS)}
+    with AnyReader([bag]) as reader:
+        assert {one.topic for one in reader.connections} == set(topics)
+        for one in reader.connections:
+            (qos,) = one.ext.offered_qos_profiles
+            assert qos.reliability is QosReliability.RELIABLE
+            assert (qos.durability is QosDurability.TRANSIENT_LOCAL) == topics[one.topic].latched
+            assert qos.depth == topics[one.topic].depth
+
+
+def test_messages_have_the_log_s_wall_time(session: Path, bag: Path) -> None:
+    log = read_log(session / LOG_NAME)
+    offset_ns = log.header.wall_offset_ns
+    for tick, (wall_ns, message) in zip(log.ticks, messages(bag, "/tams/twist_cmd"), strict=True):
+        stamp = message.header.stamp
+        assert wall_ns == stamp.sec * 1_000_000_000 + stamp.nanosec == tick.started_ns + offset_ns
+
+
+def test_the_pose_and_the_bitstream_are_the_log_s(session: Path, bag: Path) -> None:
+    log = read_log(session / LOG_NAME)
+    poses = [message.pose.position for _, message in messages(bag, "/tams/tcp_pose")]
+    arms = [tick.arm for tick in log.ticks if tick.arm is not None]
+    assert [(at.x, at.y, at.z) for at in poses] == [tuple(arm.tcp.position) for arm in arms]
+    videos = [message for _, message in messages(bag, "/tams/gt/compressed")]
+    assert all(len(video.data) == VIDEO_BYTES and video.format == "h264" for video in videos)
+
+
+def test_things_of_the_rig_have_their_frames(bag: Path) -> None:
+    children = {
+        one.child_frame_id for _, message in messages(bag, "/tf") for one in message.transforms
+    }
+    assert {"tcp", "link6", "block", "container"} <= children
+
+
+def test_what_is_there_is_not_overwritten(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / session.name).mkdir()
+    (tmp_path / session.name / "notes.txt").write_text("mine")
+    assert _main(["export", str(session), "--format", "rosbag2", "--out", str(tmp_path)]) == 1
+    assert f"{tmp_path / session.name}: is there already" in capsys.readouterr().err
+    assert (tmp_path / session.name / "notes.txt").read_text() == "mine"
+
+
+def test_where_no_folder_can_be_made_it_is_one_sentence(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("no folder")
+    assert _main(["export", str(session), "--format", "rosbag2", "--out", f"{tmp_path}/file"]) == 1
+    err = capsys.readouterr().err
+    assert "cannot be written" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_what_is_no_log_leaves_no_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "session"
+    folder.mkdir()
+    (folder / LOG_NAME).write_bytes(b"something else")
+    assert _main(["export", str(folder), "--format", "rosbag2"]) == 2
+    assert "is not a TAMS session log" in capsys.readouterr().err
+    assert [one.name for one in folder.iterdir()] == [LOG_NAME]
+
+
+def test_of_a_log_that_was_cut_off_the_bag_has_what_can_be_read(
+    session: Path, tmp_path: Path
+) -> None:
+    cut = tmp_path / LOG_NAME
+    whole = (session / LOG_NAME).read_bytes()
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    log = read_log(cut)
+    assert not log.complete
+    counts = write_bag(cut, tmp_path / "bag", scene_of_header)
+    assert counts["/tams/twist_cmd"] == len(log.ticks)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == sum(counts.values())
+
+
+def test_several_sessions_are_a_bag_each_and_beside_their_logs_without_a_place(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = []
+    for name in ("one", "two"):
+        folders.append(tmp_path / name)
+        folders[-1].mkdir()
+        (folders[-1] / LOG_NAME).write_bytes((session / LOG_NAME).read_bytes())
+    assert _main(["export", *map(str, folders), "--format", "rosbag2"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in out] == [str(one / "rosbag2") for one in folders]
+    assert all((one / "rosbag2" / "metadata.yaml").exists() for one in folders)
+
+
+def test_a_format_that_there_is_not_is_told_with_those_that_there_are(
+    session: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _main(["export", str(session), "--format", "rosbag1"]) == 2
+    assert "'rosbag1' is none of rosbag2" in capsys.readouterr().err
+
+
+def test_without_the_extra_it_is_said_what_to_install(
+    session: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    assert _main(["export", str(session), "--format", "rosbag2"]) == 1
+    err = capsys.readouterr().err
+    assert "--format rosbag2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err

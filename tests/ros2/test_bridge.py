@@ -1,0 +1,268 @@
+"""The bridge, with DDS: what nodes hear, what stops the arm, and that nothing waits for it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from tams_app.config import load_config
+from tams_app.errors import SetupError
+from tams_app.recording import read_log
+from tams_app.records import Phase, PhaseChange
+from tams_app.ros2 import extra
+from tams_app.ros2.messages import Empty, ros_name
+from tams_app.ros2.topics import JOINTS, PHASE, TCP_POSE, TF_STATIC, published, video_topic
+from tams_app.ros2.types import type_hash
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.session.control import Signals
+from tams_app.session.recorders import LOG_NAME, Recorders
+from tams_app.session.ros2_bridge import Ros2Bridge
+from tams_app.session.viewing import check_viewers
+from tests.ros2.dds import BEST_EFFORT, LOOPBACK, RELIABLE, Node, free_domain, until
+from tests.ros2.records import T_NS, frame, full_header, one_of_each
+from tests.synthetic_session import START_NS, VIEWS, tick
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
+    return free_domain()
+
+
+@pytest.fixture
+def bridge(domain: int, tmp_path: Path) -> Iterator[Ros2Bridge]:
+    with ExitStack() as stack:
+        made = Ros2Bridge(domain, full_header(), MonotonicClock(), tmp_path)
+        stack.callback(made.end)
+        stack.callback(made.stop_listening)
+        yield made
+
+
+class Heard:
+    """What the bridge tells the session."""
+
+    def __init__(self, bridge: Ros2Bridge) -> None:
+        self.signals = Signals()
+        self.notes: list[str] = []
+        bridge.listen(self.signals.estop, lambda level, text: self.notes.append(text))
+
+    @property
+    def stopped(self) -> bool:
+        return self.signals.take().estop
+
+
+def pid_of(bridge: Ros2Bridge) -> int:
+    assert bridge.pid is not None
+    return bridge.pid
+
+
+def test_a_node_finds_every_topic_with_its_type_and_quality_of_service(
+    domain: int, bridge: Ros2Bridge
+) -> None:
+    topics = {topic.dds_name: topic for topic in published(VIEWS)}
+    for name, offered in Node(domain).offered(set(topics)).items():
+        topic = topics[name]
+        assert offered.type_name == topic.type.__idl_typename__
+        qos = {one.__scope__: str(one) for one in offered.qos}
+        assert "Reliable" in qos["Reliability"]
+        assert ("TransientLocal" in qos["Durability"]) == topic.latched
+        assert type_hash(ros_name(topic.type)) in qos["Userdata"]
+        assert "use_xcdrv2_representation=False" in qos["DataRepresentation"]
+
+
+def test_a_node_hears_every_record_that_ros_is_told_of(domain: int, bridge: Ros2Bridge) -> None:
+    node = Node(domain)
+    readers = {topic: node.reader(topic) for topic in published(VIEWS)}
+    heard: dict[Any, list[Any]] = {topic: [] for topic in readers}
+    number = 0
+
+    def tell() -> None:
+        nonlocal number
+        number += 1
+        for record in (tick(number * 120), *one_of_each()):
+            bridge.hear(record, START_NS)
+
+    def all_heard() -> bool:
+        for topic, reader in readers.items():
+            heard[topic] += reader.take(100)
+        return all(heard.values())
+
+    until(all_heard, meanwhile=tell)
+    assert heard[PHASE][0].data == "ALIGN"
+    assert heard[JOINTS][0].name == [f"joint{number}" for number in range(1, 7)]
+    assert heard[TCP_POSE][0].header.frame_id == "base_link"
+    assert bytes(heard[video_topic("gs")][0].data) == frame().data
+
+
+def test_a_node_that_comes_later_knows_the_phase_and_the_frames_that_stand_still(
+    domain: int, bridge: Ros2Bridge
+) -> None:
+    first = Node(domain).reader(PHASE)
+    for phase in (Phase.REACH, Phase.ALIGN):
+        bridge.hear(PhaseChange(T_NS, phase, "test"), T_NS)
+    heard: list[str] = []
+
+    def align_heard() -> bool:
+        heard.extend(one.data for one in first.take(10))
+        return "ALIGN" in heard
+
+    until(align_heard)  # so that it was published before the next node comes
+    late = Node(domain)
+    phases, still = late.reader(PHASE), late.reader(TF_STATIC)
+    found: list[Any] = []
+
+    def both_found() -> bool:
+        found.extend((*phases.take(10), *still.take(10)))
+        return len(found) >= 2
+
+    until(both_found)
+    assert {type(one).__name__ for one in found} == {"String", "TFMessage"}
+    assert [one.data for one in found if hasattr(one, "data")] == ["ALIGN"]
+
+
+@pytest.mark.parametrize("reliability", [RELIABLE, BEST_EFFORT], ids=str)
+def test_the_emergency_stop_of_any_publisher_stops(
+    domain: int, bridge: Ros2Bridge, reliability: Any
+) -> None:
+    heard = Heard(bridge)
+    writer = Node(domain).stop_writer(reliability)
+    until(lambda: heard.stopped, meanwhile=lambda: writer.write(Empty()))
+    until(lambda: bool(heard.notes))
+    assert heard.notes[0] == "emergency stop, asked for in ROS 2 (/tams/emergency_stop)"
+
+
+def test_a_publisher_that_says_nothing_stops_nothing(domain: int, bridge: Ros2Bridge) -> None:
+    heard = Heard(bridge)
+    node = Node(domain)
+    joints = node.reader(JOINTS)
+    writer = node.stop_writer(RELIABLE)
+    numbers = iter(range(1, 10_000))
+    until(lambda: bool(joints.take(1)), lambda: bridge.hear(tick(next(numbers)), START_NS))
+    del writer  # comes and goes
+    until(lambda: bool(joints.take(1)), lambda: bridge.hear(tick(next(numbers)), START_NS))
+    assert not heard.stopped
+    assert heard.notes == []
+
+
+def test_a_bridge_that_stands_still_holds_up_nothing_and_goes_on_afterwards(
+    domain: int, bridge: Ros2Bridge
+) -> None:
+    heard, node = Heard(bridge), Node(domain)
+    joints = node.reader(JOINTS)
+    numbers = iter(range(1, 1_000_000))
+    until(lambda: bool(joints.take(1)), lambda: bridge.hear(tick(next(numbers)), START_NS))
+    os.kill(pid_of(bridge), signal.SIGSTOP)
+    try:
+        while bridge.dropped < 1000:
+            bridge.hear(tick(next(numbers)), START_NS)
+        until(lambda: bool(heard.notes))
+    finally:
+        os.kill(pid_of(bridge), signal.SIGCONT)
+    assert heard.notes == ["the ROS 2 bridge is too slow: records are missing in ROS 2"]
+    until(lambda: not joints.take(1000))
+    until(lambda: bool(joints.take(1)), lambda: bridge.hear(tick(next(numbers)), START_NS))
+
+
+def test_a_frame_that_is_too_long_for_the_socket_is_left_out(bridge: Ros2Bridge) -> None:
+    bridge.hear(frame(data=bytes(8_000_000)), START_NS)
+    assert bridge.dropped == 1
+
+
+def test_a_bridge_that_dies_is_one_sentence(bridge: Ros2Bridge) -> None:
+    heard = Heard(bridge)
+    os.kill(pid_of(bridge), signal.SIGKILL)
+    until(lambda: bool(heard.notes))
+    for number in range(100):
+        bridge.hear(tick(number), START_NS)
+    bridge.stop_listening()
+    (note,) = heard.notes
+    assert note.startswith("the ROS 2 bridge has ended: nothing is published any more")
+    assert not heard.stopped
+
+
+def test_a_bridge_ends_when_it_is_told_to_though_records_keep_coming(bridge: Ros2Bridge) -> None:
+    heard = Heard(bridge)
+    numbers = iter(range(1, 1_000_000))
+    process = psutil.Process(pid_of(bridge))
+    process.terminate()
+    until(lambda: bool(heard.notes), lambda: bridge.hear(tick(next(numbers)), START_NS))
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_log_is_whole_whatever_becomes_of_the_bridge(
+    domain: int, tmp_path: Path, signal_number: signal.Signals
+) -> None:
+    def fails(thread: str, failure: BaseException) -> None:
+        raise AssertionError(thread) from failure
+
+    config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
+    signals = Signals()
+    (tmp_path / "helpers").mkdir()
+    log = Recorders(config, MonotonicClock(), tmp_path, fails, lambda _: None, signals.estop)
+    (pid,) = [
+        one.pid for one in psutil.Process().children() if "ros2_process" in str(one.cmdline())
+    ]
+    os.kill(pid, signal_number)
+    for number in range(900):
+        log.record(tick(number))
+        if number % 100 == 0:
+            time.sleep(0.05)  # the recorder's queue holds ten seconds, not a whole session
+    log.close()
+    kept = read_log(tmp_path / LOG_NAME)
+    assert kept.complete
+    assert len(kept.ticks) == 900
+    assert not signals.take().estop
+    told = [note.text for note in kept.notes]
+    assert f"published in ROS 2, domain {domain}: all who reach it see this session" in told
+    if signal_number is signal.SIGKILL:
+        assert any("the ROS 2 bridge has ended" in text for text in told)
+    assert not psutil.pid_exists(pid)
+
+
+def test_a_log_tells_of_a_stop_that_ros_asked_for(domain: int, tmp_path: Path) -> None:
+    config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
+    signals = Signals()
+    (tmp_path / "helpers").mkdir()
+    log = Recorders(
+        config, MonotonicClock(), tmp_path, lambda *_: None, lambda _: None, signals.estop
+    )
+    writer = Node(domain).stop_writer(RELIABLE)
+    until(lambda: signals.take().estop, meanwhile=lambda: writer.write(Empty()))
+    log.close()
+    notes = read_log(tmp_path / LOG_NAME).notes
+    assert any("emergency stop, asked for in ROS 2" in note.text for note in notes)
+
+
+def test_without_dds_it_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK.replace('"lo"', '"nosuch0"'))
+    with pytest.raises(SetupError, match=r"ROS 2 cannot be reached in domain 7 .*CYCLONEDDS_URI"):
+        Ros2Bridge(7, full_header(), MonotonicClock(), tmp_path)
+
+
+def test_without_the_extra_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    with pytest.raises(
+        SetupError, match=r"--ros2 needs cyclonedds and rosbags: pip install 'tams\[ros2\]'"
+    ):
+        check_viewers(load_config(None, {"recording.ros2": 0}))
+    check_viewers(load_config())
+
+
+def test_the_application_itself_loads_no_dds() -> None:
+    load = (
+        "import sys; sys.modules['cyclonedds'] = sys.modules['rosbags'] = None\n"
+        "import tams_app.cli, tams_app.console.app, tams_app.console.two_sided\n"
+    )
+    subprocess.run([sys.executable, "-c", load], check=True, timeout=100)

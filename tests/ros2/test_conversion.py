@@ -1,0 +1,206 @@
+"""What a session's records become in ROS 2: frames, stamps, names and numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tams_app.records import Note, Pose, Twist
+from tams_app.ros2 import topics
+from tams_app.ros2.conversion import RATES, Conversion, Sent
+from tams_app.rotation import Rotation
+from tams_app.session.viewing import scene_of_header
+from tams_app.teleop.reasons import Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.ros2.records import T_NS, frame, full_header, one_of_each, rates, truth
+from tests.synthetic_session import VIEWS, header, tick
+
+pytestmark = pytest.mark.untimed
+
+OFFSET_NS = header().wall_offset_ns
+
+
+@pytest.fixture
+def conversion() -> Conversion:
+    made = full_header()
+    return Conversion(made, scene_of_header(made))
+
+
+def only(sent: Any, topic: topics.Topic) -> Any:
+    (found,) = [one.message for one in sent if one.topic == topic]
+    return found
+
+
+def wall_ns(stamp: Any) -> int:
+    assert 0 <= stamp.nanosec < NS_PER_S
+    return int(stamp.sec * NS_PER_S + stamp.nanosec)
+
+
+def pose_of(transform: Any) -> Pose:
+    at, turn = transform.translation, transform.rotation
+    return Pose(np.array([at.x, at.y, at.z]), Rotation(turn.x, turn.y, turn.z, turn.w))
+
+
+def test_the_reported_tcp_is_a_pose_in_the_base_at_the_time_of_its_report(
+    conversion: Conversion,
+) -> None:
+    one = tick(5)
+    assert one.arm is not None
+    message = only(conversion.of(one), topics.TCP_POSE)
+    assert message.header.frame_id == "base_link"
+    assert wall_ns(message.header.stamp) == one.arm.received_ns + OFFSET_NS
+    at, turn = message.pose.position, message.pose.orientation
+    assert (at.x, at.y, at.z) == tuple(one.arm.tcp.position)
+    assert (turn.x, turn.y, turn.z, turn.w) == tuple(one.arm.tcp.rotation)
+
+
+def test_joints_have_their_names_and_reported_angles(conversion: Conversion) -> None:
+    one = tick(5)
+    assert one.arm is not None
+    message = only(conversion.of(one), topics.JOINTS)
+    assert message.name == [f"joint{number}" for number in range(1, 7)]
+    assert message.position == one.arm.joints.tolist()
+    assert (message.velocity, message.effort) == ([], [])
+
+
+def test_a_report_is_sent_once_and_the_command_in_every_tick(conversion: Conversion) -> None:
+    one = tick(5)
+    again = replace(one, started_ns=one.started_ns + 8 * NS_PER_MS)
+    first, second = ([sent.topic for sent in conversion.of(each)] for each in (one, again))
+    assert topics.TCP_POSE in first
+    assert second == [topics.TWIST]
+
+
+def test_the_twist_is_as_it_was_sent(conversion: Conversion) -> None:
+    one = replace(tick(5), twist=Twist((0.1, -0.2, 0.3), (0.4, 0.5, -0.6)))
+    message = only(conversion.of(one), topics.TWIST)
+    assert message.header.frame_id == "base_link"
+    assert wall_ns(message.header.stamp) == one.started_ns + OFFSET_NS
+    linear, angular = message.twist.linear, message.twist.angular
+    assert (linear.x, linear.y, linear.z) == (0.1, -0.2, 0.3)
+    assert (angular.x, angular.y, angular.z) == (0.4, 0.5, -0.6)
+
+
+def test_without_an_arm_there_is_no_pose(conversion: Conversion) -> None:
+    found = {sent.topic for sent in conversion.of(replace(tick(5), arm=None))}
+    assert found == {topics.TWIST, topics.DIAGNOSTICS}
+
+
+def test_every_frame_hangs_on_the_base_and_a_camera_s_looks_along_z(
+    conversion: Conversion,
+) -> None:
+    still = only(conversion.opening(), topics.TF_STATIC).transforms
+    moved = only(conversion.of(tick(5)), topics.TF).transforms
+    things = only(conversion.of(truth()), topics.TF).transforms
+    parents = {one.child_frame_id: one.header.frame_id for one in (*still, *moved, *things)}
+    assert parents == {
+        **dict.fromkeys(("tcp", *(f"link{number}" for number in range(1, 7))), "base_link"),
+        **dict.fromkeys(("tracking", "gt_optical", "gs_optical"), "base_link"),
+        **dict.fromkeys(("block", "container"), "base_link"),
+        "eih_optical": "link6",
+    }
+    seen_from_above = {one.child_frame_id: pose_of(one.transform) for one in still}["gt_optical"]
+    assert seen_from_above.rotation.apply(np.array([0.0, 0.0, 1.0]))[2] < -0.5
+
+
+def test_frames_are_sent_thirty_times_a_second_and_reports_as_they_come(
+    conversion: Conversion,
+) -> None:
+    sent = [one.topic for number in range(241) for one in conversion.of(tick(number))]
+    assert sent.count(topics.JOINTS) == sent.count(topics.TCP_POSE) == 241
+    assert 59 <= sent.count(topics.TF) <= 61
+
+
+def test_without_the_scene_the_tcp_is_placed_and_nothing_more() -> None:
+    conversion = Conversion(header(), None)
+    assert list(conversion.opening()) == []
+    (only_frame,) = only(conversion.of(tick(5)), topics.TF).transforms
+    assert only_frame.child_frame_id == "tcp"
+
+
+def test_a_log_of_another_version_has_no_scene() -> None:
+    assert scene_of_header(header()) is None
+
+
+def test_rates_are_a_table_whose_labels_name_rows_and_columns(conversion: Conversion) -> None:
+    message = only(conversion.of(rates()), topics.RATES)
+    rows, columns = message.layout.dim
+    names = rows.label.split(",")
+    assert names == [*VIEWS, "all"]
+    assert columns.label.split(",") == list(RATES)
+    assert (rows.size, rows.stride) == (4, 4 * len(RATES))
+    assert (columns.size, columns.stride) == (len(RATES), len(RATES))
+    table = np.reshape(message.data, (rows.size, columns.size))
+
+    def value(row: str, column: str) -> float:
+        return float(table[names.index(row), RATES.index(column)])
+
+    assert value("gt", "target_kbps") == 1001.0
+    assert value("gs", "latency_ms") == 61.0
+    assert value("all", "capacity_kbps") == 6000.0
+    assert value("all", "queue_ms") == 12.5
+    for row, column in (("eih", "received_ssim"), ("all", "loss"), ("all", "shown_fps")):
+        assert math.isnan(value(row, column))  # not measured, or not of this row
+    assert math.isnan(value("eih", "budget_kbps"))
+
+
+def test_video_is_the_bitstream_with_the_time_of_capture(conversion: Conversion) -> None:
+    (sent,) = conversion.of(frame("gs"))
+    assert sent.topic == topics.video_topic("gs")
+    video: Any = sent.message
+    assert (video.format, video.frame_id, video.data) == ("h264", "gs_optical", frame().data)
+    assert wall_ns(video.timestamp) == T_NS + OFFSET_NS
+    assert sent.wall_ns == frame().encoded_ns + OFFSET_NS
+
+
+@pytest.mark.parametrize(
+    ("arming", "reason", "level"),
+    [
+        ("disarmed", "", 0),
+        ("engaged", "", 0),
+        ("holding", Reason.STALE_VIDEO.label, 1),
+        ("fault", Reason.EMERGENCY_STOP.label, 2),
+    ],
+)
+def test_diagnostics_say_why_the_arm_does_not_move_and_what_helps(
+    conversion: Conversion, arming: str, reason: str, level: int
+) -> None:
+    message = only(
+        conversion.of(replace(tick(5), arming=arming, reason=reason)), topics.DIAGNOSTICS
+    )
+    (status,) = message.status
+    assert (status.level, status.name, status.hardware_id) == (level, "TAMS: arm", "lite6")
+    assert status.message.startswith(arming)
+    if reason:
+        (known,) = [one for one in Reason if one.label == reason]
+        assert status.message == f"{arming}, {reason}. {known.sentence}"
+    values = {one.key: one.value for one in status.values}
+    assert (values["arming"], values["reason"]) == (arming, reason)
+    assert (values["phase"], values["gripper"]) == ("REACH", "unknown")
+
+
+def test_diagnostics_come_with_every_change_and_once_a_second(conversion: Conversion) -> None:
+    ticks = [tick(number) for number in range(240)]
+    ticks[50] = replace(ticks[50], arming="fault", reason="emergency stop")
+    sent = [one for each in ticks for one in conversion.of(each)]
+    told = [one for one in sent if one.topic == topics.DIAGNOSTICS]
+    assert len(told) == 2 + 2  # at 0 and 1 s; the change, and the one back
+
+
+def test_sentences_are_diagnostics_with_their_level(conversion: Conversion) -> None:
+    for level, expected in (("info", 0), ("warning", 1), ("error", 2)):
+        message = only(conversion.of(Note(T_NS, level, "a sentence")), topics.DIAGNOSTICS)
+        (status,) = message.status
+        assert (status.level, status.message) == (expected, "a sentence")
+
+
+def test_every_topic_is_told_of_something(conversion: Conversion) -> None:
+    sent: list[Sent] = list(conversion.opening())
+    for record in one_of_each():
+        sent += conversion.of(record)
+    assert {one.topic for one in sent} == set(topics.published(VIEWS))
+    assert all(isinstance(one.message, one.topic.type) for one in sent)

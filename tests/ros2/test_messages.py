@@ -1,0 +1,117 @@
+"""Our messages are ROS 2's to the byte: rosbags, which has ROS's own definitions, agrees."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields, is_dataclass
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pytest
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import byte, float64, int32, uint8, uint32
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from tams_app.ros2 import messages
+from tams_app.ros2.messages import cdr, ros_name
+from tams_app.ros2.topics import STOP, Topic, published, video_topic
+from tams_app.ros2.types import type_hash, typestore
+
+pytestmark = pytest.mark.untimed
+
+MESSAGES = [
+    one
+    for _, one in inspect.getmembers(messages, is_dataclass)
+    if one.__module__ == messages.__name__
+]
+SCALARS: dict[Any, st.SearchStrategy[Any]] = {
+    str: st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=20),
+    byte: st.integers(0, 127),  # rosbags packs it as signed; levels of diagnostics are 0 to 3
+    uint8: st.integers(0, 255),
+    uint32: st.integers(0, 2**32 - 1),
+    int32: st.integers(-(2**31), 2**31 - 1),
+    float64: st.floats(),
+}
+ARRAYS = {float64: np.float64, uint8: np.uint8}
+
+
+def values(hint: Any) -> st.SearchStrategy[Any]:
+    """Of a field's type."""
+    if hint in SCALARS:
+        return SCALARS[hint]
+    if get_origin(hint) is Annotated:
+        element = get_args(hint)[1].subtype
+        if element == uint8:
+            return st.binary(max_size=50)
+        return st.lists(values(element), max_size=4)
+    parts = get_type_hints(hint, include_extras=True)
+    return st.builds(hint, **{one.name: values(parts[one.name]) for one in fields(hint)})
+
+
+def theirs(message: Any) -> Any:
+    """The same message in rosbags' classes, which are made from ROS's definitions."""
+    hints = get_type_hints(type(message), include_extras=True)
+    name = ros_name(type(message))
+    if not typestore().get_msgdef(name).fields:  # Empty, whose one byte is no field in ROS
+        return typestore().types[name]()
+    parts = {one.name: part(hints[one.name], getattr(message, one.name)) for one in fields(message)}
+    return typestore().types[name](**parts)
+
+
+def part(hint: Any, value: Any) -> Any:
+    if isinstance(value, IdlStruct):
+        return theirs(value)
+    if hint in SCALARS:
+        return value
+    element = get_args(hint)[1].subtype
+    if element in ARRAYS:
+        return np.array(list(value), ARRAYS[element])
+    return [part(element, one) for one in value]
+
+
+def test_there_are_messages() -> None:
+    assert len(MESSAGES) == 22
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=ros_name)
+@given(data=st.data())
+def test_the_bytes_of_every_message_are_those_of_ros(
+    message: type[IdlStruct], data: st.DataObject
+) -> None:
+    ours = data.draw(values(message))
+    expected = bytes(typestore().serialize_cdr(theirs(ours), ros_name(message)))
+    assert cdr(ours) == expected
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=ros_name)
+def test_every_field_is_called_as_in_ros(message: type[IdlStruct]) -> None:
+    in_ros = [name for name, _ in typestore().get_msgdef(ros_name(message)).fields]
+    ours = [one.name for one in fields(message)]  # type: ignore[arg-type]
+    assert ours == (in_ros or ["structure_needs_at_least_one_member"])
+
+
+def test_dds_knows_topics_and_types_by_the_names_that_ros_gives_them() -> None:
+    topic = next(one for one in published(()) if one.name == "/tams/tcp_pose")
+    assert topic.dds_name == "rt/tams/tcp_pose"
+    assert topic.type.__idl_typename__ == "geometry_msgs::msg::dds_::PoseStamped_"
+
+
+@pytest.mark.parametrize(
+    "release", [Stores.ROS2_HUMBLE, Stores.ROS2_IRON, Stores.ROS2_JAZZY, Stores.ROS2_KILTED]
+)
+def test_the_types_are_the_same_in_the_releases_of_ros(release: Stores) -> None:
+    store = get_typestore(release)
+    for topic in (*published(()), STOP):
+        name = ros_name(topic.type)
+        assert store.hash_rihs01(name) == type_hash(name)
+
+
+@pytest.mark.parametrize(
+    ("view", "name"), [("eih", "eih"), ("left-top", "left_top"), ("2nd", "view_2nd"), ("ü", "_")]
+)
+def test_a_view_s_topic_has_a_name_that_ros_takes(view: str, name: str) -> None:
+    assert video_topic(view) == Topic(
+        f"/tams/{name}/compressed", messages.CompressedVideo, depth=30
+    )
