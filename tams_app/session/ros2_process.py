@@ -8,6 +8,7 @@ will be no more of them, and after SIGTERM or the end of the session when it has
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
 import sys
@@ -19,7 +20,7 @@ from tams_app.ros2.conversion import Conversion
 from tams_app.ros2.participant import Participant
 from tams_app.ros2.wire import LONGEST_BYTES, STOP, decode
 from tams_app.runtime.process import HelperSide
-from tams_app.runtime.realtime import ROS2_NICE, use_nice
+from tams_app.runtime.realtime import ROS2_NICE
 from tams_app.runtime.worker import Worker
 from tams_app.session.viewing import scene_of_header
 from tams_app.units import NS_PER_MS
@@ -30,7 +31,7 @@ _STOP_WAIT_NS = 100 * NS_PER_MS
 
 def main() -> None:
     side = HelperSide()
-    use_nice(ROS2_NICE, ROS2_NICE)
+    os.nice(ROS2_NICE)
     specification = side.specification
     try:
         participant = Participant(int(specification["domain"]), specification["views"])
