@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +23,23 @@ from tams_app.recording import read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.ros2 import extra
 from tams_app.ros2.messages import Empty, ros_name
-from tams_app.ros2.topics import JOINTS, PHASE, TCP_POSE, TF_STATIC, published, video_topic
+from tams_app.ros2.participant import Participant
+from tams_app.ros2.topics import (
+    JOINTS,
+    PHASE,
+    STOP,
+    TCP_POSE,
+    TF_STATIC,
+    published,
+    video_topic,
+)
 from tams_app.ros2.types import type_hash
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.control import Signals
 from tams_app.session.recorders import LOG_NAME, Recorders
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import check_viewers
+from tams_app.units import NS_PER_S
 from tests.ros2.dds import BEST_EFFORT, LOOPBACK, RELIABLE, Node, free_domain, until
 from tests.ros2.records import T_NS, frame, full_header, one_of_each
 from tests.synthetic_session import START_NS, VIEWS, tick
@@ -143,6 +155,23 @@ def test_the_emergency_stop_of_any_publisher_stops(
     assert heard.notes[0] == "emergency stop, asked for in ROS 2 (/tams/emergency_stop)"
 
 
+def test_a_publisher_that_leaves_does_not_stop_a_second_time(domain: int) -> None:
+    participant, node = Participant(domain, ()), Node(domain)
+    witness, writer = node.reader(STOP), node.stop_writer(RELIABLE)
+    until(lambda: participant.stop_asked(0), meanwhile=partial(writer.write, Empty()))
+    until(lambda: not participant.stop_asked(NS_PER_S) and not witness.take(1000))
+    del writer
+    gc.collect()  # it is part of a cycle
+    seen: list[Any] = []
+
+    def has_left() -> bool:
+        seen.extend(witness.take(100))
+        return any(not isinstance(one, Empty) for one in seen)
+
+    until(has_left)
+    assert not participant.stop_asked(NS_PER_S)
+
+
 def test_a_publisher_that_says_nothing_stops_nothing(domain: int, bridge: Ros2Bridge) -> None:
     heard = Heard(bridge)
     node = Node(domain)
@@ -151,6 +180,7 @@ def test_a_publisher_that_says_nothing_stops_nothing(domain: int, bridge: Ros2Br
     numbers = iter(range(1, 10_000))
     until(lambda: bool(joints.take(1)), lambda: bridge.hear(tick(next(numbers)), START_NS))
     del writer  # comes and goes
+    gc.collect()
     until(lambda: bool(joints.take(1)), lambda: bridge.hear(tick(next(numbers)), START_NS))
     assert not heard.stopped
     assert heard.notes == []
