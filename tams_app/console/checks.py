@@ -38,8 +38,8 @@ _PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 
 def libraries(config: Config) -> Iterator[Finding]:
-    """The Python packages that TAMS declares, and those of the simulated rig where it is used."""
-    wanted = _requirements("sim" if config.rig.enabled else "")
+    """The Python packages that TAMS declares, and those of ROS 2 where a session is published."""
+    wanted = _requirements("" if config.recording.ros2 is None else "ros2")
     missing = [package for requirement in wanted if (package := _missing(requirement))]
     detail = f"missing: {', '.join(missing)}" if missing else f"{len(wanted)} found"
     names = " ".join(f"'{requirement}'" for requirement in missing)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -15,6 +17,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from tams_app.ros2 import messages
+from tams_app.ros2.conversion import RATES
 from tams_app.ros2.messages import cdr, ros_name
 from tams_app.ros2.topics import STOP, Topic, published, video_topic
 from tams_app.ros2.types import type_hash, typestore
@@ -115,3 +118,19 @@ def test_a_view_s_topic_has_a_name_that_ros_takes(view: str, name: str) -> None:
     assert video_topic(view) == Topic(
         f"/tams/{name}/compressed", messages.CompressedVideo, depth=30
     )
+
+
+def test_the_document_has_every_topic_as_it_is() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "ROS2.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(/[\w/<>]+)` \| (\S+) \|.*\| ([\w ]+), (\d+) \|$", text, re.MULTILINE)
+    told = {name: (kind, durability, int(depth)) for name, kind, durability, depth in rows}
+    assert told == {
+        topic.name.replace("/eih/", "/<view>/"): (
+            ros_name(topic.type),
+            "transient local" if topic.latched else "volatile",
+            topic.depth,
+        )
+        for topic in published(("eih",))
+    }
+    assert f"| `{STOP.name}` | {ros_name(STOP.type)} |" in text
+    assert ", ".join(f"`{name}`" for name in RATES) in " ".join(text.split())

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tams_app.config import load_config
+from tams_app.errors import TamsError
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.session import Session
 
@@ -37,3 +38,22 @@ def test_a_failure_stops_the_arm_before_it_is_told(
     assert order == ["stop", "the relay has ended", "stop"]
     assert session.failure == "the relay has ended"
     assert session.ended.is_set()
+
+
+def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+
+    def recorders(*arguments: Any) -> None:
+        given.extend(arguments)
+        raise TamsError("the test has what it needs")
+
+    monkeypatch.setattr("tams_app.session.session.Recorders", recorders)
+    config = load_config(None, {"control.realtime_priority": 0, "recording.ros2": 0})
+    session = Session(config, VirtualClock(), tmp_path)
+    with pytest.raises(TamsError, match="has what it needs"):
+        session.start()
+    given[-1]()
+    pending = session.signals.take()
+    assert (pending.estop, pending.confirm, pending.faults) == (True, False, ())
