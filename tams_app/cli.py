@@ -19,7 +19,7 @@ from typer.exceptions import TyperException
 from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
-from tams_app.console.export_cli import add_export
+from tams_app.console.export_cli import export
 from tams_app.console.logs_cli import log_app
 from tams_app.console.options import (
     ArmOption,
@@ -185,7 +185,7 @@ def run(
 
 
 add_two_sided(app)
-add_export(app)
+app.command()(export)
 
 
 @app.command()

@@ -1,27 +1,25 @@
-"""`export`: logs in the formats of other programs."""
+"""`export`: session logs in the formats of other programs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 from tams_app.errors import ConfigError
 
-Export: TypeAlias = Callable[[Sequence[Path], Path | None], Iterator[str]]
-"""Writes sessions (their folders) to a folder, if one is given; a sentence for each result."""
+if TYPE_CHECKING:
+    from rich.console import Console
 
-
-def add_export(app: typer.Typer) -> None:
-    """Give `app` the command."""
-    app.command()(export)
+Export: TypeAlias = Callable[[Sequence[Path], Path | None, "Console"], None]
+"""Writes logs into a folder (None: its default)."""
 
 
 def export(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Session folders.")],
-    to: Annotated[
+    logs: Annotated[list[Path], typer.Argument(metavar="SESSION...", help="Session folders.")],
+    kind: Annotated[
         str,
         typer.Option(
             "--format",
@@ -30,33 +28,37 @@ def export(
         ),
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where to; default: beside each session's log."),
+        Path | None, typer.Option(metavar="DIR", help="Where to; by default in each session's own.")
     ] = None,
 ) -> None:
-    """Write the logs of sessions in a format of other programs; the logs stay as they are."""
-    if to not in FORMATS:
-        raise ConfigError(f"--format: {to!r} is none of {', '.join(FORMATS)}")
-    for sentence in FORMATS[to](logs, out):
-        typer.echo(sentence)
+    """Write session logs in the format of another program; the logs stay as they are."""
+    from rich.console import Console
 
-
-def _rosbag2(logs: Sequence[Path], out: Path | None) -> Iterator[str]:
-    """DIR/<session> for each, or rosbag2/ in its folder."""
     from tams_app.console.report import session_log
+
+    if kind not in FORMATS:
+        raise ConfigError(f"--format: {kind!r} is none of {', '.join(FORMATS)}")
+    FORMATS[kind]([session_log(log) for log in logs], out, Console())
+
+
+def _rosbag2(logs: Sequence[Path], out: Path | None, console: Console) -> None:
+    """DIR/<session> for each, or rosbag2/ in its folder."""
     from tams_app.ros2.extra import require_extra
 
     require_extra("--format rosbag2")
     from tams_app.export.rosbag2 import write_bag
     from tams_app.session.viewing import scene_of_header
 
-    found = [session_log(log) for log in logs]  # all are looked for before one is written
-    for log in found:
-        folder = log.parent
-        bag = folder / "rosbag2" if out is None else out / folder.resolve().name
+    for log in logs:
+        bag = log.parent / "rosbag2" if out is None else out / log.parent.resolve().name
         counts = write_bag(log, bag, scene_of_header)
         topics = sum(count > 0 for count in counts.values())
-        yield f"{bag}: {sum(counts.values())} messages on {topics} topics"
+        console.print(
+            f"{bag}: {sum(counts.values())} messages on {topics} topics",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 FORMATS: dict[str, Export] = {"rosbag2": _rosbag2}

@@ -1,1 +1,1 @@
-"""Logs in the formats of other programs."""
+"""Session logs in the formats of other programs."""

@@ -113,13 +113,19 @@ def read_log(path: Path) -> SessionLog:
     """Everything but the video of the log at `path`; UnreadableLogError if it is none of ours."""
     log: SessionLog | None = None
     stream = McapStream(path, PROFILE)
-    for t_ns, record in _records(path, stream):
+    for name, message in stream:
+        if log is not None and log.header.schema < _RENAMED_SCHEMA:
+            name = FORMER_NAMES.get(name, name)
+        topic = _TOPICS_BY_NAME.get(name)
+        if topic is None:
+            continue  # video, viewers' channels, and what a newer version may add
+        record = _decode(path, topic, message.data)
         if isinstance(record, Header):
             log = SessionLog(record, record.started_ns)
         if log is None:
             break
         log.add(record)
-        log.ended_ns = max(log.ended_ns, t_ns)
+        log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
     if log is None and stream.gaps:
         raise UnreadableLogError(f"{path}: is damaged at its beginning; give an undamaged copy")
     if log is None:
@@ -137,26 +143,14 @@ def read_records(path: Path) -> Iterator[tuple[int, Any]]:
     The header is the first. After each `FrameSent` comes its `EncodedFrame`, if its bytes were
     kept. Of a log that is damaged or cut off, what can be read.
     """
-    first = True
-    for t_ns, record in _records(path, McapStream(path, PROFILE), video=True):
-        if first and not isinstance(record, Header):
-            break
-        first = False
-        yield t_ns, record
-    if first:
-        raise UnreadableLogError(f"{path}: holds no session header at its beginning")
-
-
-def _records(path: Path, stream: McapStream, video: bool = False) -> Iterator[tuple[int, Any]]:
-    """Our records, and with `video` the encoded frames, with their times on the session's clock."""
     header: Header | None = None
     sent: dict[str, FrameSent] = {}  # by the topic that their bytes follow on
-    for name, message in stream:
+    for name, message in McapStream(path, PROFILE):
         if header is not None and header.schema < _RENAMED_SCHEMA:
             name = FORMER_NAMES.get(name, name)
         if (topic := _TOPICS_BY_NAME.get(name)) is not None:
             record = _decode(path, topic, message.data)
-        elif video and (frame := sent.pop(name, None)) is not None:
+        elif (frame := sent.pop(name, None)) is not None:
             record = frame.with_data(_video_bytes(message.data))
         else:
             continue  # viewers' channels, and what a newer version may add
@@ -164,7 +158,11 @@ def _records(path: Path, stream: McapStream, video: bool = False) -> Iterator[tu
             header = record
         elif isinstance(record, FrameSent):
             sent[VIDEO_PREFIX + record.view] = record
-        yield message.log_time - (0 if header is None else header.wall_offset_ns), record
+        if header is None:
+            break
+        yield message.log_time - header.wall_offset_ns, record
+    if header is None:
+        raise UnreadableLogError(f"{path}: holds no session header at its beginning")
 
 
 def _session_time(gap: Gap, wall_offset_ns: int) -> Gap:

@@ -28,7 +28,7 @@ _SEND_BUFFER_BYTES = 1 << 20  # as far as the system allows: what waits for the 
 
 
 class Ros2Bridge:
-    """Satisfies `tams_app.recording.Viewers` for the recorder's thread; `close` it after the log.
+    """Satisfies `tams_app.recording.Viewers` for the recorder's thread; `end` it after the log.
 
     `dropped`: records that found the socket full.
     """
