@@ -27,7 +27,7 @@ import pytest
 
 from benchmarks.runs import run_session
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.console.window.client import WindowClient
+from tams_app.console.window.client import WINDOW, FaceClient
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.realtime import WINDOW_NICE
@@ -64,7 +64,7 @@ def cost(renderer: str, seconds: float, size: tuple[int, int]) -> Cost:
         patch.setenv("GSK_RENDERER", renderer)
         with virtual_screen(folder, patch, *size):
             block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
-            client, stop = WindowClient(MonotonicClock()), threading.Event()
+            client, stop = FaceClient(MonotonicClock(), WINDOW), threading.Event()
             client.launch(folder)
             client.open(config, block, blind=False)
             hearing = threading.Thread(target=client.body(lambda _event: None), args=(stop,))
@@ -81,7 +81,7 @@ def cost(renderer: str, seconds: float, size: tuple[int, int]) -> Cost:
 
 
 def _measured(
-    client: WindowClient, block: FrameBlock, views: tuple[str, ...], seconds: float
+    client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds: float
 ) -> Cost:
     process = psutil.Process(client.pid)
     began_s, before_s, drawn = time.monotonic(), _used_s(process), _drawings(client)
@@ -93,7 +93,7 @@ def _measured(
     )
 
 
-def _play(client: WindowClient, block: FrameBlock, views: tuple[str, ...], seconds: float) -> int:
+def _play(client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds: float) -> int:
     """Publish moving pictures, each view at its turn; how many of each."""
     pictures = {view: _picture(view) for view in views}
     began_s, number = time.monotonic(), 0
@@ -118,7 +118,7 @@ def _used_s(process: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
-def _drawings(client: WindowClient) -> int:
+def _drawings(client: FaceClient) -> int:
     return 0 if client.keys is None else client.keys.drawings
 
 

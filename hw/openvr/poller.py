@@ -215,7 +215,7 @@ class OpenVrPoller:
         if self._frame.is_changed(trigger, now_ns):
             why = "let the trigger go for a second"
             return self._mistrusted(ControllerStatus.TRACKING_FRAME_CHANGED, why, read, now_ns)
-        if self._rests(runtime, index):
+        if runtime.rests(index):
             return _View(ControllerStatus.STANDBY, "pick it up to go on")
         problem = tracking_problem(runtime.vr, poses[index])
         pose = None if problem else self._pose.update(poses[index], now_ns)
@@ -262,10 +262,3 @@ class OpenVrPoller:
             if self._identity.controller_type not in COMPONENTS:
                 self._announcer.tell_unknown_type(self._identity.controller_type)
         return self._identity
-
-    def _rests(self, runtime: OpenVrRuntime, index: int) -> bool:
-        vr = runtime.vr
-        return runtime.system.getTrackedDeviceActivityLevel(index) in (
-            vr.k_EDeviceActivityLevel_Standby,
-            vr.k_EDeviceActivityLevel_Idle_Timeout,
-        )

@@ -119,6 +119,14 @@ class OpenVrRuntime:
         index = int(self.system.getTrackedDeviceIndexForControllerRole(role))
         return index if index < vr.k_unMaxTrackedDeviceCount else None
 
+    def rests(self, index: int) -> bool:
+        """Whether a device is not used at the moment: laid down, or taken off."""
+        vr = self.vr
+        return self.system.getTrackedDeviceActivityLevel(index) in (
+            vr.k_EDeviceActivityLevel_Standby,
+            vr.k_EDeviceActivityLevel_Idle_Timeout,
+        )
+
     def close(self) -> None:
         """Disconnect; may be called twice. A runtime that quits ends processes that do not."""
         if self._open:

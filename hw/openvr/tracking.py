@@ -32,10 +32,15 @@ def tracking_problem(vr: Any, device: Any) -> str:
         return results[device.eTrackingResult]
     if not device.bPoseIsValid:
         return "no valid pose"
-    matrix = _matrix(bytes(device.mDeviceToAbsoluteTracking))
+    matrix = pose_matrix(device)
     if not matrix[:, 3].any():
         return "no position"  # so streamed controllers say that they are lost (FINDINGS 11)
     return "" if _is_rigid(matrix) else "no sensible pose"
+
+
+def pose_matrix(device: Any) -> NDArray[np.float64]:
+    """Rotation and position [m] of a TrackedDevicePose_t, shape (3, 4)."""
+    return _matrix(bytes(device.mDeviceToAbsoluteTracking))
 
 
 class PoseKeeper:

@@ -5,6 +5,7 @@ from tams_app.config.devices import (
     ControllerConfig,
     DeskConfig,
     HandDevice,
+    HeadsetConfig,
     MappingConfig,
 )
 from tams_app.config.link import LinkConfig
@@ -40,6 +41,7 @@ __all__ = [
     "DeskConfig",
     "HandConfig",
     "HandDevice",
+    "HeadsetConfig",
     "LimitsConfig",
     "LinkConfig",
     "MappingConfig",

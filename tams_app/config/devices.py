@@ -81,6 +81,23 @@ _V4L2_ONLY = (
 )
 
 
+class HeadsetConfig(Section):
+    """The views in the operator's headset, as overlays of SteamVR."""
+
+    show: Literal["auto", "always", "never"] = "auto"
+    """Whether the headset shows them: `auto`, where the hand is `openvr`; `always`, whatever the
+    operator holds; `never`. Without a display, and with `--headless`, there is nothing to see."""
+    placement: Literal["world", "head"] = "world"
+    """`world`: they stand in the room, in front of where the headset looked when it was put on or
+    recentred; `head`: they move with the head."""
+    distance_m: Annotated[float, Field(ge=0.5, le=10)] = 1.5
+    """From the eyes to each view."""
+    width_deg: Annotated[float, Field(ge=10, le=90)] = 40.0
+    """How wide the primary view is to the eyes; the others are three fifths of it."""
+    elevation_deg: Annotated[float, Field(ge=-45, le=45)] = -5.0
+    """Of the primary view's centre above the level of the eyes."""
+
+
 class CameraConfig(Section):
     """Where one view's frames come from."""
 

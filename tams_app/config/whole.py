@@ -6,7 +6,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tams_app.config.devices import CameraConfig, ControllerConfig, ControllerType, MappingConfig
+from tams_app.config.devices import (
+    CameraConfig,
+    ControllerConfig,
+    ControllerType,
+    HeadsetConfig,
+    MappingConfig,
+)
 from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
@@ -174,6 +180,7 @@ class Config(Section):
     freshness: FreshnessConfig = FreshnessConfig()
     control: ControlConfig = ControlConfig()
     controller: ControllerConfig = ControllerConfig()
+    headset: HeadsetConfig = HeadsetConfig()
     cameras: dict[str, CameraConfig] = Field(default_factory=dict)
     """The cameras by view; the simulated rig brings its own."""
     policy: PolicyConfig
@@ -190,6 +197,12 @@ class Config(Section):
     def operator_is_simulated(self) -> bool:
         """Whether the operator at this computer is the rig's, and no person."""
         return self.rig.enabled and self.controller.device in ("auto", "sim")
+
+    @property
+    def hand_is_tracked(self) -> bool:
+        """Whether the operator at this computer holds a controller that SteamVR tracks."""
+        device = self.controller.device
+        return device == "openvr" or (device == "auto" and not self.rig.enabled)
 
     @model_validator(mode="after")
     def _only_the_rig_has_a_simulated_operator(self) -> Self:

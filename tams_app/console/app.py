@@ -1,9 +1,9 @@
-"""`run` on the terminal: a live line, the window, and a table at the end."""
+"""`run` on the terminal: a live line, the window, the headset, and a table at the end."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
@@ -12,11 +12,13 @@ from rich.console import Console
 
 from tams_app.config import Config
 from tams_app.console.display import has_display
+from tams_app.console.headset.session_headset import SessionHeadset, headset_is_wanted
 from tams_app.console.report import report_session
 from tams_app.console.status import StatusLine, WordsOf, status_words
 from tams_app.console.terminal import Confirmations, Key, TerminalKeys, handled_signals
 from tams_app.console.window.messages import Keys
-from tams_app.console.window.session_window import SessionWindow, TrialOf, WindowedSession
+from tams_app.console.window.session_face import FacedSession, SessionFace, TrialOf
+from tams_app.console.window.session_window import SessionWindow
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
@@ -29,7 +31,7 @@ from tams_app.session.viewing import check_viewers
 POLL_S = 0.05
 
 
-class ShownSession(WindowedSession, Protocol):
+class ShownSession(FacedSession, Protocol):
     """What the console needs of a session."""
 
     failure: str
@@ -118,10 +120,10 @@ def show_session(
         session.request_end(reason)
 
     with handled_signals(end, session.signals.estop), ExitStack() as stack:
-        window = _launch_window(session, stack, trial_of, replay_keys)
+        faces = _launch_faces(session, stack, trial_of, replay_keys)
         session.start()
         try:
-            _watch(session, console, words_of, limit_s, window)
+            _watch(session, console, words_of, limit_s, faces)
         finally:
             session.close()
 
@@ -131,17 +133,17 @@ def _watch(
     console: Console,
     words_of: WordsOf = status_words,
     limit_s: float | None = None,
-    window: SessionWindow | None = None,
+    faces: Sequence[SessionFace] = (),
 ) -> None:
     """Show the session until it ends; from the main thread."""
     end_s = None if limit_s is None else session.elapsed_s() + limit_s
     with ExitStack() as stack:
-        if window is not None:
-            stack.callback(window.close)
-            window.open()
+        for face in faces:
+            stack.callback(face.close)
+            face.open()
         has_keys = _read_keys(session, stack)
         if not session.config.operator_is_simulated:
-            _tell_how_to_begin(session, has_keys, window is not None)
+            _tell_how_to_begin(session, has_keys, bool(faces))
         line = stack.enter_context(StatusLine(console, words_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S):
@@ -150,31 +152,37 @@ def _watch(
                 session.end(f"ended after {limit_s:g} s")
             for note in session.board.take_notes():
                 line.say(note, session.elapsed_s())
-                if window is not None:
-                    window.say(note)
-            if window is not None:
-                window.refresh()
+                for face in faces:
+                    face.say(note)
+            for face in faces:
+                face.refresh()
             if line.is_due(session.elapsed_s()):
                 line.update(session.snapshot())
         for note in session.board.take_notes():
             line.say(note, session.elapsed_s())
 
 
-def _launch_window(
+def _launch_faces(
     session: ShownSession,
     stack: ExitStack,
     trial_of: TrialOf | None,
     replay_keys: Callable[[Keys], None] | None,
-) -> SessionWindow | None:
-    """The window where there is a display, unless --headless is given; it is not open yet."""
+) -> list[SessionFace]:
+    """The window where there is a display, unless --headless is given, and the headset.
+
+    They are not open yet. A replay has no headset: its log may be from another computer.
+    """
     if session.config.headless or not has_display():
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
-        return None
-    window = SessionWindow(session, trial_of, replay_keys)
-    stack.callback(window.close)
-    window.launch()
-    return window
+        return []
+    faces: list[SessionFace] = [SessionWindow(session, trial_of, replay_keys)]
+    if replay_keys is None and headset_is_wanted(session.config):
+        faces.append(SessionHeadset(session, trial_of))
+    for face in faces:
+        stack.callback(face.close)
+        face.launch()
+    return faces
 
 
 def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:

@@ -1,4 +1,4 @@
-"""The application's side of the window: starts its process, hands over facts, hears events."""
+"""The application's side of a face: starts its process, hands over facts, hears events."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -22,11 +24,26 @@ from tams_app.video.frame_ring import FrameBlock
 _POLL_S = 0.2
 
 
-class WindowClient:
-    """One window; once it is launched, nothing here waits for it, whatever its process does."""
+@dataclass(frozen=True, slots=True)
+class Face:
+    """Something that shows a session: its name, its process, and how to do without it."""
 
-    def __init__(self, clock: Clock) -> None:
+    name: str
+    module: str
+    without: str
+
+
+WINDOW = Face(
+    "window", "tams_app.console.window.process", "run with --headless to go without a window"
+)
+
+
+class FaceClient:
+    """One face; once it is launched, nothing here waits for it, whatever its process does."""
+
+    def __init__(self, clock: Clock, face: Face) -> None:
         self._clock = clock
+        self.face = face
         self._stack = ExitStack()
         self._process: HelperProcess | None = None
         self._facts: FactsWriter | None = None
@@ -34,16 +51,19 @@ class WindowClient:
         self.keys: Keys | None = None  # as they were told last
         self.heard_ns: int | None = None  # when anything was
 
-    def launch(self, log_directory: Path | None) -> None:
-        """Start its process and wait until it has a display; SetupError if that refuses."""
+    def launch(self, log_directory: Path | None, **specification: Any) -> None:
+        """Start its process and wait until it has what it needs; SetupError if that refuses.
+
+        `specification`: for the process, besides its socket.
+        """
         with ExitStack() as stack:
             ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             stack.callback(ours.close)
             with theirs:
                 self._process = process = HelperProcess(
-                    "window",
-                    "tams_app.console.window.process",
-                    {"socket": theirs.fileno()},
+                    self.face.name,
+                    self.face.module,
+                    {"socket": theirs.fileno(), **specification},
                     log_directory,
                     (theirs.fileno(),),
                 )
@@ -52,13 +72,13 @@ class WindowClient:
             try:
                 process.wait_ready()
             except HelperError as error:
-                hint = "" if "--headless" in str(error) else "; run with --headless to go without"
-                raise SetupError(f"{error}{hint}") from error
+                sentence = str(error).rstrip(".")
+                raise SetupError(f"{sentence}; {self.face.without}") from error
             self._socket = ours
             self._stack = stack.pop_all()
 
     def open(self, config: Config, screen: FrameBlock, blind: bool, replay: bool = False) -> None:
-        """Let it show itself.
+        """Let it show the session.
 
         `screen`: where the frames shown are put. `blind`, `replay`: see `Opening`.
         """
@@ -72,7 +92,7 @@ class WindowClient:
 
     @property
     def pid(self) -> int | None:
-        """Of the window's process."""
+        """Of its process."""
         return self._process.pid if self._process else None
 
     def show(self, facts: Facts) -> None:
@@ -96,7 +116,7 @@ class WindowClient:
         return self._process is not None and self._process.exit_code is not None
 
     def close(self) -> None:
-        """Close the window; may be called twice."""
+        """Let it end; may be called twice."""
         self._stack.close()
 
     def _read(self) -> bytes | None:
@@ -131,5 +151,6 @@ def _opening(config: Config, blind: bool, replay: bool) -> Opening:
         ),
         blind=blind,
         hand=config.controller.device,
+        old_ms=config.freshness.video_slow_ms,
         replay=replay,
     )

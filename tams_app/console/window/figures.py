@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts
+from tams_app.console.window.messages import Facts, Opening, TrialFacts, ViewFacts
 
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
-OLD_MS = 500.0  # half of what holds the arm by default (`teleop` watches the age itself)
 
 
 def whole(value: float | None) -> str:
@@ -64,13 +63,18 @@ def minutes(t_s: float) -> str:
     return f"{whole_minutes}:{seconds:02}"
 
 
-def view_title(name: str, view: ViewFacts | None, is_primary: bool, blind: bool) -> str:
-    """What is written in a view's picture: its name, and if it is old, that."""
+def is_old(view: ViewFacts | None, old_ms: float) -> bool:
+    """Whether the view's frame has this age [ms] or more (`teleop` watches the age itself)."""
+    return view is not None and view.age_ms is not None and view.age_ms >= old_ms
+
+
+def view_title(name: str, view: ViewFacts | None, is_primary: bool, opening: Opening) -> str:
+    """What is written in a view's picture: its name, and if its frame is old, that."""
     title = f"{name.upper()} · primary" if is_primary else name.upper()
     age_ms = None if view is None else view.age_ms
-    if view is None or (age_ms is None and not blind):
+    if view is None or (age_ms is None and not opening.blind):
         return f"{title} · no frame yet"
-    if age_ms is not None and age_ms > OLD_MS:
+    if age_ms is not None and is_old(view, opening.old_ms):
         return f"{title} · OLD: {age_ms / 1000:.1f} s"
     return title
 

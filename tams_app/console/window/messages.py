@@ -1,6 +1,6 @@
-"""What the application and its window tell each other.
+"""What the application and a face of it, window or headset, tell each other.
 
-The application's `Facts` lie in shared memory, where the newest wins; the window's messages come
+The application's `Facts` lie in shared memory, where the newest wins; the face's messages come
 over a socket, each whole in one packet. Stamps are of the monotonic clock of this computer.
 """
 
@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import msgspec
 
-BEAT_S = 0.02  # the window tells its keys at least so often
+BEAT_S = 0.02  # a face tells of itself at least so often
 LONGEST = 4096  # bytes of an `Opening` or an `Event`
 
 
@@ -25,11 +25,12 @@ class Workspace(msgspec.Struct, frozen=True):
 
 
 class Opening(msgspec.Struct, frozen=True):
-    """What the window is opened with: fixed as long as it is open.
+    """What a face is opened with: fixed as long as it is open.
 
     The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
     may be shown that tells the strategy or the network of a trial. hand: what the operator holds.
-    replay: nothing moves, all of it is from a log.
+    replay: nothing moves, all of it is from a log. old_ms: the age from which a frame is called
+    old.
     """
 
     views: tuple[str, ...]
@@ -38,6 +39,7 @@ class Opening(msgspec.Struct, frozen=True):
     workspace: Workspace
     blind: bool
     hand: str
+    old_ms: float
     replay: bool = False
 
 
@@ -126,4 +128,18 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
     drawings: int = 0
 
 
-Event: TypeAlias = Asked | Keys
+class Beat(msgspec.Struct, frozen=True, tag="beat"):
+    """A face without keys works; `drawings` as in `Keys`."""
+
+    t_ns: int
+    drawings: int
+
+
+class Gone(msgspec.Struct, frozen=True, tag="gone"):
+    """A face shows nothing any more; `why` in a few words."""
+
+    t_ns: int
+    why: str
+
+
+Event: TypeAlias = Asked | Keys | Beat | Gone

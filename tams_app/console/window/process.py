@@ -2,20 +2,15 @@
 
 Specification: socket (its descriptor). GTK is loaded while the session starts; over the socket
 comes the `Opening` then, with the descriptors of the frames' and the facts' memory, and keys and
-buttons go back. It never waits for the application, nor that for it.
+buttons go back.
 """
 
 from __future__ import annotations
 
-import contextlib
-import select
-import socket
 import sys
+from contextlib import closing
 
-import msgspec
-
-from tams_app.console.window.facts_memory import FactsReader
-from tams_app.console.window.messages import LONGEST, Event, Opening
+from tams_app.console.window.application import Application, Opened
 from tams_app.console.window.size_memory import keep_size, read_size, size_file
 from tams_app.console.window.toolkit import load
 from tams_app.console.window.window import OperatorWindow
@@ -23,10 +18,7 @@ from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import WINDOW_NICE, use_nice
-from tams_app.runtime.shared_ring import map_descriptor
-from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
 
-_POLL_S = 0.05
 _ENDING_MS = 20  # between looks whether to end
 
 
@@ -38,43 +30,24 @@ def main() -> None:
     except SetupError as error:
         side.fail(str(error))
         raise SystemExit(error.exit_code) from error
-    with socket.socket(fileno=int(side.specification["socket"])) as application:
+    with closing(Application(side)) as application:
         side.ready()
-        opened = _await_opening(side, application)
+        opened = application.await_opening()
         if opened is not None:
-            _show(side, application, *opened)
+            _show(side, application, opened)
 
 
-def _await_opening(side: HelperSide, application: socket.socket) -> tuple[Opening, int, int] | None:
-    """What to open with, and the descriptors of frames and facts; None to end before."""
-    while not side.stop_requested.is_set():
-        if select.select([application], [], [], _POLL_S)[0]:
-            content, descriptors, _, _ = socket.recv_fds(application, LONGEST, 2)
-            if not content:
-                return None
-            frames, facts = descriptors
-            return msgspec.msgpack.decode(content, type=Opening), frames, facts
-    return None
-
-
-def _show(
-    side: HelperSide, application: socket.socket, opening: Opening, frames: int, facts: int
-) -> None:
+def _show(side: HelperSide, application: Application, opened: Opened) -> None:
     """The window, until the session ends."""
     GLib = load().GLib
-    application.setblocking(False)
-
-    def tell(event: Event) -> None:
-        # an application that takes nothing has ended, or reads the next one with all keys in it
-        with contextlib.suppress(BlockingIOError, ConnectionError):
-            application.send(msgspec.msgpack.encode(event))
-
-    layout = RingLayout(SHOWN, opening.views, opening.width, opening.height)
-    block = map_descriptor(frames)
-    readers = {view: FrameReader(block, layout, view) for view in opening.views}
     path = size_file()
     window = OperatorWindow(
-        opening, readers, FactsReader(facts), tell, MonotonicClock(), read_size(path)
+        opened.opening,
+        opened.frames,
+        opened.facts,
+        application.tell,
+        MonotonicClock(),
+        read_size(path),
     )
     window.present()
     loop = GLib.MainLoop()

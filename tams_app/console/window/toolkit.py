@@ -55,9 +55,8 @@ def load() -> Toolkit:
         from gi.repository import Gdk, GLib, Gtk
     except (ImportError, ValueError) as error:
         raise SetupError(
-            "GTK 4 is missing; run `apt-get install gir1.2-gtk-4.0`, or run with --headless "
-            f"({error})"
+            f"GTK 4 is missing ({error}): run `apt-get install gir1.2-gtk-4.0`"
         ) from error
     if not Gtk.init_check() or Gdk.Display.get_default() is None:
-        raise SetupError("the display does not answer; run with --headless to go without a window")
+        raise SetupError("the display does not answer")
     return Toolkit(Gtk, Gdk, GLib)

@@ -239,7 +239,7 @@ class OperatorWindow:
         for view, picture in zip(self._places.views, self._pictures, strict=True):
             view_facts = None if self._facts is None else self._facts.views.get(view)
             is_primary = self._facts is not None and view == self._facts.primary_view
-            title = view_title(view, view_facts, is_primary, self._opening.blind)
+            title = view_title(view, view_facts, is_primary, self._opening)
             picture.tell(title, view_class(self._opening.views.index(view)))
 
     def _take_frames(self) -> bool:

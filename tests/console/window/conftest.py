@@ -5,28 +5,23 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.console.window.client import WindowClient
+from tams_app.console.window.client import WINDOW, FaceClient
 from tams_app.console.window.messages import Asked, Event, Facts, Wish
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.window.xvfb import Screen, virtual_screen
 
-VIEWS_DIRECTORY = Path(__file__).parents[2] / "data" / "views"
-
 
 @dataclass
 class ShownWindow:
     """A window, what feeds it, and what it told."""
 
-    client: WindowClient
+    client: FaceClient
     block: FrameBlock
     screen: Screen
     events: list[Event] = field(default_factory=list)
@@ -54,7 +49,7 @@ def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
     video = config.video
     with pytest.MonkeyPatch.context() as patch, virtual_screen(folder, patch) as screen:
         block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
-        client = WindowClient(MonotonicClock())
+        client = FaceClient(MonotonicClock(), WINDOW)
         client.launch(folder)
         client.open(config, block, blind=False)
         shown, stop = ShownWindow(client, block, screen), threading.Event()
@@ -68,14 +63,3 @@ def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
             hearing.join()
             client.close()
             block.close()
-
-
-@pytest.fixture(scope="session")
-def pictures() -> dict[str, Image]:
-    """A frame of each view, as the rig's cameras gave it."""
-    found = {path.stem: cv2.imread(str(path)) for path in VIEWS_DIRECTORY.glob("*.jpg")}
-    return {
-        view: np.asarray(cv2.resize(image, (640, 480)), np.uint8)
-        for view, image in found.items()
-        if image is not None
-    }

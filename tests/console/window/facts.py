@@ -1,6 +1,6 @@
 """Facts of a session in full swing."""
 
-from tams_app.console.window.messages import Facts, ViewFacts
+from tams_app.console.window.messages import Facts, Opening, ViewFacts, Workspace
 
 FACTS = Facts(
     t_s=12.5,
@@ -25,4 +25,14 @@ FACTS = Facts(
     queue_ms=12.3,
     loss=0.003,
     asked_fps=30,
+)
+
+OPENING = Opening(
+    views=("eih", "gt", "gs"),
+    width=640,
+    height=480,
+    workspace=Workspace((220, -250, 5), (410, 250, 350), 220, 420),
+    blind=False,
+    hand="auto",
+    old_ms=500.0,
 )

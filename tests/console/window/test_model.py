@@ -24,7 +24,7 @@ from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts, Wish
 from tams_app.console.window.places import STAYS_NS, Places
 from tams_app.console.window.style import state_class, style_sheet
 from tams_app.teleop.safety import ArmingState
-from tests.console.window.facts import FACTS
+from tests.console.window.facts import FACTS, OPENING
 
 pytestmark = pytest.mark.untimed
 
@@ -157,14 +157,16 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
 
 def test_a_picture_that_is_old_says_so() -> None:
     young, old = ViewFacts(0, 0, 0, 0, 90.0), ViewFacts(0, 0, 0, 0, 1240.0)
-    assert view_title("eih", young, True, False) == "EIH · primary"
-    assert view_title("eih", old, False, False) == "EIH · OLD: 1.2 s"
-    assert view_title("gt", None, False, False) == "GT · no frame yet"
+    assert view_title("eih", young, True, OPENING) == "EIH · primary"
+    assert view_title("eih", old, False, OPENING) == "EIH · OLD: 1.2 s"
+    assert view_title("gt", None, False, OPENING) == "GT · no frame yet"
+    patient = msgspec.structs.replace(OPENING, old_ms=1500.0)
+    assert view_title("eih", old, False, patient) == "EIH"
 
 
 def test_in_a_trial_a_picture_tells_its_name_alone() -> None:
     hidden = ViewFacts(None, None, None, None, None)
-    assert view_title("gt", hidden, False, True) == "GT"
+    assert view_title("gt", hidden, False, msgspec.structs.replace(OPENING, blind=True)) == "GT"
 
 
 def test_a_trial_s_card_counts_its_time() -> None:

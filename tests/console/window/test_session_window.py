@@ -19,7 +19,7 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
 from tams_app.console.window.messages import TrialFacts, ViewFacts
-from tams_app.console.window.session_window import facts_of
+from tams_app.console.window.session_face import facts_of
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.session.control import Signals
@@ -59,8 +59,8 @@ SNAPSHOT = StatusSnapshot(
 class PlayedSession:
     """A session that shows nothing new, and notes what is asked of it and when."""
 
-    def __init__(self, folder: Path, config: str = "tams.yaml") -> None:
-        self.config = load_config(CONFIG_DIRECTORY / config, {})
+    def __init__(self, folder: Path, config: str = "tams.yaml", headset: str = "never") -> None:
+        self.config = load_config(CONFIG_DIRECTORY / config, {"headset.show": headset})
         video = self.config.video
         self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)

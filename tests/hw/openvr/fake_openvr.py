@@ -23,6 +23,8 @@ import numpy as np
 import openvr
 from scipy.spatial.transform import Rotation
 
+from tests.hw.openvr.fake_overlays import FakeOverlays
+
 HEADSET, RIGHT, LEFT, SPARE = 0, 3, 4, 7  # device indices
 NO_DEVICE = openvr.k_unTrackedDeviceIndexInvalid
 _TREMOR_M = cycle((1e-6, 1e-6, -2e-6))
@@ -86,6 +88,7 @@ class FakeRuntime:
         self.quits_acknowledged = 0
         self.manifest: dict[str, Any] | None = None
         self.calls: list[str] = []
+        self.overlays = FakeOverlays()
         self._flowing = threading.Event()
         self._flowing.set()
         self._token = next(_TOKENS)
@@ -217,7 +220,8 @@ class FakeRuntime:
         return {
             openvr.IVRSystem_Version: self._table(openvr.IVRSystem_FnTable, self._system()),
             openvr.IVROverlay_Version: self._table(
-                openvr.IVROverlay_FnTable, {"isDashboardVisible": lambda: self.dashboard}
+                openvr.IVROverlay_FnTable,
+                {"isDashboardVisible": lambda: self.dashboard, **self.overlays.functions()},
             ),
             openvr.IVRInput_Version: self._table(openvr.IVRInput_FnTable, self._input()),
         }

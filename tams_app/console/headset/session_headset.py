@@ -1,0 +1,31 @@
+"""The headset of a session: a face without keys."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tams_app.config import Config
+from tams_app.console.window.client import Face
+from tams_app.console.window.session_face import FacedSession, SessionFace, TrialOf
+
+HEADSET = Face(
+    "headset",
+    "tams_app.console.headset.process",
+    "set headset.show to never to go without the views in the headset",
+)
+
+
+class SessionHeadset(SessionFace):
+    """The views in the operator's headset."""
+
+    def __init__(self, session: FacedSession, trial_of: TrialOf | None = None) -> None:
+        super().__init__(session, HEADSET, trial_of)
+
+    def _specification(self) -> dict[str, Any]:
+        return {"headset": self._session.config.headset.model_dump()}
+
+
+def headset_is_wanted(config: Config) -> bool:
+    """Whether a headset is to show the views too, where there is a window."""
+    show = config.headset.show
+    return show == "always" or (show == "auto" and config.hand_is_tracked)

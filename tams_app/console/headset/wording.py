@@ -1,0 +1,40 @@
+"""What the panel below the primary view says; pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tams_app.console.window.banner import Look, banner_of
+from tams_app.console.window.figures import trial_texts
+from tams_app.console.window.messages import Facts, Opening
+
+# A headset hides the keyboard, so the controller's menu button comes first.
+_KEYS = {
+    "disarmed": "Release the trigger, then hold the menu button 1 s (or Enter): arm",
+    "engaged": "Release the trigger to stop · click the menu button: emergency stop",
+    "holding": "Release the trigger · click the menu button: emergency stop",
+    "fault": "Release the trigger, hold the menu button 1 s (or Enter): clear, then arm",
+    "link lost": "Wait for the link, release the trigger, hold the menu button 1 s (or Enter)",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PanelWords:
+    """The panel at one moment."""
+
+    look: Look
+    phase: str
+    sentence: str
+    key: str
+    note: str  # a trial's time, or what was said last
+
+
+def panel_words(facts: Facts, opening: Opening) -> PanelWords:
+    """State, phase, why the arm does not move, and what helps."""
+    banner = banner_of(facts, opening.replay)
+    key = banner.key if opening.replay else _KEYS.get(facts.arming, banner.key)
+    if facts.trial is not None:
+        note = " · ".join(trial_texts(facts.trial)[:3])
+    else:
+        note = facts.said[-1].text if facts.said else ""
+    return PanelWords(banner.look, facts.phase, banner.sentence, key, note)

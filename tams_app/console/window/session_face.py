@@ -1,0 +1,202 @@
+"""A face of a session: what it is told of the session, and what becomes of a session without it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Protocol
+
+from hw.desk.keyboard import KeyboardController
+from tams_app.config import Config
+from tams_app.console.window.client import Face, FaceClient
+from tams_app.console.window.messages import Event, Facts, Gone, Said, TrialFacts, ViewFacts
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.worker import Worker
+from tams_app.session.status import StatusSnapshot, ViewStatus
+from tams_app.teleop.advice import what_to_do
+from tams_app.units import NS_PER_S
+from tams_app.video.frame_ring import FrameBlock
+
+EVERY_NS = NS_PER_S // 10  # facts for the face
+SILENT_NS = 2 * NS_PER_S  # of a face that tells of itself 20 times a second
+OPENING_NS = 10 * NS_PER_S  # until it tells the first time
+_SAID, _LONGEST_SENTENCE = 3, 500
+
+
+class Signals(Protocol):
+    """What the operator asks for by key."""
+
+    def confirm(self) -> None: ...
+
+    def estop(self) -> None: ...
+
+
+class FacedSession(Protocol):
+    """What a face needs of a session."""
+
+    config: Config
+    folder: Path
+    screen: FrameBlock
+    keyboard: KeyboardController | None
+
+    @property
+    def signals(self) -> Signals: ...
+
+    def end(self, reason: str) -> None: ...
+
+    def fail(self, sentence: str) -> None: ...
+
+    def note(self, level: str, text: str) -> None: ...
+
+    def elapsed_s(self) -> float: ...
+
+    def snapshot(self) -> StatusSnapshot: ...
+
+
+TrialOf = Callable[[StatusSnapshot], TrialFacts]
+
+
+class SessionFace:
+    """Launched and opened, it follows the session until it is closed; `refresh` it often.
+
+    What the operator steers by must be alive: where its process ends, or shows nothing any more,
+    the session fails; where it stands still, a real arm gets an emergency stop.
+    """
+
+    is_replay = False
+
+    def __init__(self, session: FacedSession, face: Face, trial_of: TrialOf | None = None) -> None:
+        """`trial_of`: the trial as it stands, where nothing else may be told of the session."""
+        self._session, self._trial_of = session, trial_of
+        self._clock = MonotonicClock()
+        self._client = FaceClient(self._clock, face)
+        self._name = face.name
+        self._said: deque[Said] = deque(maxlen=_SAID)
+        self._stack = ExitStack()
+        self._next_ns = 0
+        self._opened_ns = 0
+        self._silent = False
+        self._gone = False
+
+    def launch(self) -> None:
+        """Start its process, before the session has the processor; SetupError if it cannot show."""
+        logs = self._session.folder / "helpers"
+        logs.mkdir(exist_ok=True)
+        self._client.launch(logs, **self._specification())
+        self._stack.callback(self._client.close)
+
+    def open(self) -> None:
+        """Show it, once the session has started."""
+        session = self._session
+        self._client.open(
+            session.config, session.screen, self._trial_of is not None, self.is_replay
+        )
+        self._opened_ns = self._clock.now_ns()
+        worker = Worker(self._name, self._client.body(self._on_event), self._on_failure)
+        self._stack.callback(worker.stop)
+        worker.start()
+
+    @property
+    def pid(self) -> int | None:
+        """Of its process."""
+        return self._client.pid
+
+    def say(self, text: str) -> None:
+        """A sentence for the operator."""
+        self._said.append(Said(self._session.elapsed_s(), text[:_LONGEST_SENTENCE]))
+
+    def refresh(self) -> None:
+        """Tell it what is new, if it is time to, and look after it."""
+        if self._client.ended and not self._gone:
+            self._gone = True
+            self._session.fail(
+                f"the {self._name}'s process ended unasked, so the operator sees nothing"
+            )
+        self._watch_silence()
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._next_ns:
+            self._next_ns = now_ns + EVERY_NS
+            self._client.show(self._facts(self._session.snapshot()))
+
+    def close(self) -> None:
+        """Close it; may be called twice."""
+        self._stack.close()
+
+    def _specification(self) -> dict[str, Any]:
+        """What its process is started with, besides its socket."""
+        return {}
+
+    def _watch_silence(self) -> None:
+        """A face that stands still shows old frames, by which the operator must not steer."""
+        heard_ns = self._client.heard_ns
+        since_ns, patience_ns = (
+            (self._opened_ns, OPENING_NS) if heard_ns is None else (heard_ns, SILENT_NS)
+        )
+        silent = self._clock.now_ns() - since_ns > patience_ns
+        if silent and not self._silent:
+            if not self._session.config.operator_is_simulated:
+                self._session.signals.estop()
+            self._session.note(
+                "warning",
+                f"the {self._name} does not answer, its pictures may be old: do not steer by it",
+            )
+        self._silent = silent
+
+    def _facts(self, snapshot: StatusSnapshot) -> Facts:
+        trial = None if self._trial_of is None else self._trial_of(snapshot)
+        return facts_of(snapshot, tuple(self._said), trial)
+
+    def _on_event(self, event: Event) -> None:
+        """In a thread of the face's own."""
+        if isinstance(event, Gone):
+            self._session.fail(
+                f"the {self._name} shows nothing any more, so the operator sees nothing: "
+                f"{event.why}"
+            )
+
+    def _on_failure(self, name: str, failure: BaseException) -> None:
+        self._session.fail(f"{name}: {failure!r}")
+
+
+def facts_of(
+    snapshot: StatusSnapshot, said: tuple[Said, ...], trial: TrialFacts | None = None
+) -> Facts:
+    """The snapshot as a face gets it; in a trial without all that tells what is compared."""
+    blind = trial is not None
+    return Facts(
+        t_s=snapshot.t_s,
+        arming=snapshot.arming,
+        reason=snapshot.reason,
+        advice=what_to_do(snapshot.reason),
+        deadman=snapshot.deadman,
+        pressed=snapshot.pressed,
+        orientation_mode=snapshot.orientation_mode,
+        gripper_closed=snapshot.gripper_closed,
+        phase=snapshot.phase,
+        primary_view=snapshot.primary_view,
+        tcp_mm=snapshot.tcp_mm,
+        views={
+            name: ViewFacts(None, None, None, None, None) if blind else _view(view)
+            for name, view in snapshot.views.items()
+        },
+        link_kbps=None if blind else snapshot.link_kbps,
+        budget_kbps=None if blind else snapshot.budget_kbps,
+        capacity_kbps=None if blind else snapshot.estimate_kbps,
+        queue_ms=None if blind else snapshot.queue_ms,
+        loss=None if blind else snapshot.loss,
+        asked_fps=None if blind else snapshot.asked_fps,
+        trial=trial,
+        said=said,
+    )
+
+
+def _view(view: ViewStatus) -> ViewFacts:
+    return ViewFacts(
+        target_kbps=view.target_kbps,
+        sent_kbps=view.sent_kbps,
+        given_fps=view.given_fps,
+        latency_ms=view.latency_ms,
+        age_ms=view.shown_age_ms,
+    )
