@@ -71,7 +71,7 @@ def cost(renderer: str, seconds: float, size: tuple[int, int]) -> Cost:
             hearing.start()
             try:
                 assert wait_for(lambda: client.keys is not None)
-                _play(client, block, video.views, SETTLING_S)
+                play(client, block, video.views, SETTLING_S)
                 return _measured(client, block, video.views, seconds)
             finally:
                 stop.set()
@@ -84,16 +84,16 @@ def _measured(
     client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds: float
 ) -> Cost:
     process = psutil.Process(client.pid)
-    began_s, before_s, drawn = time.monotonic(), _used_s(process), _drawings(client)
-    frames = _play(client, block, views, seconds)
-    passed_s, used_s = time.monotonic() - began_s, _used_s(process) - before_s
+    began_s, before_s, drawn = time.monotonic(), processor_s(process), _drawings(client)
+    frames = play(client, block, views, seconds)
+    passed_s, used_s = time.monotonic() - began_s, processor_s(process) - before_s
     drawings = _drawings(client) - drawn
     return Cost(
         drawings / passed_s, frames / passed_s, used_s / passed_s, 1000 * used_s / max(drawings, 1)
     )
 
 
-def _play(client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds: float) -> int:
+def play(client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds: float) -> int:
     """Publish moving pictures, each view at its turn; how many of each."""
     pictures = {view: _picture(view) for view in views}
     began_s, number = time.monotonic(), 0
@@ -113,7 +113,8 @@ def _picture(view: str) -> Image:
     return np.asarray(cv2.resize(np.asarray(image), (640, 480)), np.uint8)
 
 
-def _used_s(process: psutil.Process) -> float:
+def processor_s(process: psutil.Process) -> float:
+    """What its threads have used so far."""
     times = process.cpu_times()
     return float(times.user + times.system)
 

@@ -17,6 +17,7 @@ from hw.openvr.tracking import frame_events, pose_matrix, tracking_problem
 from tams_app.errors import DeviceError
 
 Matrix = NDArray[np.float64]
+_STEEP = 0.95  # sine of a gaze up or down, which has hardly a direction of its own
 
 
 class Overlays:
@@ -124,8 +125,8 @@ class Overlays:
 
 def _upright(head: Matrix) -> Matrix:
     """Place and direction of a head, shape (3, 4), without its nodding and tilting: (4, 4)."""
-    right, _, backwards = head[:, 0], head[:, 1], head[:, 2]
-    level = backwards if abs(backwards[1]) < abs(right[1]) else np.cross(right, (0.0, 1.0, 0.0))
+    right, backwards = head[:, 0], head[:, 2]
+    level = backwards if abs(backwards[1]) < _STEEP else np.cross(right, (0.0, 1.0, 0.0))
     angle = atan2(level[0], level[2])
     base = np.eye(4)
     base[0, [0, 2]] = np.cos(angle), np.sin(angle)

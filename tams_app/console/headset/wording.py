@@ -10,11 +10,11 @@ from tams_app.console.window.messages import Facts, Opening
 
 # A headset hides the keyboard, so the controller's menu button comes first.
 _KEYS = {
-    "disarmed": "Release the trigger, then hold the menu button 1 s (or Enter): arm",
+    "disarmed": "Release the trigger, hold the menu button 1 s (or press Enter) to arm",
     "engaged": "Release the trigger to stop · click the menu button: emergency stop",
     "holding": "Release the trigger · click the menu button: emergency stop",
-    "fault": "Release the trigger, hold the menu button 1 s (or Enter): clear, then arm",
-    "link lost": "Wait for the link, release the trigger, hold the menu button 1 s (or Enter)",
+    "fault": "Release the trigger, hold the menu button 1 s to clear, again to arm",
+    "link lost": "Wait for the link, release the trigger, hold the menu button 1 s",
 }
 
 

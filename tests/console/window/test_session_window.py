@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -107,19 +108,24 @@ class PlayedSession:
         self.notes.append(f"{level}: {text}")
 
     def stop_arm(self) -> None:
-        open_now = [child for child in window_processes() if child.status() != "zombie"]
-        self.done.append(f"arm stopped, {'window open' if open_now else 'no window'}")
+        self.done.append(f"arm stopped, {'window open' if window_processes() else 'no window'}")
 
     def close(self) -> None:
         self.screen.close()
 
 
+def children_of(module: str) -> list[psutil.Process]:
+    """The processes of ours that run this module and have not ended."""
+    found = []
+    for child in psutil.Process().children():
+        with suppress(psutil.NoSuchProcess):  # it has ended, and its owner will notice
+            if module in child.cmdline():
+                found.append(child)
+    return found
+
+
 def window_processes() -> list[psutil.Process]:
-    return [
-        child
-        for child in psutil.Process().children()
-        if "tams_app.console.window.process" in " ".join(child.cmdline())
-    ]
+    return children_of("tams_app.console.window.process")
 
 
 @pytest.fixture

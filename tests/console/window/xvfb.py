@@ -87,9 +87,13 @@ class _ClientMessage(ctypes.Structure):
 
 @contextmanager
 def virtual_screen(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, width: int = 1280, height: int = 720
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    width: int = 1280,
+    height: int = 720,
+    *options: str,
 ) -> Iterator[Screen]:
-    """A server for as long as the context lasts; DISPLAY names it."""
+    """A server for as long as the context lasts; DISPLAY names it. `options`: of Xvfb, further."""
     for program in ("Xvfb", "xdotool"):
         if shutil.which(program) is None:
             pytest.skip(f"needs {program} (see apt-packages.txt)")
@@ -98,6 +102,7 @@ def virtual_screen(
         [
             *("Xvfb", "-displayfd", str(writing), "-fbdir", str(folder)),
             *("-screen", "0", f"{width}x{height}x24"),
+            *options,
         ],
         pass_fds=(writing,),
         stderr=subprocess.DEVNULL,

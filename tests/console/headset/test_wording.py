@@ -1,0 +1,72 @@
+"""What the panel says, and that there is room for it."""
+
+from __future__ import annotations
+
+import cairo
+import msgspec
+import pytest
+
+from tams_app.console.headset.layout import PANEL_WIDTH_PX
+from tams_app.console.headset.painting import SENTENCE_LINES, wrapped
+from tams_app.console.headset.wording import panel_words
+from tams_app.console.window.banner import LOOKS
+from tams_app.console.window.messages import Said, TrialFacts, ViewFacts
+from tams_app.console.window.session_face import facts_of
+from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.reasons import Reason
+from tests.console.window.facts import FACTS, OPENING
+from tests.console.window.test_session_window import SNAPSHOT
+
+pytestmark = pytest.mark.untimed
+
+BLIND = msgspec.structs.replace(OPENING, blind=True)
+ROOM = PANEL_WIDTH_PX - 48.0
+
+
+@pytest.fixture
+def cr() -> cairo.Context[cairo.ImageSurface]:
+    return cairo.Context(cairo.ImageSurface(cairo.FORMAT_ARGB32, 8, 8))
+
+
+@pytest.mark.parametrize("arming", ["holding", "fault"])
+@pytest.mark.parametrize("reason", list(Reason), ids=lambda reason: reason.name)
+def test_every_reason_has_room_with_what_to_do(cr, arming: str, reason: Reason) -> None:
+    advice = what_to_do(reason.label)
+    facts = msgspec.structs.replace(FACTS, arming=arming, reason=reason.label, advice=advice)
+    words = panel_words(facts, OPENING)
+    lines = wrapped(cr, words.sentence, ROOM, SENTENCE_LINES)
+    assert " ".join(lines) == words.sentence
+    assert reason.label in words.sentence.lower() or reason.label in words.sentence
+    assert advice in words.sentence
+
+
+@pytest.mark.parametrize("arming", [*LOOKS, "starting"])
+def test_what_helps_has_room_in_every_state(cr, arming: str) -> None:
+    words = panel_words(msgspec.structs.replace(FACTS, arming=arming), OPENING)
+    assert wrapped(cr, words.key, ROOM, 1, bold=True) == [words.key]
+
+
+def test_what_does_not_fit_is_cut_with_an_ellipsis(cr) -> None:
+    (line,) = wrapped(cr, "word " * 200, ROOM, 1)
+    assert line.endswith(" …")
+    assert cr.text_extents(line).x_advance <= ROOM
+    assert len(wrapped(cr, "word " * 200, ROOM, 3)) == 3
+    assert wrapped(cr, "", ROOM, 3) == []
+
+
+def test_the_menu_button_is_named_for_hands_that_see_no_keyboard() -> None:
+    for arming in ("disarmed", "fault", "engaged", "holding"):
+        key = panel_words(msgspec.structs.replace(FACTS, arming=arming), OPENING).key
+        assert "menu button" in key
+
+
+def test_what_was_said_last_is_below() -> None:
+    said = (Said(1.0, "the first"), Said(2.0, "the last"))
+    assert panel_words(msgspec.structs.replace(FACTS, said=said), OPENING).note == "the last"
+
+
+def test_in_a_trial_it_tells_who_and_the_time_and_no_rate_or_age() -> None:
+    trial = TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
+    facts = facts_of(SNAPSHOT, (), trial)
+    assert set(facts.views.values()) == {ViewFacts(None, None, None, None, None)}
+    assert panel_words(facts, BLIND).note == "P01 · trial 2 of 9 · 0:03 of 2:00"
