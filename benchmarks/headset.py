@@ -23,12 +23,14 @@ import numpy as np
 import psutil
 import pytest
 
-from benchmarks.window import DOCS, SETTLING_S, play, processor_s
+from benchmarks.window import DOCS, SETTLING_S, picture_of, play, processor_s
 from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
+from tams_app.console.headset.layout import OTHERS_SHARE
 from tams_app.console.window.client import FaceClient
-from tams_app.console.window.messages import Beat, Event
+from tams_app.console.window.messages import Beat, Event, Said
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.teleop.advice import what_to_do
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.faked_process import BLIND
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
@@ -98,24 +100,40 @@ def cost(seconds: float) -> None:
 
 
 def picture(path: Path) -> None:
-    """All overlays, each as it is seen, side by side and the panel below."""
+    """All overlays as they are seen: the primary view in front, whose video is stale."""
+    old = dict(FACTS.views)
+    old["eih"] = msgspec.structs.replace(old["eih"], age_ms=1240.0)
+    facts = msgspec.structs.replace(
+        FACTS,
+        views=old,
+        arming="holding",
+        reason="stale video",
+        advice=what_to_do("stale video"),
+        said=(Said(12.4, "stopped: stale video"),),
+    )
     with pytest.MonkeyPatch.context() as patch, headset(patch) as measured:
-        old = dict(FACTS.views)
-        old["gt"] = msgspec.structs.replace(old["gt"], age_ms=1240.0)
-        measured.play(1.0)
-        measured.client.show(msgspec.structs.replace(FACTS, views=old, t_s=time.monotonic()))
+        for view in measured.views:
+            measured.block.put(view, 1, 1, picture_of(view))
+        measured.client.show(facts)
         keys = [f"tams.view {number}" for number in range(len(measured.views))]
 
         def seen() -> list[Image]:
             return [measured.steamvr.seen(key) for key in (*keys, "tams.panel")]
 
         assert wait_for(lambda: all(one.any() for one in seen()))
-        time.sleep(2.0)  # for the last of the facts
-        *views, panel = seen()
-    row = np.hstack([cv2.copyMakeBorder(one, 0, 8, 0, 8, cv2.BORDER_CONSTANT) for one in views])
-    below = np.zeros((panel.shape[0], row.shape[1], 3), np.uint8)
-    below[:, : panel.shape[1]] = panel
-    cv2.imwrite(str(path), np.vstack([row, below]))
+        time.sleep(2.0)  # for what came last
+        front, right, left, panel = seen()
+    front = np.vstack([front, np.zeros_like(front[:16]), _wide(panel, front.shape[1])])
+    sides = [_wide(one, round(OTHERS_SHARE * front.shape[1])) for one in (left, right)]
+    high = [np.zeros((front.shape[0], one.shape[1] + 32, 3), np.uint8) for one in sides]
+    for blank, one in zip(high, sides, strict=True):
+        blank[100 : 100 + one.shape[0], 16:-16] = one
+    cv2.imwrite(str(path), np.hstack([high[0], front, high[1]]), [cv2.IMWRITE_JPEG_QUALITY, 85])
+
+
+def _wide(image: Image, width: int) -> Image:
+    height = round(width * image.shape[0] / image.shape[1])
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def main() -> None:

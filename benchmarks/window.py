@@ -95,7 +95,7 @@ def _measured(
 
 def play(client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds: float) -> int:
     """Publish moving pictures, each view at its turn; how many of each."""
-    pictures = {view: _picture(view) for view in views}
+    pictures = {view: picture_of(view) for view in views}
     began_s, number = time.monotonic(), 0
     while time.monotonic() - began_s < seconds:
         for place, view in enumerate(views):
@@ -108,7 +108,8 @@ def play(client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds:
     return number
 
 
-def _picture(view: str) -> Image:
+def picture_of(view: str) -> Image:
+    """A frame of the view, as the rig gave it."""
     image = cv2.imread(str(VIEWS / f"{view}.jpg"))
     return np.asarray(cv2.resize(np.asarray(image), (640, 480)), np.uint8)
 

@@ -11,7 +11,7 @@
 | the simulated operator's hand | FIFO 5 | it stands for a VR runtime |
 | the simulated operator's eyes | round robin 1 | they share the GIL with the hand, and rest a lot |
 | renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
-| the operator's window | ordinary, nice -10 | what it shows must not wait; it limits itself |
+| window, headset | ordinary, nice -10 | what they show must not wait; they limit themselves |
 | the ROS 2 bridge | ordinary, nice 5 | what it publishes may wait |
 | quality | idle | it takes what is left over |
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import mmap
 import os
 import struct
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -124,11 +125,16 @@ class FrameReader:
         self._next = max(self._next, until)
         return entries
 
-    def newest_image(self) -> Image | None:
-        """A copy of the newest frame as it is kept; None before the first, or if overwritten."""
+    def newest_image(self, take: Callable[[Image], Image] = np.copy) -> Image | None:
+        """What `take` makes of the newest frame; None before the first, or if overwritten.
+
+        It is called with the frame as it is kept, in memory that is not to be kept; what it has
+        written elsewhere does not count if None is returned.
+        """
         number = self._ring.written() - 1
-        pixels = self._ring.bulk(number, np.copy) if number >= 0 else None
-        return None if pixels is None else pixels.reshape(self._bulk_shape)
+        if number < 0:
+            return None
+        return self._ring.bulk(number, lambda bulk: take(bulk.reshape(self._bulk_shape)))
 
     def _luma(self, bulk: Bulk) -> Luma:
         image = bulk.reshape(self._bulk_shape)

@@ -119,11 +119,10 @@ class HeadsetDisplay:
             written = reader.written()
             if written == self._seen[view]:
                 continue
-            image = reader.newest_image()
-            if image is None:  # overwritten meanwhile: the next look finds a newer one
+            if reader.newest_image(self._cells[view].show) is None:
+                self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
                 continue
             self._seen[view] = written
-            self._cells[view].show(image)
             self._dirty.add(view)
 
     def _draw(self) -> None:

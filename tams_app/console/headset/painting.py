@@ -46,9 +46,10 @@ class ViewCell:
         )
         self._told: tuple[str, bool] | None = None
 
-    def show(self, frame: Image) -> None:
-        """A BGR frame, shape (height, width, 3), from now on."""
+    def show(self, frame: Image) -> Image:
+        """A BGR frame, shape (height, width, 3), from now on; the part of the cell that has it."""
         cv2.cvtColor(frame, cv2.COLOR_BGR2RGBA, dst=self._frame)
+        return self._frame
 
     def tell(self, title: str, old: bool) -> bool:
         """What is written above the frame; whether anything has changed."""
