@@ -113,6 +113,7 @@ class HeadsetDisplay:
                 # its copy of the atlas has what this view was when the overlay was submitted last
                 self._overlays.submit(number, self._texture.handle)
                 self._crop(number, self._atlas.cells[view])
+        self._texture.flush()
 
     def _take_frames(self) -> None:
         for view, reader in self._frames.items():

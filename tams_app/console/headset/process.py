@@ -36,6 +36,7 @@ def main() -> None:
             stack.callback(runtime.close)
             texture = AtlasTexture()
             stack.callback(texture.close)
+            stack.callback(runtime.close)  # before the context whose texture SteamVR has
         except TamsError as error:
             side.fail(str(error))
             raise SystemExit(error.exit_code) from error

@@ -27,7 +27,6 @@ pytestmark = pytest.mark.waiting
 
 PLACES = ("tams.view 0", "tams.view 1", "tams.view 2")
 PANEL = "tams.panel"
-_HOLD_TIGHT_S = 1.0  # views that have just exchanged stay for a moment
 
 
 def bgr(colour: str) -> np.ndarray:
@@ -56,6 +55,22 @@ def all_are_shown(headset: WornHeadset, frames: dict[str, Image]) -> bool:
 
 def tell(headset: WornHeadset, facts: Facts) -> None:
     headset.show(msgspec.structs.replace(facts, t_s=time.monotonic()))
+
+
+def has_in_front(headset: WornHeadset, facts: Facts, frame: Image) -> bool:
+    """Whether this frame is in front; the facts are told again as a session would.
+
+    Views that have just exchanged their places stay for a moment, whatever is told.
+    """
+    tell(headset, facts)
+    return shows(headset, PLACES[0], frame)
+
+
+def settle(headset: WornHeadset) -> None:
+    """Tell the usual facts, and wait until the process has gone through its loop with them."""
+    tell(headset, FACTS)
+    told = len(headset.events)
+    assert wait_for(lambda: len(headset.events) >= told + 30)  # more than a drawing may wait
 
 
 def panel(headset: WornHeadset) -> Image:
@@ -101,13 +116,12 @@ def test_the_primary_view_of_each_phase_is_in_front_and_no_overlay_moves_or_vani
 ) -> None:
     config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
     primary = WeightMatrix(config.policy.weights.matrix).primary_view(phase)
-    time.sleep(_HOLD_TIGHT_S)
     headset.put(pictures)
     assert wait_for(lambda: all_are_shown(headset, pictures))
     before = headset.steamvr.overlays()
     headset.steamvr.ask("take done")
-    tell(headset, msgspec.structs.replace(FACTS, phase=phase.name, primary_view=primary))
-    assert wait_for(lambda: shows(headset, PLACES[0], pictures[primary]))
+    facts = msgspec.structs.replace(FACTS, phase=phase.name, primary_view=primary)
+    assert wait_for(lambda: has_in_front(headset, facts, pictures[primary]))
     assert wait_for(lambda: all_are_shown(headset, pictures))
     done = {what for what, _ in headset.steamvr.ask("take done")}
     assert done <= {"setOverlayTexture", "setOverlayTextureBounds"}
@@ -129,10 +143,9 @@ def test_views_that_exchange_their_places_are_never_seen_half(
     assert wait_for(lambda: all_are_shown(headset, pictures))
     frames = list(pictures.values())
     for primary in ("eih", "gs", "gt"):
-        time.sleep(_HOLD_TIGHT_S)
-        tell(headset, msgspec.structs.replace(FACTS, primary_view=primary))
+        facts = msgspec.structs.replace(FACTS, primary_view=primary)
         deadline_s = time.monotonic() + 60.0
-        while not shows(headset, PLACES[0], pictures[primary]):
+        while not has_in_front(headset, facts, pictures[primary]):
             assert time.monotonic() < deadline_s
             seen = frame_of(headset.steamvr.seen(PLACES[0]))
             assert any(np.array_equal(seen, frame) for frame in frames)
@@ -191,14 +204,13 @@ def test_without_anything_new_nothing_is_drawn(
     headset.put(pictures)
     tell(headset, FACTS)
     assert wait_for(lambda: all_are_shown(headset, pictures))
-    for _ in range(3):  # the same facts again, later
-        tell(headset, FACTS)
-        time.sleep(0.3)
+    assert wait_for(lambda: has_in_front(headset, FACTS, pictures[FACTS.primary_view]))
+
+    settle(headset)
     headset.steamvr.ask("take done")
     drawn = headset.drawings
-    for _ in range(10):
-        tell(headset, FACTS)
-        time.sleep(0.1)
+    for _ in range(5):
+        settle(headset)
     assert headset.steamvr.ask("take done") == []
     assert headset.drawings == drawn
 
@@ -209,6 +221,7 @@ def test_only_the_view_with_a_new_frame_is_handed_over(
     headset.put(pictures)
     tell(headset, FACTS)
     assert wait_for(lambda: all_are_shown(headset, pictures))
+    settle(headset)
     (place,) = [place for place in PLACES if shows(headset, place, pictures["gt"])]
     before = {key: one.submitted for key, one in headset.steamvr.overlays().items()}
     other = cv2.flip(pictures["gt"], 1)

@@ -22,7 +22,7 @@ from tams_app.errors import SetupError
 from tams_app.runtime.clock import MonotonicClock
 from tests.console.headset.faked_process import ADDRESS
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
-from tests.console.window.test_session_window import PlayedSession, children_of
+from tests.console.played_session import PlayedSession, children_of
 from tests.console.window.xvfb import virtual_screen, wait_for
 
 pytestmark = pytest.mark.waiting

@@ -14,8 +14,8 @@ from tams_app.console.window.messages import Said, TrialFacts, ViewFacts
 from tams_app.console.window.session_face import facts_of
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.reasons import Reason
+from tests.console.played_session import SNAPSHOT
 from tests.console.window.facts import FACTS, OPENING
-from tests.console.window.test_session_window import SNAPSHOT
 
 pytestmark = pytest.mark.untimed
 

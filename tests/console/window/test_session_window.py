@@ -4,128 +4,25 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import psutil
 import pytest
 from rich.console import Console
 
-from hw.desk.keyboard import KeyboardController
-from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
 from tams_app.console.window.messages import TrialFacts, ViewFacts
 from tams_app.console.window.session_face import facts_of
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus
-from tams_app.session.control import Signals
-from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
 from tams_app.units import NS_PER_MS
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.console.played_session import SNAPSHOT, PlayedSession, window_processes
 from tests.console.window.xvfb import Screen, virtual_screen, wait_for
 
 pytestmark = pytest.mark.waiting
-
-SNAPSHOT = StatusSnapshot(
-    t_s=1.0,
-    arming="holding",
-    deadman=True,
-    pressed=("grip",),
-    orientation_mode=False,
-    phase="ALIGN",
-    reason="stale video",
-    tcp_mm=(350.0, 0.0, 180.0),
-    gripper_closed=False,
-    views={
-        "eih": ViewStatus(3000, 2950, 95.0, 29.9, 74.0),
-        "gt": ViewStatus(1500, 1480, 96.0, 30.0, 75.0),
-        "gs": ViewStatus(900, 870, 97.0, 30.0, 76.0),
-    },
-    link_kbps=5210.0,
-    capacity_kbps=6010.0,
-    queue_ms=12.0,
-    asked_fps=30,
-    primary_view="eih",
-    budget_kbps=5520.0,
-    estimate_kbps=6000.0,
-    loss=0.003,
-)
-
-
-class PlayedSession:
-    """A session that shows nothing new, and notes what is asked of it and when."""
-
-    def __init__(self, folder: Path, config: str = "tams.yaml", headset: str = "never") -> None:
-        self.config = load_config(CONFIG_DIRECTORY / config, {"headset.show": headset})
-        video = self.config.video
-        self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
-        self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)
-        self.keyboard.start()
-        self.folder = folder
-        self.board = StatusBoard(())
-        self.signals = Signals()
-        self.ended = threading.Event()
-        self.failure = self.reason = ""
-        self.notes: list[str] = []
-        self.done: list[str] = []
-        self.do: Callable[[], None] = lambda: None
-        self._began_s = time.monotonic()
-
-    def start(self) -> None:
-        """Nothing has to be started."""
-
-    def poll(self) -> None:
-        do, self.do = self.do, lambda: None
-        do()
-        pending = self.signals.take()
-        self.done += ["confirm"] * pending.confirm + ["estop"] * pending.estop
-        if self.elapsed_s() > 120:
-            self.end("nothing happened")
-
-    def elapsed_s(self) -> float:
-        return time.monotonic() - self._began_s
-
-    def snapshot(self) -> StatusSnapshot:
-        return SNAPSHOT
-
-    def end(self, reason: str) -> None:
-        self.reason = self.reason or reason
-        self.ended.set()
-
-    def fail(self, sentence: str) -> None:
-        self.failure = sentence
-        self.end(sentence)
-
-    def request_end(self, reason: str) -> None:
-        self.end(reason)
-
-    def note(self, level: str, text: str) -> None:
-        self.notes.append(f"{level}: {text}")
-
-    def stop_arm(self) -> None:
-        self.done.append(f"arm stopped, {'window open' if window_processes() else 'no window'}")
-
-    def close(self) -> None:
-        self.screen.close()
-
-
-def children_of(module: str) -> list[psutil.Process]:
-    """The processes of ours that run this module and have not ended."""
-    found = []
-    for child in psutil.Process().children():
-        with suppress(psutil.NoSuchProcess):  # it has ended, and its owner will notice
-            if module in child.cmdline():
-                found.append(child)
-    return found
-
-
-def window_processes() -> list[psutil.Process]:
-    return children_of("tams_app.console.window.process")
 
 
 @pytest.fixture

@@ -10,18 +10,20 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import openvr
 import pytest
 
 from hw.openvr.controller import OpenVrController
 from hw.openvr.devices import list_controllers
+from hw.openvr.overlays import Overlays
 from hw.openvr.runtime import OpenVrRuntime
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
-from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
+from tests.hw.openvr.fake_openvr import HEADSET, RIGHT, FakeRuntime
 
 COMPILER = shutil.which("g++")
 SOURCE = Path(__file__).parent / "vrclient.cpp"
@@ -103,6 +105,24 @@ def test_the_whole_driver_runs_through_the_real_library(fake):
 
 def test_controllers_are_listed_through_the_real_library(fake):
     assert [info.serial for info in list_controllers()] == ["CTL_RIGHT", "CTL_LEFT"]
+
+
+def test_overlays_are_made_through_the_real_library(fake):
+    fake.overlays.reads_back = False
+    fake.devices[HEADSET].put((0.0, 1.6, 0.0))
+    runtime = OpenVrRuntime.join()
+    try:
+        overlays = Overlays(runtime, ("front",), follow_head=False)
+        overlays.arrange(0, np.eye(4), 1.1)
+        overlays.crop(0, 0.0, 0.25, 0.5, 0.75)
+        overlays.submit(0, 7)
+        assert overlays.look() == ""
+    finally:
+        runtime.close()
+    made = fake.overlays.of("tams.front")
+    assert (made.shown, made.of, made.submitted) == (True, "room", 1)
+    assert made.bounds == (0.0, 0.75, 0.5, 0.25)
+    assert made.transform[1, 3] == pytest.approx(1.6)
 
 
 def test_an_interface_the_runtime_lacks_is_seen_without_losing_the_connection(fake):
