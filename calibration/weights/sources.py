@@ -11,11 +11,9 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
-from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
 from tams_app.errors import ConfigError, UnreadableLogError
@@ -23,13 +21,8 @@ from tams_app.recording import SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.codecs import AVDEC
 from tams_app.video.colour import bgr_of
-
-_ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
-_UNDERWAY = 8  # frames inside the pipeline before one is waited for
-_DECODING_NS = 500 * NS_PER_MS  # then the next goes in, for this one may yield no frame
-_AT_THE_END_NS = 10_000 * NS_PER_MS
+from tams_app.video.recorded import decoded
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,47 +57,12 @@ def phase_segments(
     return found
 
 
-def decode(units: Iterator[EncodedFrame], config: VideoConfig) -> Iterator[Frame]:
-    """The frames of one view's access units; LogError if the decoder gives up.
-
-    Each carries its capture time as PTS, by which a frame is known again.
-    """
-    gst.require_elements((*_ELEMENTS, AVDEC.element))
-    pipeline = gst.parse_pipeline(
-        "appsrc name=units format=time max-bytes=0 "
-        "caps=video/x-h264,stream-format=byte-stream,alignment=au "
-        f"! h264parse ! {AVDEC.launch} "
-        "! appsink name=frames sync=false max-buffers=0"
-    )
-    entry, decoded = pipeline.get_by_name("units"), pipeline.get_by_name("frames")
-    gst.set_playing(pipeline, "decoding a recorded view")
-    try:
-        underway = 0
-        view = ""
-        for unit in units:
-            view = unit.view
-            entry.emit("push-buffer", gst.raw_buffer(unit.data, unit.capture_ns, 0))
-            underway += 1
-            if underway < _UNDERWAY:
-                continue
-            while sample := decoded.emit(
-                "try-pull-sample", _DECODING_NS if underway >= _UNDERWAY else 0
-            ):
-                underway -= 1
-                yield _frame(view, sample, config)
-        entry.emit("end-of-stream")
-        while sample := decoded.emit("try-pull-sample", _AT_THE_END_NS):
-            yield _frame(view, sample, config)
-        if reason := gst.poll_bus(pipeline):
-            raise UnreadableLogError(f"the recorded view {view} cannot be decoded: {reason}")
-    finally:
-        gst.shut_down(pipeline)
-
-
-def _frame(view: str, sample: Any, config: VideoConfig) -> Frame:
-    buffer = sample.get_buffer()
-    image = bgr_of(gst.pixels_of(buffer), config.height, config.width)
-    return Frame(view, 0, buffer.pts, image)  # known by its time alone
+def decode(view: str, units: Iterator[EncodedFrame], config: VideoConfig) -> Generator[Frame]:
+    """The frames of one view's access units; LogError if the decoder gives up."""
+    with closing(decoded(units)) as frames:
+        for capture_ns, planes in frames:
+            image = bgr_of(planes, config.height, config.width)
+            yield Frame(view, 0, capture_ns, image)  # known by its time alone
 
 
 _GAP_NS = 500 * NS_PER_MS  # what a busy recorder may leave out
@@ -195,7 +153,7 @@ class RecordedSession:
                 if frame.view == view:
                     yield frame
             return
-        yield from decode(read_video(self.folder / LOG_NAME, view), self.video)
+        yield from decode(view, read_video(self.folder / LOG_NAME, view), self.video)
 
 
 def open_session(given: Path, views: Sequence[str]) -> RecordedSession:

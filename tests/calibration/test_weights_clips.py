@@ -109,13 +109,13 @@ def test_views_stand_side_by_side_under_a_strip_that_names_them():
 
 
 def test_every_frame_of_a_bitstream_comes_back_with_its_capture_time():
-    found = list(decode(encoded("gt", 60), VIDEO))
+    found = list(decode("gt", encoded("gt", 60), VIDEO))
     assert [one.capture_ns for one in found] == [capture_ns(index) for index in range(60)]
     assert [seen(one.image) for one in found] == [("gt", index) for index in range(60)]
 
 
 def test_a_view_that_is_left_half_way_is_given_up_without_a_complaint(glib_complaints):
-    frames = decode(encoded("gt", 40), VIDEO)
+    frames = decode("gt", encoded("gt", 40), VIDEO)
     assert next(frames).capture_ns == capture_ns(0)
     frames.close()
 
