@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import resource
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -67,6 +65,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_S
 from tests.faults.applications import until
+from tests.file_size_limit import file_size_limit
 from tests.synthetic_session import START_NS, header, live_records, tick
 
 pytestmark = pytest.mark.waiting
@@ -416,19 +415,6 @@ def test_damage_of_the_first_chunk_is_told_as_damage(tmp_path: Path) -> None:
     (tmp_path / "flipped.mcap").write_bytes(data)
     with pytest.raises(LogError, match="is damaged at its beginning"):
         read_log(tmp_path / "flipped.mcap")
-
-
-@contextmanager
-def file_size_limit(limit_bytes: int) -> Iterator[None]:
-    """The kernel refuses writes beyond the limit, as it does on a full disk."""
-    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, handler)
 
 
 def ends_with_a_whole_record(path: Path) -> bool:

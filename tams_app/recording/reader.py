@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -109,8 +109,11 @@ _RENAMED_SCHEMA = 4
 _TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
 
 
-def read_log(path: Path) -> SessionLog:
-    """Everything but the video of the log at `path`; UnreadableLogError if it is none of ours."""
+def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
+    """Everything but the video of the log at `path`; UnreadableLogError if it is none of ours.
+
+    `only`: the records that are wanted beside the header; None: all.
+    """
     log: SessionLog | None = None
     stream = McapStream(path, PROFILE)
     for name, message in stream:
@@ -119,12 +122,13 @@ def read_log(path: Path) -> SessionLog:
         topic = _TOPICS_BY_NAME.get(name)
         if topic is None:
             continue  # video, viewers' channels, and what a newer version may add
-        record = _decode(path, topic, message.data)
-        if isinstance(record, Header):
-            log = SessionLog(record, record.started_ns)
-        if log is None:
-            break
-        log.add(record)
+        if log is None or only is None or topic.codec.record_type in only:
+            record = _decode(path, topic, message.data)
+            if isinstance(record, Header):
+                log = SessionLog(record, record.started_ns)
+            if log is None:
+                break
+            log.add(record)
         log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
     if log is None and stream.gaps:
         raise UnreadableLogError(f"{path}: is damaged at its beginning; give an undamaged copy")
