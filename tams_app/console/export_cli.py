@@ -13,8 +13,10 @@ from tams_app.errors import ConfigError
 if TYPE_CHECKING:
     from rich.console import Console
 
-Export: TypeAlias = Callable[[Sequence[Path], Path | None, "Console"], None]
-"""Writes logs into a folder (None: its default)."""
+Export: TypeAlias = Callable[[Sequence[Path], Path | None, str, "Console"], None]
+"""Writes logs into a folder (None: its default); the words say what they show."""
+
+_TASK = "Pick up the block and place it in the container."
 
 
 def export(
@@ -23,13 +25,15 @@ def export(
         str,
         typer.Option(
             "--format",
-            help="rosbag2 (ROS 2; a bag for each session).",
+            help="rosbag2 (ROS 2; a bag for each session) or lerobot (LeRobotDataset v3.0; an "
+            "episode for each).",
             autocompletion=lambda: list(FORMATS),
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where to; by default in each session's own.")
+        Path | None, typer.Option(metavar="DIR", help="Where to; by default in the session's own.")
     ] = None,
+    task: Annotated[str, typer.Option(help="What the sessions show, in words; lerobot.")] = _TASK,
 ) -> None:
     """Write session logs in the format of another program; the logs stay as they are."""
     from rich.console import Console
@@ -38,10 +42,10 @@ def export(
 
     if kind not in FORMATS:
         raise ConfigError(f"--format: {kind!r} is none of {', '.join(FORMATS)}")
-    FORMATS[kind]([session_log(log) for log in logs], out, Console())
+    FORMATS[kind]([session_log(log) for log in logs], out, task, Console())
 
 
-def _rosbag2(logs: Sequence[Path], out: Path | None, console: Console) -> None:
+def _rosbag2(logs: Sequence[Path], out: Path | None, _task: str, console: Console) -> None:
     """DIR/<session> for each, or rosbag2/ in its folder."""
     from tams_app.ros2.extra import require_extra
 
@@ -53,12 +57,27 @@ def _rosbag2(logs: Sequence[Path], out: Path | None, console: Console) -> None:
         bag = log.parent / "rosbag2" if out is None else out / log.parent.resolve().name
         counts = write_bag(log, bag, scene_of_header)
         topics = sum(count > 0 for count in counts.values())
-        console.print(
-            f"{bag}: {sum(counts.values())} messages on {topics} topics",
-            markup=False,
-            highlight=False,
-            soft_wrap=True,
-        )
+        _tell(console, f"{bag}: {sum(counts.values())} messages on {topics} topics")
 
 
-FORMATS: dict[str, Export] = {"rosbag2": _rosbag2}
+def _lerobot(logs: Sequence[Path], out: Path | None, task: str, console: Console) -> None:
+    """DIR for all of them together, or lerobot/ in the folder of the only one."""
+    from tams_app.console.export_progress import ExportProgress
+    from tams_app.export.lerobot.convert import export_lerobot
+
+    if out is None and len(logs) > 1:
+        raise ConfigError("--out: of several sessions say in which folder the dataset is to be")
+    folder = out or logs[0].parent / "lerobot"
+    with ExportProgress(console) as progress:
+        episodes = export_lerobot(logs, folder, task, progress)
+    rows = sum(episode.rows for episode in episodes)
+    views = ", ".join(episodes[0].shape.views)
+    number = "1 episode" if len(episodes) == 1 else f"{len(episodes)} episodes"
+    _tell(console, f"{folder}: {number}, {rows} frames of {views}")
+
+
+def _tell(console: Console, text: str) -> None:
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+FORMATS: dict[str, Export] = {"rosbag2": _rosbag2, "lerobot": _lerobot}

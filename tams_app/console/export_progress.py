@@ -1,0 +1,32 @@
+"""How far an export is, as a bar."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+
+class ExportProgress(Progress):
+    """A bar of the frames written; on no terminal the sentences alone."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__(
+            TextColumn("frames"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self._frames = self.add_task("frames", total=None)  # while the logs are read
+
+    def say(self, text: str) -> None:
+        self.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def begin(self, frames: int) -> None:
+        self.update(self._frames, total=frames)
+
+    def frame(self) -> None:
+        self.advance(self._frames)

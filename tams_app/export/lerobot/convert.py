@@ -1,0 +1,92 @@
+"""From session logs to a dataset in a folder of its own, or to none."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Protocol
+
+from tams_app.errors import ConfigError, LogError, SetupError
+from tams_app.export.lerobot.episode import Episode, read_episode
+
+_NEEDS = ("pandas", "pyarrow")
+
+
+class Watcher(Protocol):
+    """Who is told how far it is."""
+
+    def say(self, text: str) -> None:
+        """A sentence for the user."""
+
+    def begin(self, frames: int) -> None:
+        """So many frames, all views together, are to be written."""
+
+    def frame(self) -> None:
+        """One of them is."""
+
+
+def export_lerobot(
+    logs: Sequence[Path], out: Path, task: str, watcher: Watcher
+) -> Sequence[Episode]:
+    """Write the logs as a LeRobotDataset v3.0 into the new folder `out`, an episode each.
+
+    `task`: what the episodes show, in words. Returns the episodes. UnreadableLogError for a log
+    that gives none, ConfigError for logs that do not fit together, LogError if `out` is there
+    already or cannot be written, SetupError if a package is missing; then no folder is left.
+    """
+    if missing := [name for name in _NEEDS if find_spec(name) is None]:
+        raise SetupError(f"{', '.join(missing)} missing: pip install 'tams[study]'")
+    if out.exists():
+        raise LogError(f"{out}: is there already: give another folder")
+    episodes = [read_episode(path) for path in logs]
+    _check_alike(episodes)
+    for episode in episodes:
+        if episode.remark:
+            watcher.say(episode.remark)
+    watcher.begin(sum(one.rows * len(one.shape.views) for one in episodes))
+    try:
+        out.mkdir(parents=True)
+    except OSError as error:
+        raise LogError(f"{out}: cannot be made: {error.strerror}") from error
+    try:
+        _write(episodes, out, task, watcher.frame)
+    except OSError as error:
+        shutil.rmtree(out, ignore_errors=True)
+        raise LogError(f"{out}: cannot be written: {error.strerror or error}") from error
+    except BaseException:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
+    return episodes
+
+
+def _check_alike(episodes: Sequence[Episode]) -> None:
+    first = episodes[0]
+    for other in episodes[1:]:
+        if other.shape != first.shape:
+            raise ConfigError(
+                f"{other.path.parent}: has {other.shape}, but {first.path.parent} has "
+                f"{first.shape}: export them apart"
+            )
+        if _arm(other) != _arm(first):
+            raise ConfigError(
+                f"{other.path.parent}: is of another arm than {first.path.parent}: "
+                "export them apart"
+            )
+
+
+def _write(episodes: Sequence[Episode], out: Path, task: str, on_frame: Callable[[], None]) -> None:
+    from tams_app.export.lerobot.dataset import DatasetWriter  # pyarrow and pandas are an extra
+
+    with closing(DatasetWriter(out, episodes[0].shape, task)) as dataset:
+        for episode in episodes:
+            dataset.add(episode, on_frame)
+        dataset.finish(_arm(episodes[0]))
+
+
+def _arm(episode: Episode) -> str | None:
+    """Which arm it was; logs of version 0.1 do not say."""
+    model = episode.header.config.get("arm", {}).get("model")
+    return None if model is None else str(model)

@@ -1,0 +1,193 @@
+"""What of a log becomes an episode: the longest part that is whole and has arm and all views."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tams_app.errors import UnreadableLogError
+from tams_app.export.lerobot.samples import Samples, TickTable
+from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
+from tams_app.recording.topics import OutcomeGiven
+from tams_app.records import Outcome, ServoMode
+from tams_app.units import NS_PER_S
+
+_NOT_JUDGED = Outcome(None, None, None, None, "")
+
+
+class Shape(NamedTuple):
+    """What all episodes of a dataset have in common."""
+
+    fps: int
+    width: int
+    height: int
+    servo: ServoMode
+    views: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return (
+            f"{', '.join(self.views)} with {self.width}x{self.height} at {self.fps} frames a "
+            f"second, {self.servo} servo"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """An episode before its frames are read.
+
+    start_ns: of the grid. keyframes_ns: by view, the capture that its decoding begins with.
+    remark: a sentence if the log was not whole, else "".
+    """
+
+    path: Path
+    header: Header
+    shape: Shape
+    start_ns: int
+    samples: Samples
+    keyframes_ns: Mapping[str, int]
+    outcome: Outcome
+    remark: str
+
+    @property
+    def name(self) -> str:
+        """That of the session's folder."""
+        return _name(self.path)
+
+    @property
+    def rows(self) -> int:
+        return len(self.samples.phase)
+
+    @property
+    def grid_ns(self) -> NDArray[np.int64]:
+        """The instant of each row."""
+        return _grid(self.start_ns, self.rows, self.shape.fps)
+
+
+class _Captures(NamedTuple):
+    """The recorded frames of a view, in order."""
+
+    capture_ns: NDArray[np.int64]
+    encoded_ns: NDArray[np.int64]
+    keyframe: NDArray[np.bool_]
+
+
+class _Part(NamedTuple):
+    start_ns: int
+    end_ns: int
+    keyframes_ns: dict[str, int]
+
+
+def read_episode(path: Path) -> Episode:
+    """The episode in the log at `path`; UnreadableLogError in a sentence if there is none."""
+    log = read_log(path, only=(OutcomeGiven,))
+    shape = _shape(path, log.header)
+    table = TickTable(read_ticks(path), shape.servo)
+    if not len(table.times_ns):
+        raise UnreadableLogError(
+            f"{path.parent}: tells nothing of an arm: of two computers give the robot's log"
+        )
+    captures = {view: _captures(path, view) for view in shape.views}
+    parts = [
+        part
+        for lower_ns, upper_ns in _whole(log.gaps)
+        if (part := _part(lower_ns, upper_ns, table.times_ns, captures)) is not None
+    ]
+    if not parts:
+        raise UnreadableLogError(
+            f"{path.parent}: has no moment with the arm and a picture of every view"
+        )
+    part = max(parts, key=lambda one: one.end_ns - one.start_ns)
+    rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
+    return Episode(
+        path,
+        log.header,
+        shape,
+        part.start_ns,
+        table.sample(_grid(part.start_ns, rows, shape.fps)),
+        part.keyframes_ns,
+        log.outcome or _NOT_JUDGED,
+        _remark(_name(path), log, part),
+    )
+
+
+def _name(path: Path) -> str:
+    return path.resolve().parent.name
+
+
+def _grid(start_ns: int, rows: int, fps: int) -> NDArray[np.int64]:
+    return start_ns + np.arange(rows, dtype=np.int64) * NS_PER_S // fps
+
+
+def _shape(path: Path, header: Header) -> Shape:
+    video = header.config.get("video", {})
+    try:
+        size = int(video["width"]), int(video["height"])
+        return Shape(header.fps, *size, ServoMode(header.servo), tuple(header.views))
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableLogError(
+            f"{path.parent}: does not say how large its pictures are, or which servo it used"
+        ) from error
+
+
+def _captures(path: Path, view: str) -> _Captures:
+    found = [(one.capture_ns, one.encoded_ns, one.keyframe) for one in read_video(path, view)]
+    if not found:
+        raise UnreadableLogError(
+            f"{path.parent}: holds no video of {view}: record with recording.bitstream: true"
+        )
+    captured, encoded, keyframe = zip(*found, strict=True)
+    return _Captures(
+        np.array(captured, np.int64), np.array(encoded, np.int64), np.array(keyframe, np.bool_)
+    )
+
+
+def _whole(gaps: Sequence[Gap]) -> list[tuple[float, float]]:
+    """From when to when the log is whole."""
+    starts, ends = [-np.inf], []
+    for gap in gaps:
+        ends.append(-np.inf if gap.start_ns is None else gap.start_ns)
+        starts.append(np.inf if gap.end_ns is None else gap.end_ns)
+    return list(zip(starts, [*ends, np.inf], strict=True))
+
+
+def _part(
+    lower_ns: float,
+    upper_ns: float,
+    ticks_ns: NDArray[np.int64],
+    captures: Mapping[str, _Captures],
+) -> _Part | None:
+    """Between two gaps: from when every view can be decoded to when its last frame was taken."""
+    ticks = ticks_ns[(ticks_ns > lower_ns) & (ticks_ns < upper_ns)]
+    if not len(ticks):
+        return None
+    start_ns, end_ns = int(ticks[0]), int(ticks[-1])
+    keyframes: dict[str, NDArray[np.int64]] = {}
+    for view, (capture_ns, encoded_ns, keyframe) in captures.items():
+        inside = (encoded_ns > lower_ns) & (encoded_ns < upper_ns)
+        keyframes[view] = capture_ns[inside & keyframe]
+        if not len(keyframes[view]):
+            return None
+        start_ns = max(start_ns, int(keyframes[view][0]))
+        end_ns = min(end_ns, int(capture_ns[inside][-1]))
+    if end_ns < start_ns:
+        return None
+    begun = {view: int(found[found <= start_ns][-1]) for view, found in keyframes.items()}
+    return _Part(start_ns, end_ns, begun)
+
+
+def _remark(name: str, log: SessionLog, part: _Part) -> str:
+    if log.gaps:
+        began_ns = log.header.started_ns
+        from_s, to_s = (
+            (instant_ns - began_ns) / NS_PER_S for instant_ns in (part.start_ns, part.end_ns)
+        )
+        return (
+            f"{name}: the log is damaged; its episode is the longest part that is whole, "
+            f"{from_s:.1f} to {to_s:.1f} s."
+        )
+    return f"{name}: the log ends early, and so does its episode." if log.truncated else ""

@@ -1,0 +1,100 @@
+"""Ticks of the control loop, sampled on an episode's grid: what a learner sees, and what was done.
+
+Lengths in metres, angles in radians, as the names say; quaternions are x, y, z, w.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tams_app.records import Phase, Pose, ServoMode, Tick
+from tams_app.teleop.safety import ArmingState
+
+STATE_NAMES = (
+    *(f"joint_{number}_rad" for number in range(1, 7)),
+    *("tcp_x_m", "tcp_y_m", "tcp_z_m", "tcp_qx", "tcp_qy", "tcp_qz", "tcp_qw", "gripper"),
+)
+_TWIST_NAMES = (
+    *("tcp_vx_m_s", "tcp_vy_m_s", "tcp_vz_m_s"),
+    *("tcp_wx_rad_s", "tcp_wy_rad_s", "tcp_wz_rad_s", "gripper"),
+)
+_POSE_NAMES = STATE_NAMES[6:]
+ACTION_NAMES = {ServoMode.VELOCITY: _TWIST_NAMES, ServoMode.POSE: _POSE_NAMES}
+PHASES = tuple(Phase)
+
+_GRIPPER, _QUATERNION = -1, slice(-5, -1)  # in a state, and in an action that is a pose
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Columns of equal length, a row for each instant of the grid.
+
+    state: (n, 14), as in `STATE_NAMES`; action: (n, 7) or (n, 8), as in `ACTION_NAMES`.
+    phase: the place in `PHASES`; engaged: whether the operator moved the arm.
+    """
+
+    state: NDArray[np.float32]
+    action: NDArray[np.float32]
+    phase: NDArray[np.int64]
+    engaged: NDArray[np.bool_]
+
+
+class TickTable:
+    """The ticks at which the arm had reported, as numbers: some 200 bytes each.
+
+    times_ns: when each started, shape (n,).
+    """
+
+    def __init__(self, ticks: Iterable[Tick], servo: ServoMode) -> None:
+        times, values = array("q"), array("d")
+        self._servo = servo
+        self._width = len(STATE_NAMES) + len(ACTION_NAMES[servo]) + 2
+        for tick in ticks:
+            if tick.arm is None:
+                continue
+            gripper = float(bool(tick.arm.gripper_closed))
+            times.append(tick.started_ns)
+            values.extend(tick.arm.joints)
+            values.extend((*_numbers(tick.arm.tcp), gripper))
+            if servo is ServoMode.POSE:
+                values.extend(_numbers(tick.pose or tick.arm.tcp))
+            else:
+                values.extend((*tick.twist.linear, *tick.twist.angular))
+            values.extend((gripper, PHASES.index(tick.phase), tick.arming == ArmingState.ENGAGED))
+        self.times_ns = np.frombuffer(times, np.int64)
+        self._values = np.frombuffer(values, np.float64).reshape(-1, self._width)
+
+    def sample(self, grid_ns: NDArray[np.int64]) -> Samples:
+        """What the newest tick at each instant had, none of which is before the first tick.
+
+        The gripper of an action is what it is told until the next instant.
+        """
+        rows = self._values[np.searchsorted(self.times_ns, grid_ns, side="right") - 1]
+        state, action = rows[:, : len(STATE_NAMES)], rows[:, len(STATE_NAMES) : -2]
+        action[:-1, _GRIPPER] = state[1:, _GRIPPER]
+        # a quaternion and its negative are the same rotation: no jump from one to the other
+        turned = state[:, _QUATERNION]
+        turned[1:] *= np.cumprod(_signs(turned[1:], turned[:-1]), axis=0)
+        if self._servo is ServoMode.POSE:
+            action[:, _QUATERNION] *= _signs(action[:, _QUATERNION], turned)
+        return Samples(
+            state.astype(np.float32),
+            action.astype(np.float32),
+            rows[:, -2].astype(np.int64),
+            rows[:, -1].astype(np.bool_),
+        )
+
+
+def _numbers(pose: Pose) -> tuple[Any, ...]:
+    return (*pose.position, *pose.rotation)
+
+
+def _signs(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """-1 where two quaternions point away from each other, else 1; shape (n, 1)."""
+    return np.where(np.sum(first * second, axis=1, keepdims=True) < 0, -1.0, 1.0)

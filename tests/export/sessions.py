@@ -1,0 +1,112 @@
+"""Small sessions with an arm that moves and frames that can be known again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tams_app.config import load_config
+from tams_app.recording import Header
+from tams_app.recording.mcap_log import McapLog
+from tams_app.records import Outcome, Phase, Pose, Tick, Twist
+from tams_app.rotation import Rotation
+from tams_app.session.recorders import LOG_NAME
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.calibration.weights_session import VIDEO, encoded
+from tests.synthetic_session import FPS, START_NS, VIEWS, header, tick
+
+SECONDS = 1.5
+KEYFRAME_INTERVAL = 10
+CHUNK_S = 0.25
+GRIPPER_CLOSES, GRIPPER_OPENS = 61, 120  # at which tick
+FIRST_CAPTURE_NS = {"eih": 3 * NS_PER_MS, "gt": 14 * NS_PER_MS, "gs": 25 * NS_PER_MS}
+PLACED = Outcome(True, True, 1.25, 0, "placed")
+
+
+def moving_tick(number: int) -> Tick:
+    """The control loop's tick of that number: each of its figures is another one than before."""
+    base = tick(number)
+    assert base.arm is not None
+    sign = -1.0 if number % 3 else 1.0  # the same rotation, told in both ways
+    half = number / 1000
+    rotation = Rotation(sign * np.cos(half), 0.0, sign * np.sin(half), 0.0)
+    tcp = Pose(np.array([0.3 + number / 1000, -number / 2000, 0.2]), rotation)
+    closed = None if number < GRIPPER_CLOSES else number < GRIPPER_OPENS
+    arm = replace(base.arm, joints=np.arange(6) / 10 + number / 100, tcp=tcp, gripper_closed=closed)
+    return replace(
+        base,
+        arm=arm,
+        twist=Twist((number / 500, 0.0, -number / 700), (0.0, number / 900, 0.0)),
+        phase=Phase.GRASP if number >= GRIPPER_CLOSES else Phase.REACH,
+        arming="engaged" if number >= 30 else "ready",
+    )
+
+
+def of_pose_servo(number: int) -> Tick:
+    """The same by a pose servo, which sends nothing before the operator moves the arm."""
+    base = moving_tick(number)
+    assert base.arm is not None
+    tcp = base.arm.tcp
+    sent = Pose(tcp.position + 0.01, tcp.rotation) if base.arming == "engaged" else None
+    return replace(base, twist=Twist.zero(), pose=sent)
+
+
+def head(**changes: Any) -> Header:
+    """The header of such a session."""
+    config = load_config().model_copy(update={"video": VIDEO}).model_dump(mode="json")
+    return header(**{"config": config, "name": "run"} | changes)
+
+
+def write_session(
+    folder: Path,
+    ticks: Sequence[Tick] = (),
+    seconds: float = SECONDS,
+    header_of: Header | None = None,
+    bitstream: bool = True,
+    outcome: Outcome | None = PLACED,
+) -> Path:
+    """A session folder; its log has chunks of `CHUNK_S`, its cameras take turns."""
+    folder.mkdir(parents=True)
+    log = McapLog(folder / LOG_NAME, header_of or head(), bitstream)
+    records: list[tuple[int, Any]] = [(one.started_ns, one) for one in ticks]
+    for view, later_ns in FIRST_CAPTURE_NS.items():
+        for frame in encoded(view, round(seconds * FPS), KEYFRAME_INTERVAL):
+            shifted = replace(
+                frame,
+                capture_ns=frame.capture_ns + later_ns,
+                encoded_ns=frame.encoded_ns + later_ns,
+            )
+            records.append((shifted.encoded_ns, shifted))
+    chunk = 0
+    for at_ns, record in sorted(records, key=lambda one: one[0]):
+        if (at_ns - START_NS) // round(CHUNK_S * NS_PER_S) > chunk:
+            chunk += 1
+            log.flush()
+        log.write(record, at_ns)
+    if outcome is not None:
+        log.write(outcome, START_NS + round(seconds * NS_PER_S))
+    log.close()
+    return folder
+
+
+def moving_session(folder: Path, seconds: float = SECONDS, **others: Any) -> Path:
+    """A session folder of the velocity servo."""
+    ticks = [moving_tick(number) for number in range(round(seconds * 120))]
+    return write_session(folder, ticks, seconds, **others)
+
+
+def capture_ns(view: str, index: int) -> int:
+    """When such a session's camera took a frame."""
+    return START_NS + FIRST_CAPTURE_NS[view] + index * NS_PER_S // FPS
+
+
+def shown_at(view: str, instant_ns: int) -> int:
+    """The index of the newest frame captured by then."""
+    return max(index for index in range(64) if capture_ns(view, index) <= instant_ns)
+
+
+START_OF_GRID_NS = max(capture_ns(view, 0) for view in VIEWS)

@@ -1,0 +1,298 @@
+"""What cannot be exported is said in a sentence, and leaves no folder behind."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import pyarrow.parquet as pq
+import pytest
+
+from tams_app.cli import _main
+from tams_app.export.lerobot import files, layout
+from tams_app.export.lerobot.layout import FileNumber
+from tams_app.recording.mcap_stream import McapStream
+from tams_app.recording.topics import PROFILE
+from tams_app.units import NS_PER_S
+from tests.calibration.weights_session import seen
+from tests.export.sessions import (
+    PLACED,
+    head,
+    moving_session,
+    moving_tick,
+    of_pose_servo,
+    shown_at,
+    write_session,
+)
+from tests.file_size_limit import file_size_limit
+from tests.synthetic_session import FPS, START_NS, VIEWS
+
+pytestmark = pytest.mark.untimed
+
+Export = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def export(capsys: pytest.CaptureFixture[str]) -> Export:
+    """Exit code, output and errors of the command."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = _main(["export", *map(str, arguments), "--format", "lerobot"])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return run
+
+
+def rows_of(dataset: Path) -> list[dict[str, Any]]:
+    return pq.read_table(dataset / "data/chunk-000/file-000.parquet").to_pylist()
+
+
+def episodes_of(dataset: Path) -> list[dict[str, Any]]:
+    return pq.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+
+
+def damage(session: Path, at_s: float) -> None:
+    """Change a byte of the chunk in which that second is."""
+    path = session / "session.mcap"
+    wall_ns = START_NS + head().wall_offset_ns + round(at_s * NS_PER_S)
+    with path.open("rb") as file:
+        from mcap.reader import SeekingReader
+
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    chunk = next(
+        one
+        for one in summary.chunk_indexes
+        if one.message_start_time <= wall_ns <= one.message_end_time
+    )
+    data = bytearray(path.read_bytes())
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
+    path.write_bytes(data)
+
+
+def test_of_a_damaged_log_the_longest_whole_part_is_exported_and_said(
+    tmp_path: Path, export: Export
+) -> None:
+    session = moving_session(tmp_path / "session")
+    damage(session, 0.4)  # of chunks of a quarter of a second
+    code, out, _ = export(session)
+    assert code == 0
+    assert "session: the log is damaged; its episode is the longest part that is whole, " in out
+    (episode,) = episodes_of(session / "lerobot")
+    start_ns = episode["started_wall_ns"] - head().wall_offset_ns
+    assert 0.5 < (start_ns - START_NS) / NS_PER_S < 1.1  # behind the gap, at keyframes
+    assert 0.4 * FPS < episode["length"] < 0.95 * FPS
+    for row in rows_of(session / "lerobot"):
+        instant_ns = start_ns + row["frame_index"] * NS_PER_S // FPS
+        number = max(n for n in range(200) if moving_tick(n).started_ns <= instant_ns)
+        assert row["observation.state"][6] == pytest.approx(0.3 + number / 1000)
+    for view in VIEWS:
+        path = session / f"lerobot/videos/observation.images.{view}/chunk-000/file-000.mp4"
+        video = cv2.VideoCapture(str(path))
+        for k in range(episode["length"]):
+            instant_ns = start_ns + k * NS_PER_S // FPS
+            assert seen(video.read()[1]) == (view, shown_at(view, instant_ns))
+
+
+def test_of_a_log_that_was_cut_off_the_beginning_is_exported_and_said(
+    tmp_path: Path, export: Export
+) -> None:
+    session = moving_session(tmp_path / "session")
+    path = session / "session.mcap"
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    code, out, _ = export(session)
+    assert code == 0
+    assert "session: the log ends early, and so does its episode." in out
+    (episode,) = episodes_of(session / "lerobot")
+    assert 0 < episode["length"] < 1.3 * FPS
+    assert episode["success"] is None
+    assert episode["outcome"] == ""
+
+
+def test_what_is_there_already_is_never_written_over(tmp_path: Path, export: Export) -> None:
+    session = moving_session(tmp_path / "session", 0.3)
+    (session / "lerobot").mkdir()
+    (session / "lerobot/mine").write_text("keep", encoding="utf-8")
+    code, _, error = export(session)
+    assert code == 1
+    assert error == f"tams: {session}/lerobot: is there already: give another folder\n"
+    assert [path.name for path in (session / "lerobot").iterdir()] == ["mine"]
+
+
+def other_views() -> dict[str, Any]:
+    return {"header_of": head(views=("eih", "gt"))}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (lambda: {"header_of": head(fps=25)}, "at 25 frames a second"),
+        (other_views, "has eih, gt with 160x120"),
+        (lambda: {"header_of": head(servo="pose")}, "pose servo, but"),
+        (
+            lambda: {"header_of": head(config={**head().config, "arm": {"model": "other"}})},
+            "is of another arm",
+        ),
+    ],
+)
+def test_sessions_of_unlike_shape_are_refused_in_a_sentence(
+    tmp_path: Path, export: Export, changes: Callable[[], dict[str, Any]], said: str
+) -> None:
+    first = moving_session(tmp_path / "first", 0.3)
+    ticks = [of_pose_servo(number) for number in range(36)]
+    second = write_session(tmp_path / "second", ticks, 0.3, **changes())
+    code, _, error = export(first, second, "--out", tmp_path / "out")
+    assert code == 2
+    assert said in error
+    assert error.endswith("export them apart\n")
+    assert len(error.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_log_without_arm_or_without_video_is_refused_in_a_sentence(
+    tmp_path: Path, export: Export
+) -> None:
+    ticks = [moving_tick(number) for number in range(36)]
+    unseen = write_session(tmp_path / "unseen", ticks, 0.3, bitstream=False)
+    code, _, error = export(unseen)
+    assert code == 2
+    assert "holds no video of eih: record with recording.bitstream: true" in error
+    operator = write_session(tmp_path / "operator", [], 0.3)
+    code, _, error = export(operator)
+    assert code == 2
+    assert "of two computers give the robot's log" in error
+    silent = [replace(one, arm=None) for one in ticks]
+    code, _, error = export(write_session(tmp_path / "silent", silent, 0.3))
+    assert (code, "tells nothing of an arm" in error) == (2, True)
+    late = [replace(one, started_ns=one.started_ns + 9 * NS_PER_S) for one in ticks]
+    code, _, error = export(write_session(tmp_path / "late", late, 0.3))
+    assert (code, "has no moment with the arm and a picture" in error) == (2, True)
+
+
+def test_frames_of_another_size_than_the_header_tells_are_refused(
+    tmp_path: Path, export: Export
+) -> None:
+    config = head().config
+    wide = head(config={**config, "video": {**config["video"], "width": 320}})
+    ticks = [moving_tick(number) for number in range(36)]
+    session = write_session(tmp_path / "session", ticks, 0.3, wide)
+    code, _, error = export(session)
+    assert code == 2
+    assert "are not of 320x120 as its header says" in error
+    assert not (session / "lerobot").exists()
+
+
+def test_ticks_before_the_arm_reports_are_no_part_of_an_episode(
+    tmp_path: Path, export: Export
+) -> None:
+    ticks = [moving_tick(number) for number in range(60)]
+    ticks[:24] = [replace(one, arm=None) for one in ticks[:24]]
+    session = write_session(tmp_path / "session", ticks, 0.5)
+    assert export(session)[0] == 0
+    (episode,) = episodes_of(session / "lerobot")
+    assert episode["started_wall_ns"] == ticks[24].started_ns + head().wall_offset_ns
+
+
+def test_wrong_use_is_a_sentence(tmp_path: Path, export: Export, capsys: Any) -> None:
+    session = moving_session(tmp_path / "session", 0.3)
+    code, _, error = export(session, session)
+    assert (code, "--out: of several sessions say in which folder" in error) == (2, True)
+    code, _, error = export(tmp_path / "nowhere")
+    assert (code, "there is no such folder" in error) == (2, True)
+    assert _main(["export", str(session), "--format", "papyrus"]) == 2
+    assert "'papyrus' is none of" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_named_with_what_installs_it(
+    tmp_path: Path, export: Export, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = moving_session(tmp_path / "session", 0.3)
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        "tams_app.export.lerobot.convert.find_spec",
+        lambda name: None if name == "pyarrow" else find_spec(name),
+    )
+    code, _, error = export(session)
+    assert (code, error) == (1, "tams: pyarrow missing: pip install 'tams[study]'\n")
+    assert not (session / "lerobot").exists()
+
+
+@pytest.mark.parametrize("limit_bytes", [2_000, 20_000])
+def test_a_full_disk_is_a_sentence_and_leaves_no_folder(
+    tmp_path: Path, export: Export, limit_bytes: int
+) -> None:
+    session = moving_session(tmp_path / "session", 1.0)
+    with file_size_limit(limit_bytes):
+        code, _, error = export(session)
+    assert code == 1
+    assert "cannot be written" in error
+    assert len(error.splitlines()) == 1
+    assert not (session / "lerobot").exists()
+
+
+def test_an_interrupted_export_leaves_no_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = moving_session(tmp_path / "session", 0.3)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files.PixelStatistics, "add", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        _main(["export", str(session), "--format", "lerobot"])
+    assert not (session / "lerobot").exists()
+
+
+def test_a_file_that_is_full_is_followed_by_the_next(
+    tmp_path: Path, export: Export, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(layout, "DATA_FILE_MB", 0)
+    monkeypatch.setattr(layout, "VIDEO_FILE_MB", 0)
+    sessions = [moving_session(tmp_path / f"s{number}", 0.3) for number in range(2)]
+    out = tmp_path / "out"
+    assert export(*sessions, "--out", out)[0] == 0
+    first, second = episodes_of(out)
+    for kind in ("data", *(f"videos/observation.images.{view}" for view in VIEWS)):
+        assert (first[f"{kind}/file_index"], second[f"{kind}/file_index"]) == (0, 1)
+    for view in VIEWS:
+        key = f"observation.images.{view}"
+        assert second[f"videos/{key}/from_timestamp"] == 0
+        video = cv2.VideoCapture(str(out / f"videos/{key}/chunk-000/file-001.mp4"))
+        assert video.get(cv2.CAP_PROP_FRAME_COUNT) == second["length"]
+    rows = pq.read_table(out / "data/chunk-000/file-001.parquet").to_pylist()
+    assert [row["index"] for row in rows] == list(
+        range(second["dataset_from_index"], second["dataset_to_index"])
+    )
+
+
+def test_a_chunk_has_a_thousand_files() -> None:
+    number = FileNumber()
+    for _ in range(1000):
+        number.next()
+    assert (number.chunk_index, number.file_index) == (1, 0)
+
+
+def test_a_session_without_a_verdict_says_so_with_nulls(tmp_path: Path, export: Export) -> None:
+    session = moving_session(tmp_path / "session", 0.3, outcome=replace(PLACED, success=None))
+    assert export(session)[0] == 0
+    schema = pq.read_schema(session / "lerobot/meta/episodes/chunk-000/file-000.parquet")
+    assert str(schema.field("success").type) == "bool"
+    (episode,) = episodes_of(session / "lerobot")
+    assert (episode["success"], episode["completed"]) == (None, True)
+
+
+def test_the_log_stays_as_it_was(tmp_path: Path, export: Export) -> None:
+    session = moving_session(tmp_path / "session", 0.3)
+    before = (session / "session.mcap").read_bytes()
+    assert export(session)[0] == 0
+    assert (session / "session.mcap").read_bytes() == before
+    assert list(McapStream(session / "session.mcap", PROFILE))
+    assert json.loads((session / "lerobot/meta/info.json").read_text())["total_episodes"] == 1
