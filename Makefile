@@ -1,6 +1,6 @@
-# make run | test | verify | explore | check | bench | mutate | setup | lock
+# make run | test | verify | explore | check | bench | docs | mutate | setup | lock
 .DEFAULT_GOAL := run
-.PHONY: run test verify explore check bench lock mutate setup installed
+.PHONY: run test verify explore check bench docs lock mutate setup installed
 
 READY := .venv/.ready
 PY := .venv/bin/python
@@ -65,6 +65,23 @@ mutate: $(READY)
 bench: $(READY)
 	$(PY) -m benchmarks $(ARGS)
 
+# The documents as a site in site/, by the extra `docs`, which is installed apart: nothing else needs
+# it. The pages keep their places, so that links mean the same here as in the repository.
+SITE := .venv/docs
+PAGES := README.md CONTRIBUTING.md CHANGELOG.md CITATION.cff docs examples config/traces
+DOCS_EXTRA := import tomllib; \
+	print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"])
+
+docs: $(SITE)/.ready
+	rm -rf build/pages && mkdir -p build/pages && cp -r --parents $(PAGES) build/pages
+	$(SITE)/bin/python -m mkdocs build --quiet
+
+$(SITE)/.ready: $(READY) pyproject.toml
+	$(PY) -m venv $(SITE)
+	$(SITE)/bin/python -m pip install --quiet --disable-pip-version-check \
+		$$($(PY) -c '$(DOCS_EXTRA)')
+	touch $@
+
 setup: $(READY)
 
 $(READY): setup.sh apt-packages.txt requirements.lock
@@ -73,5 +90,6 @@ $(READY): setup.sh apt-packages.txt requirements.lock
 # The lock names versions and hashes only; where they come from is the machine's business.
 lock: $(READY)
 	$(PY) -m pip install --quiet uv
-	$(PY) -m uv pip compile --universal --generate-hashes --no-emit-index-url --all-extras \
+	$(PY) -m uv pip compile --universal --generate-hashes --no-emit-index-url \
+		--extra study --extra dask --extra dev \
 		--quiet -o requirements.lock pyproject.toml

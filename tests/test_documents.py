@@ -66,6 +66,16 @@ def test_every_link_leads_somewhere(name):
             assert anchor in anchors(target.relative_to(ROOT)), link
 
 
+def test_every_document_has_its_place_in_the_navigation_of_the_site():
+    def pages(entry):
+        (found,) = entry.values()
+        return [found] if isinstance(found, str) else [page for one in found for page in pages(one)]
+
+    listed = [page for entry in yaml.safe_load(text("mkdocs.yml"))["nav"] for page in pages(entry)]
+    shown = {name for name in NAMES if not name.startswith("config/") or "traces" in name}
+    assert sorted(listed) == sorted(shown | {f"docs/{MADE}"})
+
+
 def test_a_newcomer_reads_at_most_eight_files_from_controller_to_pixel():
     section = text("docs/ARCHITECTURE.md").split("## From controller to pixel")[1].split("\n## ")[0]
     steps = re.findall(r"^\| \d+ +\| `([\w/]+\.py)`", section, re.MULTILINE)
