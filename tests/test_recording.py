@@ -244,6 +244,16 @@ def long_log(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def test_a_log_can_be_read_for_some_of_its_records(tmp_path: Path) -> None:
+    long_log(tmp_path / "session.mcap")
+    whole = read_log(tmp_path / "session.mcap")
+    assert len(whole.ticks) == 600
+    without = read_log(tmp_path / "session.mcap", only=(Note,))
+    assert without.ticks == []
+    assert (without.header.name, without.complete) == (whole.header.name, True)
+    assert without.ended_ns == whole.ended_ns
+
+
 def test_a_flipped_bit_anywhere_is_told_as_damage_and_never_read_as_data(tmp_path: Path) -> None:
     data = long_log(tmp_path / "whole.mcap")
     random = np.random.default_rng(4)
