@@ -91,5 +91,5 @@ $(READY): setup.sh apt-packages.txt requirements.lock
 lock: $(READY)
 	$(PY) -m pip install --quiet uv
 	$(PY) -m uv pip compile --universal --generate-hashes --no-emit-index-url \
-		--extra study --extra dask --extra dev \
+		--extra study --extra ros2 --extra dask --extra dev \
 		--quiet -o requirements.lock pyproject.toml
