@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
@@ -11,7 +12,9 @@ import pytest
 
 from tams_app.recording import read_log
 from tams_app.records import Activity
+from tams_app.ros2.messages import Empty
 from tams_app.runtime.process import PROJECT_DIRECTORY
+from tests.ros2.dds import LOOPBACK, RELIABLE, Node, free_domain, until
 from tests.spoken import spoken
 
 HELPERS = {
@@ -20,6 +23,7 @@ HELPERS = {
     "relay": "tams_app.video.relay",
     "guard": "hw.guard.process",
     "operator": "tams_app.session.operator_process",
+    "ros2": "tams_app.session.ros2_process",
 }
 pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
 
@@ -32,7 +36,7 @@ def also(*values):
 class Running:
     """A session that has got as far as to move the arm."""
 
-    def __init__(self, out):
+    def __init__(self, out, *options):
         self.out = out / "logs"
         config = out / "few_frames.yaml"  # nothing here is about frames
         config.write_text(
@@ -43,16 +47,22 @@ class Running:
                 *(sys.executable, "run_tams.py", "run", "--sim", "--arm", "--headless"),
                 *("--operator", "scripted"),
                 *("--config", str(config), "--out", str(self.out)),
+                *options,
             ],
             cwd=PROJECT_DIRECTORY,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for line in self.process.stdout:
-            if spoken(line).startswith("engaged"):
-                break
+        self.wait_for("engaged")
         self.children = psutil.Process(self.process.pid).children(recursive=True)
+
+    def wait_for(self, words):
+        """Read what it says until a line begins so."""
+        for line in self.process.stdout:
+            if spoken(line).startswith(words):
+                return
+        raise AssertionError(f"it never said {words!r}")
 
     def helper(self, name):
         (found,) = (child for child in self.children if HELPERS[name] in child.cmdline())
@@ -77,13 +87,37 @@ class Running:
         return self.process.returncode, words, read_log(folder / "session.mcap")
 
 
-@pytest.fixture
-def running(tmp_path):
-    session = Running(tmp_path)
+@contextmanager
+def session_in(folder, *options):
+    session = Running(folder, *options)
     yield session
     if session.process.poll() is None:
         session.process.kill()
     session.process.communicate()
+
+
+@pytest.fixture
+def running(tmp_path):
+    with session_in(tmp_path) as session:
+        yield session
+
+
+def test_a_session_hears_the_emergency_stop_of_ros_2_and_outlives_its_bridge(tmp_path, monkeypatch):
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
+    domain = free_domain()
+    with session_in(tmp_path, "--ros2", str(domain)) as running:
+        writer = Node(domain).stop_writer(RELIABLE)
+        until(lambda: len(writer.get_matched_subscriptions()) == 2)
+        writer.write(Empty())
+        running.wait_for("fault, emergency stop")
+        running.helper("ros2").kill()
+        running.wait_for("the ROS 2 bridge has ended")
+        running.process.send_signal(signal.SIGINT)
+        code, _, log = running.end()
+    assert code == 130
+    assert log.ticks[-1].reason == "emergency stop"
+    assert log.ticks[-1].arm.activity is Activity.STOPPED
+    assert any("emergency stop, asked for in ROS 2" in note.text for note in log.notes)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, *also(signal.SIGTERM, signal.SIGHUP)])
@@ -99,9 +133,7 @@ def test_an_interrupted_session_ends_in_order(running, number):
 
 def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running):
     running.process.send_signal(signal.SIGUSR1)
-    for line in running.process.stdout:
-        if spoken(line).startswith("fault"):
-            break
+    running.wait_for("fault")
     running.process.send_signal(signal.SIGINT)
     code, _, log = running.end()
     assert code == 130
