@@ -20,7 +20,7 @@ _TASK = "Pick up the block and place it in the container."
 
 
 def export(
-    logs: Annotated[list[Path], typer.Argument(metavar="SESSION...", help="Session folders.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="SESSION", help="Session folders.")],
     kind: Annotated[
         str,
         typer.Option(
