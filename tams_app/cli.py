@@ -19,8 +19,7 @@ from typer.exceptions import TyperException
 from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
-from tams_app.console.export_cli import export
-from tams_app.console.logs_cli import log_app
+from tams_app.console.logs_cli import add_logs
 from tams_app.console.options import (
     ArmOption,
     BudgetOption,
@@ -59,7 +58,7 @@ app = typer.Typer(
 )
 
 app.add_typer(calibrate, name="calibrate")
-app.add_typer(log_app, name="log")
+add_logs(app)
 
 MAX_KBPS = 1e9
 
@@ -185,7 +184,6 @@ def run(
 
 
 add_two_sided(app)
-app.command()(export)
 
 
 @app.command()
@@ -234,58 +232,6 @@ def doctor(
     from tams_app.console.doctor import run_doctor
 
     raise typer.Exit(run_doctor(settings, CHECKS, as_json))
-
-
-@app.command()
-def report(
-    log: Annotated[Path, typer.Argument(help="A session folder.")],
-    other: Annotated[
-        Path | None,
-        typer.Argument(help="That of the other computer: `robot` and `operate`, in any order."),
-    ] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """Make summary.json, report.html and bitrates.png anew from a log, or from two sides' logs.
-
-    From a log that is damaged or cut off, summary.json says "complete": false and what is missing;
-    a complete one from before is kept as summary.json.before. That of two sides has the frames as
-    they were shown, and what the link did; it is written into the folder of the robot's side.
-    """
-    from rich.console import Console
-
-    from tams_app.console.report import report_both, report_session
-
-    console = Console(quiet=as_json)
-    summary = report_session(log, console) if other is None else report_both(log, other, console)
-    if as_json:
-        typer.echo(json.dumps(summary))
-
-
-@app.command()
-def replay(
-    log: Annotated[Path, typer.Argument(help="A session folder.")],
-    speed: Annotated[float, typer.Option(help="Times the real speed.")] = 1.0,
-    headless: HeadlessOption = False,
-    recompute: Annotated[
-        bool,
-        typer.Option(
-            "--recompute",
-            help="Instead, feed what was recorded through today's code, and compare: exit code 1 "
-            "if it differs.",
-        ),
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Show a session again from its log, in the window and on the terminal; nothing moves."""
-    if recompute:
-        from tams_app.console.replay.recompute import run_recompute
-
-        raise typer.Exit(run_recompute(log, as_json))
-    if as_json:
-        raise ConfigError("--json: is for --recompute; leave it out here")
-    from tams_app.console.replay.run import run_replay
-
-    raise typer.Exit(run_replay(log, speed, headless))
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""`log`: which sessions there are, what is in one, and a topic as a table."""
+"""The commands for sessions that are over: `report`, `replay`, `export` and `log`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,72 @@ from typing import Annotated, Any
 
 import typer
 
-from tams_app.console.options import JsonOption
-from tams_app.errors import LogError
+from tams_app.console.export_cli import export
+from tams_app.console.options import HeadlessOption, JsonOption
+from tams_app.errors import ConfigError, LogError
 
 log_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Look into the logs of sessions."
 )
 SessionArgument = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
 TopicArgument = Annotated[str, typer.Argument(help="Such as /phase; docs/LOG.md has them all.")]
+
+
+def add_logs(app: typer.Typer) -> None:
+    """Give `app` the commands."""
+    for command in (report, replay, export):
+        app.command()(command)
+    app.add_typer(log_app, name="log")
+
+
+def report(
+    log: Annotated[Path, typer.Argument(help="A session folder.")],
+    other: Annotated[
+        Path | None,
+        typer.Argument(help="That of the other computer: `robot` and `operate`, in any order."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Make summary.json, report.html and bitrates.png anew from a log, or from two sides' logs.
+
+    From a log that is damaged or cut off, summary.json says "complete": false and what is missing;
+    a complete one from before is kept as summary.json.before. That of two sides has the frames as
+    they were shown, and what the link did; it is written into the folder of the robot's side.
+    """
+    from rich.console import Console
+
+    from tams_app.console.report import report_both, report_session
+
+    console = Console(quiet=as_json)
+    summary = report_session(log, console) if other is None else report_both(log, other, console)
+    if as_json:
+        typer.echo(json.dumps(summary))
+
+
+def replay(
+    log: Annotated[Path, typer.Argument(help="A session folder.")],
+    speed: Annotated[float, typer.Option(help="Times the real speed.")] = 1.0,
+    headless: HeadlessOption = False,
+    recompute: Annotated[
+        bool,
+        typer.Option(
+            "--recompute",
+            help="Instead, feed what was recorded through today's code, and compare: exit code 1 "
+            "if it differs.",
+        ),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Show a session again from its log, in the window and on the terminal; nothing moves."""
+    if recompute:
+        from tams_app.console.replay.recompute import run_recompute
+
+        raise typer.Exit(run_recompute(log, as_json))
+    if as_json:
+        raise ConfigError("--json: is for --recompute; leave it out here")
+    from tams_app.console.replay.run import run_replay
+
+    raise typer.Exit(run_replay(log, speed, headless))
 
 
 @log_app.command("list")
