@@ -58,7 +58,6 @@ app = typer.Typer(
 )
 
 app.add_typer(calibrate, name="calibrate")
-add_logs(app)
 
 MAX_KBPS = 1e9
 
@@ -232,6 +231,9 @@ def doctor(
     from tams_app.console.doctor import run_doctor
 
     raise typer.Exit(run_doctor(settings, CHECKS, as_json))
+
+
+add_logs(app)
 
 
 @app.command()
