@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from rich.console import Console
 
 from tams_app.cli import _main
@@ -68,9 +69,15 @@ def test_a_log_that_is_cut_off_says_so_in_one_line_after_the_table(folder: Path)
 
 
 def damage(folder: Path) -> None:
+    """One bit of the chunk in the middle."""
     log = folder / "session.mcap"
+    with log.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunks = sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset)
+    chunk = chunks[len(chunks) // 2]
     data = bytearray(log.read_bytes())
-    data[len(data) // 2] ^= 4
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
     log.write_bytes(data)
 
 
