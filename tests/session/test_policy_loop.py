@@ -9,7 +9,14 @@ import pytest
 
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
-from tams_app.records import Allocation, Phase, PhaseChange, Reception, UplinkReport
+from tams_app.records import (
+    Allocation,
+    Phase,
+    PhaseChange,
+    PolicyInputs,
+    Reception,
+    UplinkReport,
+)
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.listener import Listener
 from tams_app.session.policy_loop import PolicyLoop
@@ -53,6 +60,7 @@ class Heard(Listener):
         self.allocations: list[Allocation] = []
         self.capacities_ns: list[int] = []
         self.reports: list[UplinkReport] = []
+        self.inputs: list[PolicyInputs] = []
         self.arrived = threading.Event()
 
     def on_allocation(self, allocation: Allocation) -> None:
@@ -65,6 +73,9 @@ class Heard(Listener):
 
     def uplink(self, report: UplinkReport) -> None:
         self.reports.append(report)
+
+    def record(self, inputs: PolicyInputs) -> None:
+        self.inputs.append(inputs)
 
 
 def began(phase: Phase) -> PhaseChange:
@@ -149,6 +160,28 @@ def test_the_budget_hears_what_the_video_reports(clock, encoders, heard):
         clock.advance_ns(50 * NS_PER_MS)
     assert heard.allocations[0].capacity_kbps == config.policy.budget.start_kbps
     assert heard.allocations[-1].capacity_kbps < config.policy.budget.start_kbps
+
+
+def test_all_that_a_step_was_told_is_kept_with_the_padding_before_it(clock, encoders, heard):
+    loop = feedback_loop(clock, encoders, heard)
+    padded_ns = []
+    start_ns = clock.now_ns()
+    while clock.now_ns() < start_ns + 500 * NS_PER_MS:
+        padded = len(encoders.padded)
+        loop.step_if_due()
+        padded_ns += [clock.now_ns()] * (len(encoders.padded) - padded)
+        clock.sleep_until_ns(loop.due_ns)
+    assert [one.report() for one in heard.inputs] == heard.reports
+    assert [one.t_ns for one in heard.inputs] == [one.t_ns for one in heard.allocations]
+    kept = [t_ns for one in heard.inputs for t_ns in one.padded_ns]
+    assert kept == padded_ns[: len(kept)]
+    assert len(kept) > 10
+    assert all(t_ns < one.t_ns for one in heard.inputs for t_ns in one.padded_ns)
+
+
+def test_the_oracle_is_told_nothing_that_is_worth_keeping(loop, heard):
+    loop.step_if_due()
+    assert heard.inputs == []
 
 
 def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period(
