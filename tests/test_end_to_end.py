@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tams_app.config import load_config
+from tams_app.config import dump_config, load_config
 from tams_app.recording import read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
@@ -28,9 +28,14 @@ def command(out, *options):
 def finished(tmp_path_factory):
     """The folder and the words of one session on s2 that ran to its end."""
     require_real_time()
-    out = tmp_path_factory.mktemp("run")
+    out, given = tmp_path_factory.mktemp("run"), tmp_path_factory.mktemp("given") / "patient.yaml"
+    # the guard has tests of its own; here it is not to stop the arm where the whole machine stands
+    # still for a moment, since the simulated operator never clears a fault
+    patient = load_config(None, {"arm.guard.heartbeat_timeout_ms": 1000.0})
+    given.write_text(dump_config(patient), encoding="utf-8")
+    options = ("--config", str(given), "--seed", "1", "--seconds", "90", "--operator", "scripted")
     result = subprocess.run(
-        command(out, "--seed", "1", "--seconds", "90", "--operator", "scripted"),
+        command(out, *options),
         cwd=PROJECT_DIRECTORY,
         capture_output=True,
         text=True,

@@ -56,7 +56,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Told:
             HandSide(folder / "operator", link.port) as side,
         ):
             side.moves()
-            second = HandSide(folder / "second", robot.port, seconds=2.5)
+            second = HandSide(folder / "second", robot.port, seconds=8.0)
             with pytest.raises(TamsError) as busy, second:
                 pass
             still = side.arming
