@@ -49,14 +49,15 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Told:
     require_real_time()
     folder = tmp_path_factory.mktemp("link")
     way = Conditions(latency_ms=20.0, jitter_ms=5.0)
-    with RobotSide(folder / "robot") as robot:
+    with RobotSide(folder / "robot", video={"fps": 5}) as robot:  # two operators share a processor
         robot.waits()
         with (
             ImpairedLink((HOST, robot.port), way, way) as link,
             HandSide(folder / "operator", link.port) as side,
         ):
             side.moves()
-            second = HandSide(folder / "second", robot.port, seconds=8.0)
+            side.hand.velocity = 0.05 * side.hand.velocity  # it does not reach the workspace's end
+            second = HandSide(folder / "second", robot.port, seconds=6.0)
             with pytest.raises(TamsError) as busy, second:
                 pass
             still = side.arming
