@@ -32,7 +32,7 @@ BEST_EFFORT = Policy.Reliability.BestEffort
 
 
 def free_domain() -> int:
-    """One that nobody on this computer uses."""
+    """A domain that no other program of this computer uses."""
     while True:
         domain = random.randrange(10, 100)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
