@@ -115,7 +115,6 @@ _DESCRIPTIONS = {
     # the uplink
     "sent_bytes": "IP datagrams of all views since the start [B]",
     "arrived_bytes": "IP datagrams that receivers told of [B]",
-    "padded_ns": "when padding was sent since the step before [ns]",
     "receptions": "report blocks of receivers (RFC 3550)",
     "jitter_ns": "interarrival jitter (RFC 3550) [ns]",
     "Reception.round_trip_ns": "as the receiver reports it [ns]; null: not known yet",

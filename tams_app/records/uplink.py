@@ -81,14 +81,10 @@ class UplinkReport:
 
 @dataclass(frozen=True, slots=True)
 class PolicyInputs:
-    """All that one step of the policy was told: an `UplinkReport`, its arrivals as columns.
-
-    `padded_ns`: when padding was sent since the step before.
-    """
+    """All that one step of the policy was told: an `UplinkReport`, its arrivals as columns."""
 
     t_ns: int
     sent_bytes: int
-    padded_ns: tuple[int, ...]
     receptions: tuple[Reception, ...]
     view: tuple[str, ...]
     sent_ns: tuple[int, ...]
@@ -96,13 +92,12 @@ class PolicyInputs:
     arrived_ns: tuple[int | None, ...]
 
     @staticmethod
-    def of(report: UplinkReport, padded_ns: tuple[int, ...]) -> PolicyInputs:
-        """What `report` tells, after padding at these times."""
+    def of(report: UplinkReport) -> PolicyInputs:
+        """What `report` tells."""
         arrivals = report.arrivals
         return PolicyInputs(
             report.now_ns,
             report.sent_bytes,
-            padded_ns,
             report.receptions,
             tuple(one.view for one in arrivals),
             tuple(one.sent_ns for one in arrivals),

@@ -35,7 +35,6 @@ class PolicyLoop(Listener):
         self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
         pads = config.policy.budget.mode == "feedback"
         self._keeps_inputs = config.policy.budget.mode != "oracle"  # which looks at nothing
-        self._padded_ns: list[int] = []  # since the last step
         self._pad_ns = self._step_ns if pads else _NEVER_NS  # when padding is due next
         self._clock = clock
         self._video = video
@@ -73,15 +72,13 @@ class PolicyLoop(Listener):
             self._pad_ns = now_ns + _PADDING_NS
             if size_bytes := self._policy.padding_bytes(now_ns):
                 self._video.pad(size_bytes)
-                self._padded_ns.append(now_ns)
 
     def _step(self, now_ns: int) -> None:
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
         self._log.uplink(report)
         if self._keeps_inputs:
-            self._log.record(PolicyInputs.of(report, tuple(self._padded_ns)))
-            self._padded_ns.clear()
+            self._log.record(PolicyInputs.of(report))
         allocation = self._policy.step(self._phase, report)
         self._video.protect(report, allocation.target_kbps)
         limit_bytes = self._policy.flight_limit_bytes(now_ns)

@@ -1,7 +1,8 @@
 """Feeds what a session was told through today's code, and compares what comes out with its log.
 
 Told are: hand, arm, command link, age of the video and signals of each tick; of each step of the
-policy the reports of the receivers and the times of padding, or with budget `oracle` the capacity.
+policy the reports of the receivers, or with budget `oracle` the capacity. Padding is left out: no
+allocation follows from it.
 """
 
 from __future__ import annotations
@@ -192,8 +193,6 @@ def _estimated_anew(log: SessionLog, config: Config) -> Iterator[tuple[Allocatio
     for logged, inputs in zip(log.allocations, log.policy_inputs, strict=False):
         if logged.t_ns != inputs.t_ns:
             return
-        for t_ns in inputs.padded_ns:
-            policy.padding_bytes(t_ns)
         yield logged, policy.step(logged.phase, inputs.report())
 
 

@@ -50,7 +50,7 @@ def test_the_golden_logs_have_what_is_worth_comparing() -> None:
     assert len({tick.phase for tick in feedback.ticks}) >= 4
     assert any(tick.gripper is not None for tick in feedback.ticks)
     assert len({one.capacity_kbps for one in feedback.allocations}) > 20
-    assert any(one.padded_ns for one in feedback.policy_inputs)
+    assert sum(len(one.view) for one in feedback.policy_inputs) > 1000
     assert any(tick.reason == "stale video" for tick in outage.ticks)
     assert any(tick.pose is not None for tick in outage.ticks)
 
