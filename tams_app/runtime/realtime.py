@@ -58,13 +58,17 @@ def use_round_robin(priority: int) -> str:
 
 
 def use_nice(wanted: int, otherwise: int) -> None:
-    """Give the calling process the niceness `wanted`, or where that is refused `otherwise`."""
+    """Give the calling process the niceness `wanted`, or where that is refused `otherwise`.
+
+    What was started nicer than `otherwise` stays so: it may not go back without privileges.
+    """
     if not hasattr(os, "setpriority"):
         return
     try:
         os.setpriority(os.PRIO_PROCESS, 0, wanted)
     except PermissionError:
-        os.setpriority(os.PRIO_PROCESS, 0, otherwise)
+        given = os.getpriority(os.PRIO_PROCESS, 0)
+        os.setpriority(os.PRIO_PROCESS, 0, max(given, otherwise))
 
 
 def use_idle() -> None:
@@ -87,8 +91,13 @@ def copy_scheduling(from_thread_id: int, to_thread_ids: Iterable[int]) -> None:
 
 
 def use_ordinary() -> None:
-    """Give up what was inherited from a real-time parent; lowering oneself is always allowed."""
-    if hasattr(os, "sched_setscheduler"):
+    """Give up what was inherited from a real-time parent; lowering oneself is always allowed.
+
+    A program that was started as `chrt --idle` or `--batch` stays what it is.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        return
+    if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK in (os.SCHED_FIFO, os.SCHED_RR):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 

@@ -1,0 +1,43 @@
+"""Priorities of what was started with less than others, by a user who may not raise them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.untimed
+
+_UNPRIVILEGED = """
+import os, resource
+from tams_app.runtime.realtime import use_nice, use_ordinary
+resource.setrlimit(resource.RLIMIT_NICE, (0, 0))
+if os.geteuid() == 0:
+    os.setresgid(65534, 65534, 65534)
+    os.setresuid(65534, 65534, 65534)
+"""
+
+
+def printed(code: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", _UNPRIVILEGED + code], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("nicer", [0, 5, 15])
+def test_a_process_may_be_started_nicer_than_it_would_be(nicer: int) -> None:
+    code = f"given = os.nice({nicer}); use_nice(-10, 5); print(os.nice(0) == max(given, 5))"
+    assert printed(code) == "True"
+
+
+@pytest.mark.parametrize("policy", ["SCHED_IDLE", "SCHED_BATCH", "SCHED_OTHER"])
+def test_a_policy_that_is_not_real_time_is_kept(policy: str) -> None:
+    code = f"""
+os.sched_setscheduler(0, os.{policy}, os.sched_param(0))
+use_ordinary()
+print(os.sched_getscheduler(0) == os.{policy})
+"""
+    assert printed(code) == "True"
