@@ -36,6 +36,7 @@ class Welcome(msgspec.Struct, frozen=True):
     video: its `VideoConfig`, which receivers must follow.
     repair: its `RepairRule`, as a mapping of its fields.
     hand_rotation: its `HandConfig.rotation`: a device on a desk moves the hand in the arm's frame.
+    workspace: of its `LimitsConfig`, what bounds the space that the operator is shown.
     """
 
     protocol: int
@@ -50,6 +51,7 @@ class Welcome(msgspec.Struct, frozen=True):
     video: dict[str, object]
     repair: dict[str, object]
     hand_rotation: tuple[Floats3, Floats3, Floats3]
+    workspace: dict[str, object]
 
 
 class HandMessage(msgspec.Struct, frozen=True, array_like=True):
@@ -93,6 +95,9 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
 
     sent_ns: when it was sent.
     echo_ns, echo_heard_ns: the newest `HandMessage.sent_ns` that was heard, and when that was.
+    sent_kbps: by view, None while it is not known; link_kbps: all views; queue_ms, loss: what the
+        packets meet on their way, of which the robot's side is told (`UplinkFigures`).
+    primary_view: the one that matters in `phase`.
     reason: why the arm holds or is in fault, "" otherwise, as it is logged.
     haptics: how many pulses there have been; haptic: the last of them.
     first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
@@ -110,10 +115,16 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     deadman: bool
     orientation_mode: bool
     phase: str
+    primary_view: str
     tcp_mm: tuple[float, float, float] | None
     gripper_closed: bool | None
     target_kbps: tuple[float, ...]
+    sent_kbps: tuple[float | None, ...]
+    budget_kbps: float | None
     capacity_kbps: float | None
+    link_kbps: float | None
+    queue_ms: float | None
+    loss: float | None
     video_age_ms: tuple[float | None, ...]
     first_capture_ns: tuple[int | None, ...]
     haptics: int

@@ -121,7 +121,10 @@ class TrialObserver(Listener):
         truth: Callable[[], SceneTruth | None] | None,
         record: Callable[[SceneTruth], None],
         ended: Callable[[], None],
+        limited: Callable[[], bool] = lambda: True,
     ) -> None:
+        """`limited`: whether it ends when its time is over; a person may take theirs."""
+        self._limited = limited
         self._judge = TrialJudge(config, build.task_geometry())
         self._clock = clock
         self._arm = arm
@@ -153,7 +156,7 @@ class TrialObserver(Listener):
         self._record(scene)
         state = self._arm.state()
         closed = state.gripper_closed if state is not None else None
-        if not self._judge.step(self._clock.now_ns(), scene, closed):
+        if not self._judge.step(self._clock.now_ns(), scene, closed, self._limited()):
             return False
         self._ended()
         return True

@@ -11,8 +11,10 @@ from tams_app.records import Phase, PhaseChange, PolicyInputs
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
+from tams_app.session.uplink_meter import summary_of
 from tams_app.session.video import Video
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.told_packets import ToldPackets
 
 _PADDING_NS = 10 * NS_PER_MS  # trains shorter than the queue that a budget looks for
 _NEVER_NS = 1 << 62
@@ -29,7 +31,9 @@ class PolicyLoop(Listener):
         log: SessionRecords,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`listeners` hear of each allocation once the encoders have it."""
+        """`listeners` hear what was told of the uplink, and of each allocation once the encoders
+        have it.
+        """
         self._policy = Policy.of(config, video.capacity)
         self._period_ns = round(NS_PER_S / config.policy.rate_hz)
         self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
@@ -40,6 +44,7 @@ class PolicyLoop(Listener):
         self._video = video
         self._log = log
         self._listeners = tuple(listeners)
+        self._told = ToldPackets()
         self._phase = Phase.REACH
         self._woken = threading.Event()
 
@@ -76,7 +81,11 @@ class PolicyLoop(Listener):
     def _step(self, now_ns: int) -> None:
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
-        self._log.uplink(report)
+        if report.arrivals or report.receptions:
+            told = self._told.step(report.arrivals)
+            summary = summary_of(report, told)
+            for listener in self._listeners:
+                listener.on_uplink(told, summary)
         if self._keeps_inputs:
             self._log.record(PolicyInputs.of(report))
         allocation = self._policy.step(self._phase, report)

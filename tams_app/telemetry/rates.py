@@ -9,8 +9,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
-from tams_app.records import Allocation, FrameQuality, LinkCapacity, PacketFate, PacketKind
+from tams_app.records import (
+    Allocation,
+    FrameQuality,
+    LinkCapacity,
+    PacketFate,
+    PacketKind,
+    PolicyInputs,
+)
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.told_packets import ToldPackets
 
 PERIOD_NS = NS_PER_S
 _UNDER_WAY = 300  # captures of a view that may still be shown
@@ -63,7 +71,8 @@ class _Second:
 class RatesMeter:
     """Counts what is recorded; `take` gives a record once a second.
 
-    A packet counts when its fate is recorded, a score when it is.
+    A packet counts when its fate is recorded, a score when it is. Where no network is emulated,
+    packets are known by what receivers tell, padding among them.
     """
 
     def __init__(self, views: tuple[str, ...], started_ns: int) -> None:
@@ -71,6 +80,7 @@ class RatesMeter:
         self._begun_ns = started_ns
         self._seconds = {view: _Second() for view in views}
         self._queue_ns: int | None = None
+        self._told: ToldPackets | None = ToldPackets()  # None: the fates of all are known
         self._allocation: Allocation | None = None
         self._capacity_kbps: float | None = None
         self._captures: dict[str, deque[tuple[int, int]]] = {
@@ -83,6 +93,7 @@ class RatesMeter:
             FrameShown: self._on_shown,
             FrameQuality: self._on_quality,
             PacketBatch: self._on_packets,
+            PolicyInputs: self._on_told,
         }
 
     def hear(self, record: Any) -> None:
@@ -116,7 +127,20 @@ class RatesMeter:
         if quality.received is not None:
             second.received.append(quality.received)
 
+    def _on_told(self, inputs: PolicyInputs) -> None:
+        if self._told is not None:
+            for one in self._told.step(inputs.report().arrivals):
+                self._count(
+                    one.view,
+                    one.kind.value,
+                    one.size_bytes,
+                    one.entered_ns,
+                    one.departed_ns,
+                    one.fate.value,
+                )
+
     def _on_packets(self, batch: PacketBatch) -> None:
+        self._told = None
         columns = zip(
             batch.view,
             batch.kind,
@@ -126,18 +150,29 @@ class RatesMeter:
             batch.fate,
             strict=True,
         )
-        for view, kind, size_bytes, entered_ns, departed_ns, fate in columns:
-            if kind == PacketKind.RTCP.value:
-                continue
-            second = self._seconds[view]
-            second.packets += 1
-            if kind == PacketKind.PADDING.value:
-                second.padding_bytes += size_bytes
-            else:
-                second.sent_bytes += size_bytes
-            second.lost += fate != PacketFate.DELIVERED.value
-            if departed_ns:
-                self._queue_ns = max(self._queue_ns or 0, departed_ns - entered_ns)
+        for column in columns:
+            self._count(*column)
+
+    def _count(
+        self,
+        view: str,
+        kind: int,
+        size_bytes: int,
+        entered_ns: int,
+        departed_ns: int,
+        fate: int,
+    ) -> None:
+        if kind == PacketKind.RTCP.value:
+            return
+        second = self._seconds[view]
+        second.packets += 1
+        if kind == PacketKind.PADDING.value:
+            second.padding_bytes += size_bytes
+        else:
+            second.sent_bytes += size_bytes
+        second.lost += fate != PacketFate.DELIVERED.value
+        if departed_ns:
+            self._queue_ns = max(self._queue_ns or 0, departed_ns - entered_ns)
 
     def take(self, now_ns: int) -> Rates | None:
         """What the second amounts to that has ended by `now_ns`; None while none has."""

@@ -46,6 +46,7 @@ welcomes = st.builds(
     simulated=st.booleans(),
     video=settings_of_video,
     repair=settings_of_video,
+    workspace=settings_of_video,
 )
 hands = st.builds(
     HandMessage,

@@ -1,11 +1,14 @@
 """What the operator reads when the arming changes, and who judges a trial."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tams_app.config import TrialConfig
-from tams_app.records import Outcome
+from tams_app.records import Outcome, Pose, SceneTruth
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import Signals
 from tams_app.session.observers import ArmingObserver, TrialObserver
@@ -69,6 +72,27 @@ def test_a_refusal_without_a_confirmation_is_not_noted(notes):
     refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
     observer(notes, arm_at_once=True).on_output(0, refused, None)
     assert notes == []
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_only_a_limited_trial_ends_when_its_time_is_over(limited):
+    clock, ended = VirtualClock(), []
+    here = Pose(np.zeros(3), Rotation.identity())
+    scene = SceneTruth(0, here, here, here, 0.0, 0.016)
+    arm = SimpleNamespace(state=lambda: None)
+    trial = TrialObserver(
+        TrialConfig(),
+        clock,
+        arm,
+        lambda: scene,
+        lambda _scene: None,
+        lambda: ended.append(True),
+        lambda: limited,
+    )
+    trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
+    clock.advance_ns(round(TrialConfig().limit_s * 1e9) + 1)
+    assert trial.look() is limited
+    assert ended == [True] * limited
 
 
 def test_where_the_truth_is_not_known_the_trial_is_not_judged():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 
 import pytest
 
@@ -12,11 +13,13 @@ from tams_app.config import load_config
 from tams_app.records import (
     Allocation,
     PacketArrival,
+    PacketRecord,
     Phase,
     PhaseChange,
     PolicyInputs,
     Reception,
     UplinkReport,
+    UplinkSummary,
 )
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.listener import Listener
@@ -61,7 +64,7 @@ class Heard(Listener):
     def __init__(self) -> None:
         self.allocations: list[Allocation] = []
         self.capacities_ns: list[int] = []
-        self.reports: list[UplinkReport] = []
+        self.told: list[tuple[int, UplinkSummary]] = []  # packets, and all in sums
         self.inputs: list[PolicyInputs] = []
         self.arrived = threading.Event()
 
@@ -73,8 +76,8 @@ class Heard(Listener):
     def capacity(self, now_ns: int, capacity: object) -> None:
         self.capacities_ns.append(now_ns)
 
-    def uplink(self, report: UplinkReport) -> None:
-        self.reports.append(report)
+    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+        self.told.append((len(told), summary))
 
     def record(self, inputs: PolicyInputs) -> None:
         self.inputs.append(inputs)
@@ -170,7 +173,9 @@ def test_all_that_a_step_was_told_is_kept(clock, encoders, heard):
     encoders.receptions = (Reception("eih", 0.5, None, 0),)
     step_at(loop, clock, 0, 50, 100)
     assert len(heard.inputs) == 3
-    assert [one.report() for one in heard.inputs] == heard.reports
+    assert [len(one.report().arrivals) for one in heard.inputs] == [
+        packets for packets, _ in heard.told
+    ]
     assert [one.t_ns for one in heard.inputs] == [one.t_ns for one in heard.allocations]
 
 
@@ -195,10 +200,16 @@ def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period
     assert not thread.is_alive()
 
 
-def test_what_the_budget_is_told_is_kept_in_each_step(clock, loop, heard, encoders):
+def test_what_the_budget_is_told_is_heard_in_each_step_that_is_told_anything(
+    clock, loop, heard, encoders
+):
+    step_at(loop, clock, 0)
+    assert heard.told == []
     encoders.sent_bytes = 700
-    loop.step_if_due()
-    assert heard.reports == [UplinkReport(clock.now_ns(), 700)]
+    encoders.arrivals = (PacketArrival("eih", 10, 500, 40), PacketArrival("eih", 20, 200, None))
+    step_at(loop, clock, 50)
+    ((packets, summary),) = heard.told
+    assert (packets, summary.sent_bytes, summary.lost) == (2, 700, 1)
 
 
 def feedback_loop(clock, encoders, heard):

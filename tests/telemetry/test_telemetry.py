@@ -24,14 +24,17 @@ from tams_app.records import (
     FrameQuality,
     Note,
     Outcome,
+    PacketArrival,
     PacketFate,
     PacketKind,
     PacketRecord,
+    PolicyInputs,
     Pose,
     SceneTruth,
     ShownFrame,
     StopRecord,
     Twist,
+    UplinkReport,
 )
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
@@ -284,6 +287,23 @@ def test_the_rates_of_a_second_are_what_was_sent_shown_and_scored(tmp_path: Path
     assert views["eih"]["live_ssim"] == pytest.approx(0.75)
     assert views["eih"]["received_ssim"] == pytest.approx(0.9)
     assert views["gs"]["live_ssim"] is None
+
+
+def test_the_rates_of_a_real_network_are_what_receivers_tell(tmp_path: Path) -> None:
+    t = START_NS
+    came = [PacketArrival("gt", t + number, 1000, number + 9 * NS_PER_MS) for number in range(9)]
+    late = PacketArrival("gt", t + 10, 1000, 10 + 30 * NS_PER_MS)
+    lost = PacketArrival("eih", t + 11, 500, None)
+    told = PolicyInputs.of(UplinkReport(t, 10_500, (*came, late, lost)))
+    path = recorded(tmp_path, [told, tick(0)], apart_ns=NS_PER_S)
+    ((_at, rates),) = sent(path)["/rates"]
+    assert rates["sent_kbps"] == pytest.approx(84.0)
+    assert rates["loss"] == pytest.approx(1 / 11)
+    assert rates["queue_ms"] == pytest.approx(21.0)
+    views = {one["view"]: one for one in rates["views"]}
+    assert views["gt"]["sent_kbps"] == pytest.approx(80.0)
+    assert views["eih"]["loss"] == 1.0
+    assert views["gs"]["sent_kbps"] is None
 
 
 def test_the_same_records_make_the_same_bytes(tmp_path: Path) -> None:

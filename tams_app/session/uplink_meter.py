@@ -1,0 +1,110 @@
+"""What the uplink carries at this moment: by the packets' fates, or by what receivers tell."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from tams_app.records import (
+    PacketFate,
+    PacketKind,
+    PacketRecord,
+    UplinkReport,
+    UplinkSummary,
+)
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+WINDOW_NS = NS_PER_S
+_OLD_NS = 2 * NS_PER_S  # what is known of so long ago says nothing of now
+_PER_KBPS = 1000 * WINDOW_NS / NS_PER_S
+_UNPAID = (PacketKind.RTCP, PacketKind.PADDING)  # no view's target pays for them
+
+
+@dataclass(frozen=True, slots=True)
+class UplinkFigures:
+    """Of one second; None while nothing is known."""
+
+    sent_kbps: Mapping[str, float | None]  # by view
+    link_kbps: float | None = None  # all views
+    queue_ms: float | None = None  # of the newest packet that came through
+    loss: float | None = None  # share of the media packets
+
+
+class UplinkMeter:
+    """Figures of the last second; each method from any thread.
+
+    An emulated network knows each packet's fate (`packets`), and then nothing else counts. Of a
+    real one there is only what receivers tell (`told`), half a round trip later.
+    """
+
+    def __init__(self, views: tuple[str, ...]) -> None:
+        self._views = views
+        self._lock = threading.Lock()
+        self._packets: deque[PacketRecord] = deque()
+        self._emulated = False
+
+    def packets(self, packets: Sequence[PacketRecord]) -> None:
+        """Newly decided packet fates; those older than the window are forgotten."""
+        with self._lock:
+            if not self._emulated:
+                self._emulated = True
+                self._packets.clear()
+            self._add(packets)
+
+    def told(self, packets: Sequence[PacketRecord]) -> None:
+        """What receivers have told."""
+        with self._lock:
+            if not self._emulated:
+                self._add(packets)
+
+    def figures(self, now_ns: int) -> UplinkFigures:
+        """As far as they are known."""
+        with self._lock:
+            packets = list(self._packets)
+        if not packets or now_ns - packets[-1].entered_ns > _OLD_NS:
+            return UplinkFigures(dict.fromkeys(self._views))
+        bits = dict.fromkeys(self._views, 0)
+        for packet in packets:
+            if packet.kind not in _UNPAID:
+                bits[packet.view] += packet.size_bytes * 8
+        media = [packet.fate for packet in packets if packet.kind is PacketKind.MEDIA]
+        lost = sum(fate is not PacketFate.DELIVERED for fate in media)
+        return UplinkFigures(
+            sent_kbps={view: bits[view] / _PER_KBPS for view in self._views},
+            link_kbps=sum(packet.size_bytes * 8 for packet in packets) / _PER_KBPS,
+            queue_ms=_sojourn_ms(packets),
+            loss=lost / len(media) if media else None,
+        )
+
+    def _add(self, packets: Sequence[PacketRecord]) -> None:
+        self._packets.extend(packets)
+        oldest_ns = self._packets[-1].entered_ns - WINDOW_NS if self._packets else 0
+        while self._packets and self._packets[0].entered_ns < oldest_ns:
+            self._packets.popleft()
+
+
+def summary_of(report: UplinkReport, told: Sequence[PacketRecord]) -> UplinkSummary:
+    """What a report tells of the uplink; `told`: its arrivals (`ToldPackets`)."""
+    came = [one for one in told if one.fate is PacketFate.DELIVERED]
+    newest = came[-1] if came else None
+    return UplinkSummary(
+        t_ns=report.now_ns,
+        sent_bytes=report.sent_bytes,
+        packets=len(told),
+        lost=len(told) - len(came),
+        arrived_bytes=sum(one.size_bytes for one in came),
+        newest_sent_ns=None if newest is None else newest.entered_ns,
+        queueing_ns=None if newest is None else newest.departed_ns - newest.entered_ns,
+        fraction_lost={one.view: one.fraction_lost for one in report.receptions},
+        round_trip_ns={one.view: one.round_trip_ns for one in report.receptions},
+    )
+
+
+def _sojourn_ms(packets: list[PacketRecord]) -> float | None:
+    """Sojourn in the bottleneck of the last packet that left it."""
+    for packet in reversed(packets):
+        if packet.departed_ns:
+            return (packet.departed_ns - packet.entered_ns) / NS_PER_MS
+    return None
