@@ -2,7 +2,6 @@
 
 `python -m benchmarks.window cost`: processor time of the window's process, for both of GTK's ways
 to draw, with three views of 640x480 at 30 frames a second and facts 10 times a second.
-`python -m benchmarks.window beside`: late ticks of sessions with the window and without, in pairs.
 `python -m benchmarks.window picture`: docs/window.jpg, of a session on the simulated rig.
 """
 
@@ -25,7 +24,6 @@ import numpy as np
 import psutil
 import pytest
 
-from benchmarks.runs import run_session
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console.window.client import WINDOW, FaceClient
 from tams_app.records import Image
@@ -124,26 +122,6 @@ def _drawings(client: FaceClient) -> int:
     return 0 if client.keys is None else client.keys.drawings
 
 
-def beside(pairs: int, options: list[str]) -> None:
-    """Sessions on the rig in turn, headless and with the window; prints each and the medians."""
-    late: dict[bool, list[float]] = {True: [], False: []}
-    for number in range(pairs):
-        for headless in (True, False) if number % 2 == 0 else (False, True):
-            with TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
-                folder = Path(name)
-                with virtual_screen(folder, patch):
-                    run = run_session(folder, *options, headless=headless)
-            share = run.summary["control"]["late_fraction"]
-            late[headless].append(share)
-            name = "headless" if headless else "with the window"
-            print(f"pair {number + 1}, {name}: {100 * share:.2f} % of the ticks late", flush=True)
-    medians = {name: 100 * float(np.median(late[key])) for key, name in _SIDES.items()}
-    print(f"medians: {medians}, difference {medians['window'] - medians['headless']:+.2f} %")
-
-
-_SIDES = {True: "headless", False: "window"}
-
-
 def picture(path: Path, at_s: float, options: list[str]) -> None:
     """The window of a session on the simulated rig, `at_s` seconds after it was begun."""
     with TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
@@ -176,15 +154,11 @@ def _window_of(pid: int) -> psutil.Process:
 
 def main() -> None:
     parser = ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("cost", "beside", "picture"))
+    parser.add_argument("what", choices=("cost", "picture"))
     parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement")
-    parser.add_argument("--pairs", type=int, default=5, help="of sessions (default 5)")
     parser.add_argument("--at", type=float, default=25.0, help="when the picture is taken [s]")
     parser.add_argument("--to", type=Path, default=DOCS / "window.jpg")
     arguments, options = parser.parse_known_args()
-    if arguments.what == "beside":
-        beside(arguments.pairs, options)
-        return
     if arguments.what == "picture":
         picture(arguments.to, arguments.at, options)
         return

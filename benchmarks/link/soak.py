@@ -24,6 +24,7 @@ from tests.impaired_link import Conditions, ImpairedLink
 _SAMPLED_EACH_S = 30.0
 _LATE_NS = NS_PER_MS  # as in summary.json
 _REST_S = 1.0
+_SUMMARY_S = 3600.0  # of hours of log it takes minutes
 _FPS = 10
 _UPLINK_KBPS = 6000.0  # the relay has room for all that is asked for
 
@@ -64,7 +65,7 @@ def soak(folder: Path, seconds: float) -> dict[str, Any]:
                     last = ", ".join(f"{name} {rows[-1][1]:.0f}" for name, rows in memory.items())
                     print(f"{now_s:.0f} s, MB: {last}", flush=True)
         robot.process.send_signal(signal.SIGINT)
-        robot.ends()
+        robot.ends(within_s=_SUMMARY_S)
     (recorded,) = (folder / "robot").rglob(LOG_NAME)
     operator_log = read_log(folder / "operator" / "session" / LOG_NAME)
     return {
