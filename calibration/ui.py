@@ -12,7 +12,8 @@ from rich.prompt import Confirm, Prompt, PromptBase
 from rich.table import Table
 from rich.text import Text
 
-from tams_app.console.terminal import Key, TerminalKeys
+from tams_app.console.terminal import TerminalKeys
+from tams_app.console.wishes import Wish
 from tams_app.errors import ConfigError
 
 T = TypeVar("T")
@@ -100,7 +101,7 @@ class WizardUI:
         """Whether Enter was pressed since the last call; False without a terminal."""
         if not self._keys.active:
             self._keys.open()
-        return self._keys.active and Key.CONFIRM in self._keys.read(0.0)
+        return self._keys.active and Wish.CONFIRM in self._keys.read(0.0)
 
     def _ask(self, prompt: type[PromptBase[T]], question: str, **how: Any) -> T:
         self._restore()

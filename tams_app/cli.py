@@ -211,7 +211,15 @@ def doctor(
     as_json: JsonOption = False,
 ) -> None:
     """Check this machine, and print the fix for each thing that is missing."""
+    asked = {"--devices": devices, "--speed": speed, "--link": link is not None}
+    chosen = [option for option, given in asked.items() if given]
+    if len(chosen) > 1:
+        raise ConfigError(f"{' and '.join(chosen)}: one at a time")
+    if key is not None and link is None:
+        raise ConfigError("--key: is for --link; leave it out here")
     if link is not None:
+        if config is not None:
+            raise ConfigError("--config: --link needs none; leave it out")
         from tams_app.console.link_check import run_link_check
         from tams_app.console.two_sided import endpoint_of
 

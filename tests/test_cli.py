@@ -257,6 +257,21 @@ def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, mon
     assert settings[0].rig.enabled
 
 
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--speed", "--devices"), "--devices and --speed: one at a time"),
+        (("--link", "127.0.0.1:7499", "--speed"), "--speed and --link: one at a time"),
+        (("--link", "127.0.0.1:7499", "--config", "any.yaml"), "--config: --link needs none"),
+        (("--key", "lab.key"), "--key: is for --link"),
+    ],
+)
+def test_what_doctor_is_asked_besides_is_refused_and_not_left_out(capsys, options, sentence):
+    code, out, err = run(capsys, "doctor", *options)
+    assert (code, out) == (2, "")
+    assert sentence in err
+
+
 def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
     trace = tmp_path / "bad.csv"
     trace.write_text("t_ms,kbps\n0,1000\nsoon,1000\n")

@@ -16,12 +16,15 @@ from tams_app.records import (
     DroppedFrame,
     LinkCapacity,
     Outcome,
+    PacketArrival,
     PacketFate,
     PacketKind,
     PacketRecord,
     Phase,
+    PolicyInputs,
     StopRecord,
     SystemSample,
+    UplinkReport,
 )
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
@@ -296,6 +299,33 @@ def test_loss_counts_overflow_and_comes_before_repair() -> None:
     uplink = summarise(log)["uplink"]
     assert uplink["loss_fraction"] == pytest.approx(5 / 8)
     assert uplink["residual_loss_fraction"] == pytest.approx(1 / 4)
+
+
+def test_of_a_real_network_rates_loss_and_queue_are_what_receivers_told() -> None:
+    log = Synthetic(2.0).log()
+    emulated = summarise(log)
+    arrivals = tuple(
+        PacketArrival(
+            one.view,
+            one.entered_ns,
+            one.size_bytes,
+            one.departed_ns - 5 * NS_PER_S if one.fate is PacketFate.DELIVERED else None,
+        )
+        for one in log.packets
+        if one.kind is not PacketKind.RTCP
+    )
+    report = UplinkReport(log.ended_ns, sum(one.size_bytes for one in arrivals), arrivals)
+    log.packets, log.policy_inputs = [], [PolicyInputs.of(report)]
+    told = summarise(log)
+    for key in ("sent_kbps_mean", "loss_fraction"):
+        assert told["uplink"][key] == pytest.approx(emulated["uplink"][key])
+    for view in VIEWS:
+        sent = [summary["views"][view]["sent_kbps_mean"] for summary in (told, emulated)]
+        assert sent[0] == pytest.approx(sent[1])
+    assert told["uplink"]["queue_ms"]["max"] is not None
+    unknown = ("residual_loss_fraction", "resent_fraction", "parity_fraction", "padding_fraction")
+    assert {key: told["uplink"][key] for key in unknown} == dict.fromkeys(unknown)
+    assert told["views"]["eih"]["tracking_error"] is None
 
 
 def test_padding_is_no_video_but_fills_the_link() -> None:

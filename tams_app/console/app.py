@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,10 +16,11 @@ from tams_app.console.display import has_display
 from tams_app.console.headset.session_headset import SessionHeadset, headset_is_wanted
 from tams_app.console.report import report_session
 from tams_app.console.status import StatusLine, WordsOf, status_words
-from tams_app.console.terminal import Confirmations, Key, TerminalKeys, handled_signals
+from tams_app.console.terminal import Presses, TerminalKeys, handled_signals
 from tams_app.console.window.messages import Keys
-from tams_app.console.window.session_face import FacedSession, SessionFace, TrialOf
+from tams_app.console.window.session_face import FacedSession, SessionFace, ShownTrial
 from tams_app.console.window.session_window import SessionWindow
+from tams_app.console.wishes import Wish, actions_of
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
@@ -104,15 +106,15 @@ def show_session(
     words_of: WordsOf = status_words,
     interrupted: Callable[[str], None] = lambda _reason: None,
     limit_s: float | None = None,
-    trial_of: TrialOf | None = None,
+    trial: ShownTrial | None = None,
     replay_keys: Callable[[Keys], None] | None = None,
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
     `interrupted` is told of a signal that ends it, by the signal's handler. `limit_s`: from when
-    it has started, in place of `seconds`, which count its start. `trial_of`: of a study's trial, of
-    which the window must not tell more. `replay_keys`: of a replay, hears of
-    the keys that are held in the window.
+    it has started, in place of `seconds`, which count its start. `trial`: of a study; nothing else
+    may be told of its session. `replay_keys`: of a replay, hears of the keys that are held in the
+    window.
     """
 
     def end(reason: str) -> None:
@@ -120,10 +122,10 @@ def show_session(
         session.request_end(reason)
 
     with handled_signals(end, session.signals.estop), ExitStack() as stack:
-        faces = _launch_faces(session, stack, trial_of, replay_keys)
+        faces = _launch_faces(session, stack, trial, replay_keys)
         session.start()
         try:
-            _watch(session, console, words_of, limit_s, faces)
+            _watch(session, console, words_of, limit_s, faces, trial)
         finally:
             session.close()
 
@@ -134,6 +136,7 @@ def _watch(
     words_of: WordsOf = status_words,
     limit_s: float | None = None,
     faces: Sequence[SessionFace] = (),
+    trial: ShownTrial | None = None,
 ) -> None:
     """Show the session until it ends; from the main thread."""
     end_s = None if limit_s is None else session.elapsed_s() + limit_s
@@ -141,7 +144,7 @@ def _watch(
         for face in faces:
             stack.callback(face.close)
             face.open()
-        has_keys = _read_keys(session, stack)
+        has_keys = _read_keys(session, stack, trial)
         if not session.config.operator_is_simulated:
             _tell_how_to_begin(session, has_keys, bool(faces))
         line = stack.enter_context(StatusLine(console, words_of))
@@ -165,7 +168,7 @@ def _watch(
 def _launch_faces(
     session: ShownSession,
     stack: ExitStack,
-    trial_of: TrialOf | None,
+    trial: ShownTrial | None,
     replay_keys: Callable[[Keys], None] | None,
 ) -> list[SessionFace]:
     """The window where there is a display, unless --headless is given, and the headset.
@@ -176,9 +179,9 @@ def _launch_faces(
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
         return []
-    faces: list[SessionFace] = [SessionWindow(session, trial_of, replay_keys)]
+    faces: list[SessionFace] = [SessionWindow(session, trial, replay_keys)]
     if replay_keys is None and headset_is_wanted(session.config):
-        faces.append(SessionHeadset(session, trial_of))
+        faces.append(SessionHeadset(session, trial))
     for face in faces:
         stack.callback(face.close)
         face.launch()
@@ -186,8 +189,14 @@ def _launch_faces(
 
 
 def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
-    """What a person at the hardware has to know before the arm may move."""
-    if has_keys or has_window:
+    """What a person has to know before the arm may move."""
+    if session.config.controller.device == "keyboard":
+        session.note(
+            "info",
+            "press Enter in the window to arm the arm; hold Shift, and W A S D R F move it; "
+            "Space stops it, F1 lists all keys",
+        )
+    elif has_keys or has_window:
         session.note(
             "info",
             "release the trigger and press Enter (or hold the menu button for a second) "
@@ -207,25 +216,20 @@ def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
         )
 
 
-def _read_keys(session: ShownSession, stack: ExitStack) -> bool:
+def _read_keys(session: ShownSession, stack: ExitStack, trial: ShownTrial | None) -> bool:
     """Act on the terminal's keys from now on; False if there is no terminal to read."""
-    confirmations, clock = Confirmations(), MonotonicClock()
+    actions = actions_of(session, trial.actions) if trial else actions_of(session)
+    presses, clock = defaultdict[Wish, Presses](Presses), MonotonicClock()
 
-    def confirm() -> None:
-        if confirmations.counts(clock.now_ns()):
-            session.signals.confirm()
+    def act(wish: Wish) -> None:
+        is_new = presses[wish].counts(clock.now_ns())
+        if (is_new or wish is Wish.EMERGENCY_STOP) and (action := actions.get(wish)):
+            action()
 
-    actions: dict[Key, Callable[[], None]] = {
-        Key.CONFIRM: confirm,
-        Key.EMERGENCY_STOP: session.signals.estop,
-        Key.QUIT: lambda: session.end("ended by the operator"),
-    }
     keys = TerminalKeys()
     stack.callback(keys.close)
     keys.open()
-    worker = Worker(
-        "keys", keys.body(lambda key: actions[key]()), lambda _, error: session.fail(str(error))
-    )
+    worker = Worker("keys", keys.body(act), lambda _, error: session.fail(str(error)))
     stack.callback(worker.stop)
     worker.start()
     return keys.active

@@ -8,8 +8,6 @@ import os
 import platform
 import shutil
 import socket
-import subprocess
-import sys
 import tomllib
 from collections.abc import Callable, Iterator
 from multiprocessing.shared_memory import SharedMemory
@@ -18,8 +16,9 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from tams_app import gst
-from tams_app.config import CameraConfig, Config
-from tams_app.console.doctor import Check, Finding
+from tams_app.config import Config
+from tams_app.console.device_checks import arm, cameras, controller, headset
+from tams_app.console.doctor import Check, Finding, tried
 from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
@@ -27,13 +26,12 @@ from tams_app.runtime.worker import Worker
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.udp import requested_ports
 
-RENDER_TIMEOUT_S = 60
 SHARED_BYTES = 8_000_000  # frames and world state of the rig
 _RENDER = (
     "from hw.sim.layout import draw_layout; from hw.sim.world.scene_renderer import SceneRenderer; "
     "SceneRenderer(draw_layout(0)).close()"
 )
-_WINDOW_SINKS = ("ximagesink", "xvimagesink", "glimagesink", "waylandsink")
+_WINDOW = "from tams_app.console.window.toolkit import load; load()"
 _PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 
@@ -94,21 +92,9 @@ def rendering(config: Config) -> Iterator[Finding]:
     """Off-screen OpenGL for the rig's cameras, in a child: a broken driver may abort."""
     if not config.rig.enabled:
         return
+    reason = tried(_RENDER)
     fix = "apt-get install libegl1 libgl1-mesa-dri libosmesa6"
-    try:
-        result = subprocess.run(
-            [sys.executable, "-c", _RENDER],
-            cwd=Path(__file__).resolve().parents[2],
-            capture_output=True,
-            text=True,
-            timeout=RENDER_TIMEOUT_S,
-        )
-    except subprocess.TimeoutExpired:
-        yield Finding("MuJoCo rendering", False, f"no frame within {RENDER_TIMEOUT_S} s", fix)
-        return
-    last_words = result.stderr.strip().splitlines()[-1:] or [f"ended with {result.returncode}"]
-    ok = result.returncode == 0
-    yield Finding("MuJoCo rendering", ok, "" if ok else last_words[0], fix)
+    yield Finding("MuJoCo rendering", not reason, reason, fix)
 
 
 def realtime(config: Config) -> Iterator[Finding]:
@@ -208,12 +194,14 @@ def display(config: Config) -> Iterator[Finding]:
         fix = "apt-get install gir1.2-gtk-4.0, or run with --headless"
         yield Finding("Display", False, "GTK 4 is missing", fix, essential=False)
         return
-    sinks = [name for name in _WINDOW_SINKS if not gst.missing_elements((name,))]
-    if server and not sinks:
-        fix = "apt-get install gstreamer1.0-x gstreamer1.0-gl"
-        yield Finding("Display", False, "no window sink", fix, essential=False)
-        return
-    yield Finding("Display", bool(server), server or "none", "run with --headless", essential=False)
+    reason = tried(_WINDOW) if server else ""
+    yield Finding(
+        "Display",
+        bool(server) and not reason,
+        reason or server or "none",
+        "run with --headless",
+        essential=False,
+    )
 
 
 def network_emulation(_: Config) -> Iterator[Finding]:
@@ -234,65 +222,6 @@ def network_emulation(_: Config) -> Iterator[Finding]:
     )
 
 
-def arm(config: Config) -> Iterator[Finding]:
-    """The arm at the configured address."""
-    if config.rig.enabled:
-        return
-    from hw.arms import arm_kind
-
-    info = arm_kind(config.arm.model).find(config.arm)
-    if info.problem:
-        yield Finding("Arm", False, config.arm.host, info.problem)
-    else:
-        yield Finding("Arm", True, info.description)
-
-
-def controller(config: Config) -> Iterator[Finding]:
-    """What the operator holds; of a tracked controller the mapping of its buttons too."""
-    device = config.controller.device
-    if config.operator_is_simulated or device == "keyboard":
-        return
-    if device in ("gamepad", "spacemouse"):
-        yield _desk_device(config)
-        return
-    from hw.openvr.controller import OpenVrController
-    from hw.openvr.devices import list_controllers
-    from tams_app.runtime.clock import MonotonicClock
-
-    what, hand = "Controller", config.controller.hand
-    try:
-        OpenVrController(config.controller, MonotonicClock(), lambda *_: None)
-        found = list_controllers()
-    except TamsError as error:
-        yield Finding(what, False, "", str(error))
-        return
-    mine = [info for info in found if info.role == hand and info.connected]
-    detail = mine[0].controller_type if mine else f"none for the {hand} hand"
-    yield Finding(what, bool(mine), detail, "switch it on and wake it, or set controller.hand")
-
-
-def _desk_device(config: Config) -> Finding:
-    from hw.make_controller import make_controller
-    from tams_app.runtime.clock import MonotonicClock
-
-    made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
-    try:
-        made.start()
-    except TamsError as error:
-        return Finding("Controller", False, "", str(error))
-    finally:
-        made.close()
-    return Finding("Controller", True, config.controller.device)
-
-
-def cameras(config: Config) -> Iterator[Finding]:
-    """A camera for each view, with a mode that will do."""
-    if config.rig.enabled:
-        return
-    for view, camera in config.cameras.items():
-        yield _camera(view, camera, config)
-
-
 CHECKS: tuple[Check, ...] = (
     libraries,
     gstreamer,
@@ -308,6 +237,7 @@ CHECKS: tuple[Check, ...] = (
     network_emulation,
     arm,
     controller,
+    headset,
     cameras,
 )
 
@@ -360,23 +290,3 @@ def _existing(folder: Path) -> Path:
     while not folder.exists():
         folder = folder.parent
     return folder
-
-
-def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
-    from hw.make_camera import make_camera
-    from tams_app.runtime.clock import MonotonicClock
-
-    what, warnings = f"Camera {view}", list[str]()
-
-    def note(_level: str, text: str) -> None:
-        warnings.append(text.removeprefix(f"camera {view} "))
-
-    try:
-        device = make_camera(view, camera, config.video, MonotonicClock(), note)
-        try:
-            device.start()
-        finally:
-            device.close()
-    except TamsError as error:
-        return Finding(what, False, "", str(error).removeprefix(f"camera {view}: "))
-    return Finding(what, True, "; ".join(warnings))

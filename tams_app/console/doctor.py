@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from rich.console import Console
 
@@ -13,6 +15,7 @@ from hw.openvr.devices import ControllerInfo, list_controllers
 from hw.v4l2.devices import CameraInfo, choose_camera, list_cameras
 from tams_app.config import CameraConfig, Config
 from tams_app.errors import TamsError
+from tams_app.runtime.process import PROJECT_DIRECTORY
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,22 @@ class Finding:
 
 
 Check = Callable[[Config], Iterator[Finding]]
+TRIED_TIMEOUT_S = 60
+
+
+def tried(code: str) -> str:
+    """Run this Python in a child, as a broken driver may abort; its last words, "" if it worked."""
+    command = [sys.executable, "-c", code]
+    try:
+        result = subprocess.run(
+            command, cwd=PROJECT_DIRECTORY, capture_output=True, text=True, timeout=TRIED_TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired:
+        return f"no answer within {TRIED_TIMEOUT_S} s"
+    if not result.returncode:
+        return ""
+    last_words = result.stderr.strip().splitlines()[-1:] or [f"ended with {result.returncode}"]
+    return last_words[0].removeprefix("tams_app.errors.SetupError: ")
 
 
 def run_doctor(
@@ -40,7 +59,8 @@ def run_doctor(
     broken = 0
     found: list[Finding] = []
     for check in checks:
-        for finding in check(config):
+        for looked_at in check(config):
+            finding = replace(looked_at, fix="") if looked_at.ok else looked_at
             found.append(finding)
             if not as_json:
                 console.print(_line(finding), markup=False, highlight=False, soft_wrap=True)

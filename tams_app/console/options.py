@@ -40,7 +40,7 @@ HandOption = Annotated[
         autocompletion=lambda: list(get_args(HandDevice)),
     ),
 ]
-HeadlessOption = Annotated[bool, typer.Option("--headless", help="No windows.")]
+HeadlessOption = Annotated[bool, typer.Option("--headless", help="No window.")]
 ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Everything but motion of the arm.")]
 ReferenceOption = Annotated[

@@ -12,9 +12,9 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import Enum
 from types import FrameType
 
+from tams_app.console.wishes import Wish
 from tams_app.errors import DeviceError
 from tams_app.units import NS_PER_MS
 
@@ -23,25 +23,23 @@ REPEAT_NS = 700 * NS_PER_MS  # a held key repeats after up to 0.66 s (X11's defa
 _ESCAPE = 0x1B
 
 
-class Key(Enum):
-    """What the operator asks for."""
-
-    CONFIRM = "confirm"
-    EMERGENCY_STOP = "emergency stop"
-    QUIT = "quit"
-
-
 _KEYS = {
-    ord("\r"): Key.CONFIRM,
-    ord("\n"): Key.CONFIRM,
-    ord(" "): Key.EMERGENCY_STOP,
-    _ESCAPE: Key.EMERGENCY_STOP,
-    ord("q"): Key.QUIT,
-    ord("Q"): Key.QUIT,
+    ord("\r"): Wish.CONFIRM,
+    ord("\n"): Wish.CONFIRM,
+    ord(" "): Wish.EMERGENCY_STOP,
+    _ESCAPE: Wish.EMERGENCY_STOP,
+    ord("q"): Wish.QUIT,
+    ord("Q"): Wish.QUIT,
+    ord("x"): Wish.DROP,
+    ord("X"): Wish.DROP,
+    0x08: Wish.NO_DROP,  # Backspace
+    0x7F: Wish.NO_DROP,  # Backspace of most terminals
+    ord("p"): Wish.PLACED,
+    ord("P"): Wish.PLACED,
 }
 
 
-def decode_keys(data: bytes) -> list[Key]:
+def decode_keys(data: bytes) -> list[Wish]:
     """The keys in what was read at once; others mean nothing.
 
     Arrow and function keys send Esc and more in one go: `ESC [` and `ESC O` are no emergency stop.
@@ -109,7 +107,7 @@ class TerminalKeys:
         with contextlib.suppress(termios.error):  # the terminal is gone: nothing to put back
             termios.tcsetattr(self._fd, termios.TCSANOW, before)
 
-    def read(self, timeout_s: float) -> list[Key]:
+    def read(self, timeout_s: float) -> list[Wish]:
         """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
         return decode_keys(self.read_bytes(timeout_s))
 
@@ -126,7 +124,7 @@ class TerminalKeys:
             raise DeviceError("The terminal was closed; start TAMS again from a new one.")
         return data
 
-    def body(self, on_key: Callable[[Key], None]) -> Callable[[threading.Event], None]:
+    def body(self, on_key: Callable[[Wish], None]) -> Callable[[threading.Event], None]:
         """A worker's body that hands every key to `on_key` until it is told to stop."""
 
         def run(stop: threading.Event) -> None:
@@ -141,8 +139,8 @@ class TerminalKeys:
         return run
 
 
-class Confirmations:
-    """Tells presses of a key from its auto-repeats: two confirmations are two presses."""
+class Presses:
+    """Tells presses of one key from its auto-repeats: two confirmations are two presses."""
 
     def __init__(self) -> None:
         self._seen_ns: int | None = None

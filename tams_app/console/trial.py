@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Protocol
 
 from rich.console import Console
 
@@ -20,22 +23,24 @@ from tams_app.console.status import (
 )
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.window.messages import TrialFacts
+from tams_app.console.wishes import Action, Wish
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.session import Session
 from tams_app.session.status import StatusSnapshot
+from tams_app.study.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
 from tams_app.study.plan import PlannedTrial
 
 BEGINNING = (
-    "The trial begins when the trigger is first pressed. End it with q: when the block is placed, "
-    "or when the time is over."
+    "The trial begins when the trigger is first pressed. p ends it when the block is placed, q "
+    "when the time is over; x counts a drop, Backspace takes one back."
 )
 
 
 class LiveTrialRunner:
-    """Runs whole sessions for a study (its `TrialRunner`); the experimenter ends each with `q`.
+    """Runs whole sessions for a study (its `TrialRunner`); the experimenter ends each by key.
 
     Neither live line nor window nor a table tell strategy, network, targets, weights, or what
     follows from them: rates, ages and quality.
@@ -61,8 +66,8 @@ class LiveTrialRunner:
         signals: list[str] = []
         session = Session(config, MonotonicClock(), folder)
         try:
-            words = TrialWords(trial, config.trial.limit_s)
-            show_session(session, self._console, words, signals.append, trial_of=words.facts_of)
+            shown = LiveTrial(trial, config.trial.limit_s, session)
+            show_session(session, self._console, shown.words, signals.append, trial=shown)
             write_summary(folder)
         except TamsError as failure:
             if signals:
@@ -76,16 +81,42 @@ class LiveTrialRunner:
             raise TamsError(session.failure)
 
 
-class TrialWords:
-    """What is shown of a trial: the arm, the trial's time, and why the arm stopped last."""
+class MarkedSession(Protocol):
+    """What a trial tells its session."""
 
-    def __init__(self, trial: PlannedTrial, limit_s: float) -> None:
+    def note(self, level: str, text: str) -> None: ...
+
+    def fact(self, name: str, value: str) -> None: ...
+
+    def end(self, reason: str) -> None: ...
+
+
+class LiveTrial:
+    """What is shown of a trial, and what the experimenter marks in it.
+
+    That is the arm, the trial's time, its drops, and why the arm stopped last. Marks are facts of
+    the log; the verdict is asked for when the trial has ended.
+    """
+
+    def __init__(self, trial: PlannedTrial, limit_s: float, session: MarkedSession) -> None:
         """`limit_s`: what the trial's rules allow, from the first engagement."""
         self._trial = trial
         self._limit_s = limit_s
+        self._session = session
         self._began_s: float | None = None
+        self._drops = 0
+        self._lock = threading.Lock()  # window and terminal have threads of their own
 
-    def __call__(self, snapshot: StatusSnapshot) -> Words:
+    @property
+    def actions(self) -> Mapping[Wish, Action]:
+        """For wishes that are for a trial only."""
+        return {
+            Wish.DROP: lambda: self._count(1),
+            Wish.NO_DROP: lambda: self._count(-1),
+            Wish.PLACED: self._place,
+        }
+
+    def words(self, snapshot: StatusSnapshot) -> Words:
         """For the terminal."""
         time = self._time(snapshot)
         full = [arm_line(snapshot), time, *reason_parts(snapshot)]
@@ -99,7 +130,24 @@ class TrialWords:
             f"{kind} {self._trial.order}",
             self._passed_s(snapshot),
             self._limit_s,
+            self._drops,
         )
+
+    def _count(self, more: int) -> None:
+        with self._lock:
+            drops = min(max(0, self._drops + more), MAX_DROPS)
+            if drops == self._drops:
+                return
+            self._drops = drops
+            self._session.fact(DROPS_FACT, str(drops))
+        self._session.note("info", f"drops: {drops}")
+
+    def _place(self) -> None:
+        if self._began_s is None:
+            self._session.note("info", "the trial has not begun, so nothing is placed; q ends it")
+            return
+        self._session.fact(PLACED_FACT, "yes")
+        self._session.end("the block is placed, says the experimenter")
 
     def _passed_s(self, snapshot: StatusSnapshot) -> float | None:
         if self._began_s is None and snapshot.arming.upper() == "ENGAGED":

@@ -49,7 +49,7 @@ def endpoint_of(option: str, given: str, key: Path | None) -> Endpoint:
     host, colon, port = given.rpartition(":")
     host = host.strip("[]")
     if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ConfigError(f"{option}: {given!r} is not HOST:PORT, such as 192.168.1.20:7400")
+        raise ConfigError(f"{option}: {given!r} is not HOST:PORT, such as 192.168.1.20:7300")
     try:
         found = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)
     except (OSError, UnicodeError) as error:

@@ -102,7 +102,7 @@ def operate(
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
-    """The operator's side: controller and windows; it moves the arm of a `robot` elsewhere."""
+    """The operator's side: controller and window; it moves the arm of a `robot` elsewhere."""
     settings = load_config(
         config,
         {

@@ -148,8 +148,10 @@ _DESCRIPTIONS = {
     # the session's rates, for viewers
     "Rates.target_kbps": "sum of the views' targets [kbit/s of IP datagrams]",
     "ViewRates.target_kbps": "target of the view [kbit/s of IP datagrams]",
-    "Rates.sent_kbps": "measured at the uplink, all views with repair and padding [kbit/s]",
-    "ViewRates.sent_kbps": "measured at the uplink, with repair, without padding [kbit/s]",
+    "Rates.sent_kbps": "measured at the uplink, or told by receivers of a real one: all views "
+    "with repair and padding [kbit/s]",
+    "ViewRates.sent_kbps": "measured at the uplink, with repair, without padding [kbit/s]; with "
+    "padding where receivers tell it of a real one",
     "queue_ms": "longest wait at the bottleneck [ms]; null: no packet left it",
     "loss": "share of datagrams that did not arrive, before repair; null: none were sent",
     "captured_fps": "frames captured [1/s]",

@@ -37,14 +37,17 @@ class Engine:
         ended: Callable[[], None],
         listeners: Sequence[Listener] = (),
         arm_at_once: bool = False,
+        limited: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`ended` is told that the trial is over; `listeners` hear everything last."""
+        """`ended` is told that the trial is over; `listeners` hear everything last. `limited`:
+        whether it is, too, when its time is.
+        """
         self._clock = clock
         self._log = log
         self._video = video
         self.stops = StopWatch(log.record)
         self.trial = TrialObserver(
-            config.trial, clock, devices.arm, devices.truth, log.record, ended
+            config.trial, clock, devices.arm, devices.truth, log.record, ended, limited
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
         arming = ArmingObserver(signals, log.note, arm_at_once)

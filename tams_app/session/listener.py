@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from tams_app.records import Allocation, ArmState, PhaseChange, Tick
+from collections.abc import Sequence
+
+from tams_app.records import (
+    Allocation,
+    ArmState,
+    PacketRecord,
+    PhaseChange,
+    Tick,
+    UplinkSummary,
+)
 from tams_app.teleop.records import TeleopOutput
 
 
 class Listener:
     """Hears each step of a session; what a part does not override, it ignores.
 
-    Nothing here may block. `on_allocation` is called in the policy thread, the others in the
-    control thread, in this order within a tick. The listeners of a session hear each event in the
-    order in which `Engine` names them.
+    Nothing here may block. `on_uplink` and `on_allocation` are called in the policy thread, the
+    others in the control thread, in this order within a tick. The listeners of a session hear each
+    event in the order in which `Engine` names them.
     """
 
     def before_tick(self, now_ns: int) -> None:
@@ -25,6 +34,9 @@ class Listener:
 
     def on_tick(self, tick: Tick) -> None:
         """The whole tick as it is logged."""
+
+    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+        """Receivers have told of packets, for the next allocation; all of it in sums."""
 
     def on_allocation(self, allocation: Allocation) -> None:
         """The encoders have new targets."""

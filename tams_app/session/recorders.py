@@ -25,7 +25,6 @@ from tams_app.records import (
     PhaseChange,
     SystemSample,
     Tick,
-    UplinkReport,
     UplinkSummary,
 )
 from tams_app.runtime.clock import Clock
@@ -65,7 +64,6 @@ class SessionRecords(Listener):
         self._show = show
         self._last_capacity_kbps: float | None = None
         self._capacity_ns = clock.now_ns()
-        self._least_transit_ns: int | None = None
 
     def record(self, item: Recordable) -> None:
         """Keep one record in the log."""
@@ -107,32 +105,8 @@ class SessionRecords(Listener):
             self._last_capacity_kbps = kbps
             self._log.record(LinkCapacity(now_ns, kbps))
 
-    def uplink(self, report: UplinkReport) -> None:
-        """Keep what a report tells of the uplink, if it does."""
-        if not report.arrivals and not report.receptions:
-            return
-        came = [one for one in report.arrivals if one.arrived_ns is not None]
-        transits = [one.arrived_ns - one.sent_ns for one in came if one.arrived_ns is not None]
-        queueing_ns = None
-        if transits:
-            least_ns = min(transits)
-            if self._least_transit_ns is not None:
-                least_ns = min(least_ns, self._least_transit_ns)
-            self._least_transit_ns = least_ns
-            queueing_ns = transits[-1] - least_ns
-        self._log.record(
-            UplinkSummary(
-                t_ns=report.now_ns,
-                sent_bytes=report.sent_bytes,
-                packets=len(report.arrivals),
-                lost=len(report.arrivals) - len(came),
-                arrived_bytes=sum(one.size_bytes for one in came),
-                newest_sent_ns=came[-1].sent_ns if came else None,
-                queueing_ns=queueing_ns,
-                fraction_lost={one.view: one.fraction_lost for one in report.receptions},
-                round_trip_ns={one.view: one.round_trip_ns for one in report.receptions},
-            )
-        )
+    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+        self._log.record(summary)
 
 
 class Recorders(SessionRecords):

@@ -144,6 +144,7 @@ class Session(Ending):
             lambda: self.end("the trial is over"),
             (self.board, self._rates, *self._listeners()),
             self._arm_at_once,
+            self._trial_is_limited,
         )
         self._stack.callback(self._engine.stops.finish)
         self._start_workers(connected, cameras)
@@ -297,6 +298,10 @@ class Session(Ending):
         """Keep a sentence in the log and show it."""
         self._log.note(level, text)
 
+    def fact(self, name: str, value: str) -> None:
+        """Keep in the log what was learned; a later value of the same name counts."""
+        self._log.fact(name, value)
+
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
         now_ns, video = self._clock.now_ns(), self._video
@@ -362,6 +367,10 @@ class Session(Ending):
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
 
     # --- called by the parts --------------------------------------------------------------------
+
+    def _trial_is_limited(self) -> bool:
+        """A person who tries the rig takes their time."""
+        return self.config.operator_is_simulated
 
     def _on_worker_failure(self, name: str, failure: BaseException) -> None:
         sentence = str(failure) if isinstance(failure, TamsError) else f"{name}: {failure!r}"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from tams_app.capacity import Capacity
@@ -12,21 +11,20 @@ from tams_app.records import (
     Allocation,
     ArmState,
     ControllerSample,
-    PacketFate,
-    PacketKind,
     PacketRecord,
     Phase,
     PhaseChange,
     Tick,
+    UplinkSummary,
     Vector,
 )
 from tams_app.session.control import ShownVideo, describe
 from tams_app.session.listener import Listener
+from tams_app.session.uplink_meter import WINDOW_NS, UplinkFigures, UplinkMeter
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
-WINDOW_NS = 1 * NS_PER_S
 GRIP_SHOWN_ABOVE = 0.5
 
 
@@ -63,7 +61,7 @@ class StatusSnapshot:
     live_ssim: float | None = None  # of the primary view, over its last scored frames
     budget_kbps: float | None = None
     estimate_kbps: float | None = None  # of the capacity, as the budget believes
-    loss: float | None = None  # share of the media packets of the last second
+    loss: float | None = None  # share of the packets of the last second
 
 
 class StatusBoard(Listener):
@@ -77,8 +75,7 @@ class StatusBoard(Listener):
         self._arm: ArmState | None = None
         self._sample: ControllerSample | None = None
         self._reason = ""
-        self._lock = threading.Lock()
-        self._packets: deque[PacketRecord] = deque()
+        self._uplink = UplinkMeter(views)
         self._notes: deque[str] = deque(maxlen=50)
 
     def on_phase(self, change: PhaseChange) -> None:
@@ -96,12 +93,15 @@ class StatusBoard(Listener):
         self._allocation = allocation
 
     def packets(self, packets: list[PacketRecord]) -> None:
-        """Newly decided packet fates; those older than the window are forgotten."""
-        with self._lock:
-            self._packets.extend(packets)
-            oldest_ns = self._packets[-1].entered_ns - WINDOW_NS if self._packets else 0
-            while self._packets and self._packets[0].entered_ns < oldest_ns:
-                self._packets.popleft()
+        """Newly decided packet fates."""
+        self._uplink.packets(packets)
+
+    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+        self._uplink.told(told)
+
+    def uplink(self, now_ns: int) -> UplinkFigures:
+        """What the uplink carries; from any thread."""
+        return self._uplink.figures(now_ns)
 
     def note(self, text: str) -> None:
         """A sentence that the console should print."""
@@ -123,13 +123,7 @@ class StatusBoard(Listener):
         given_fps: Mapping[str, float],
     ) -> StatusSnapshot:
         """Everything at this moment."""
-        with self._lock:
-            packets = list(self._packets)
-        bits = dict.fromkeys(self._views, 0)
-        for packet in packets:
-            if packet.kind not in (PacketKind.RTCP, PacketKind.PADDING):
-                bits[packet.view] += packet.size_bytes * 8
-        per_kbps = 1000 * WINDOW_NS / NS_PER_S
+        uplink = self._uplink.figures(now_ns)
         targets = self._allocation.target_kbps if self._allocation else {}
         ages = {view: video.age_ns(view, now_ns) for view in self._views}
         output, arm = self._output, self._arm
@@ -146,18 +140,18 @@ class StatusBoard(Listener):
             views={
                 view: ViewStatus(
                     target_kbps=targets.get(view),
-                    sent_kbps=bits[view] / per_kbps,
+                    sent_kbps=uplink.sent_kbps[view],
                     shown_age_ms=None if (age := ages[view]) is None else age / NS_PER_MS,
                     given_fps=given_fps.get(view),
                 )
                 for view in self._views
             },
-            link_kbps=sum(packet.size_bytes * 8 for packet in packets) / per_kbps,
-            capacity_kbps=_finite(capacity.mean_kbps(now_ns - WINDOW_NS, now_ns)),
-            queue_ms=_queue_ms(packets),
+            link_kbps=uplink.link_kbps,
+            capacity_kbps=finite(capacity.mean_kbps(now_ns - WINDOW_NS, now_ns)),
+            queue_ms=uplink.queue_ms,
             budget_kbps=self._allocation.budget_kbps if self._allocation else None,
-            estimate_kbps=_finite(self._allocation.capacity_kbps) if self._allocation else None,
-            loss=_loss(packets),
+            estimate_kbps=finite(self._allocation.capacity_kbps) if self._allocation else None,
+            loss=uplink.loss,
         )
 
 
@@ -179,21 +173,6 @@ def _mm(position: Vector) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _finite(kbps: float) -> float | None:
+def finite(kbps: float) -> float | None:
+    """A capacity; None where it is without limit."""
     return kbps if kbps != float("inf") else None
-
-
-def _loss(packets: list[PacketRecord]) -> float | None:
-    """The share of media packets that were not delivered; None without any."""
-    fates = [packet.fate for packet in packets if packet.kind is PacketKind.MEDIA]
-    if not fates:
-        return None
-    return sum(fate is not PacketFate.DELIVERED for fate in fates) / len(fates)
-
-
-def _queue_ms(packets: list[PacketRecord]) -> float | None:
-    """Sojourn in the bottleneck of the last packet that left it."""
-    for packet in reversed(packets):
-        if packet.departed_ns:
-            return (packet.departed_ns - packet.entered_ns) / NS_PER_MS
-    return None

@@ -15,7 +15,8 @@ from rich.table import Table
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
-from tams_app.study.guided import GuidedRun, measured_time_s
+from tams_app.study.guided import GuidedRun
+from tams_app.study.marks import marks_in
 from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
@@ -93,7 +94,7 @@ def run_guided(
     with study.locked():
         if study.load().simulated:
             raise ConfigError(f"{study.path}: is planned for the simulated rig: add --sim")
-        guided = GuidedRun(study, runner, console, measured_time_s)
+        guided = GuidedRun(study, runner, console, marks_in)
         guided.run(participant)
     return int(guided.failed)
 

@@ -14,9 +14,8 @@ from rich.prompt import Confirm, FloatPrompt, IntPrompt, InvalidResponse, Prompt
 
 from tams_app.config import Config, TrialConfig
 from tams_app.errors import ConfigError, TamsError
-from tams_app.recording import SessionLog, read_log
-from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
+from tams_app.study.marks import MAX_DROPS, Marks
 from tams_app.study.plan import (
     Attempt,
     AttemptState,
@@ -26,17 +25,13 @@ from tams_app.study.plan import (
     Verdict,
     void,
 )
-from tams_app.study.runner import LOG_NAME, TrialRunner, mark_ended
-from tams_app.teleop.safety import ArmingState
-from tams_app.units import NS_PER_S
-
-MAX_DROPS = 99
+from tams_app.study.runner import TrialRunner, mark_ended
 
 
 class GuidedRun:
     """One sitting with one participant; the caller holds the study's lock.
 
-    `measure_time` gives the completion time [s] that a trial's folder tells, if any. `failed`: the
+    `find_marks` gives what a trial's folder tells. `failed`: the
     sitting was ended at a trial that could not be run.
     """
 
@@ -45,13 +40,13 @@ class GuidedRun:
         study: StudyFolder,
         runner: TrialRunner,
         console: Console,
-        measure_time: Callable[[Path], float | None],
+        find_marks: Callable[[Path], Marks],
     ) -> None:
         self.failed = False
         self._study = study
         self._runner = runner
         self._console = console
-        self._measure_time = measure_time
+        self._find_marks = find_marks
         self._config: Config = study.config()
         self._plan: Plan = study.recover(study.load())
 
@@ -141,8 +136,8 @@ class GuidedRun:
             self._plan = void(self._plan, trial.id, reason)
             self._study.save(self._plan)
             return
-        measured_s = self._measure_time(self._study.path / attempt.folder)
-        verdict = ask_verdict(self._console, self._config.trial, measured_s)
+        marks = self._find_marks(self._study.path / attempt.folder)
+        verdict = ask_verdict(self._console, self._config.trial, marks)
         judged = attempt.model_copy(update={"verdict": verdict})
         self._settle(trial, judged, AttemptState.DONE)
 
@@ -174,50 +169,37 @@ class GuidedRun:
         return settled
 
 
-def measured_time_s(folder: Path) -> float | None:
-    """The completion time that a trial's log tells, None without a log."""
-    path = folder / LOG_NAME
-    return completion_time_s(read_log(path)) if path.is_file() else None
-
-
-def completion_time_s(log: SessionLog) -> float | None:
-    """From the first engagement to the last opening of the gripper.
-
-    None where the arm was never engaged or the gripper not opened after that. Whether the block
-    was placed by that opening only a person can say.
-    """
-    engaged_ns = min(
-        (tick.finished_ns for tick in log.ticks if tick.arming == ArmingState.ENGAGED.value),
-        default=None,
-    )
-    if engaged_ns is None:
-        return None
-    opened_ns = [
-        change.t_ns
-        for change in log.phases
-        if change.phase is Phase.RELEASE and change.t_ns > engaged_ns
-    ]
-    return round((max(opened_ns) - engaged_ns) / NS_PER_S, 3) if opened_ns else None
-
-
-def ask_verdict(console: Console, rules: TrialConfig, measured_s: float | None) -> Verdict:
+def ask_verdict(console: Console, rules: TrialConfig, marks: Marks) -> Verdict:
     """Completed, drops, time and success, asked until the answers fit each other and the rules.
 
-    `measured_s` is the time that the log tells. A success that the rules exclude is not accepted; a
+    What was marked is what Enter answers. A success that the rules exclude is not accepted; a
     completion within the rules may still be no success (the block was placed wrongly), and is
     asked for.
     """
-    completed = Confirm.ask(f"Was the block placed within {rules.limit_s:g} s?", console=console)
-    possible = [str(number) for number in range(MAX_DROPS + 1)]
-    drops = IntPrompt.ask("How many drops?", choices=possible, show_choices=False, console=console)
+    question = f"Was the block placed within {rules.limit_s:g} s?"
+    if marks.placed:
+        completed = Confirm.ask(question, default=True, console=console)
+    else:
+        completed = Confirm.ask(question, console=console)
+    drops = _drops(console, marks.drops)
     if not completed:
         return Verdict(completed=False, success=False, drops=drops)
-    time_s = _completion_time(console, rules, measured_s)
+    time_s = _completion_time(console, rules, marks.time_s)
     obstacle = _obstacle(rules, drops, time_s)
     if obstacle:
         console.print(f"Not a success by the rules: {obstacle}.", highlight=False)
     success = not obstacle and Confirm.ask("Was it placed correctly (a success)?", console=console)
     return Verdict(completed=True, success=success, drops=drops, completion_time_s=time_s)
+
+
+def _drops(console: Console, counted: int | None) -> int:
+    question = "How many drops?"
+    possible = [str(number) for number in range(MAX_DROPS + 1)]
+    if counted is None:
+        return IntPrompt.ask(question, choices=possible, show_choices=False, console=console)
+    return IntPrompt.ask(
+        question, choices=possible, show_choices=False, default=counted, console=console
+    )
 
 
 def _completion_time(console: Console, rules: TrialConfig, measured_s: float | None) -> float:

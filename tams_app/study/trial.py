@@ -42,6 +42,7 @@ class TrialJudge:
         self._lifted = False
         self._resting_since_ns: int | None = None
         self._placed = False
+        self._limited = True
         self.drops = 0
 
     def engaged(self, now_ns: int) -> None:
@@ -53,14 +54,20 @@ class TrialJudge:
     def started(self) -> bool:
         return self._started_ns is not None
 
-    def step(self, now_ns: int, truth: SceneTruth, closed: bool | None) -> bool:
-        """Take in the scene and the gripper's last command; True once the trial has ended."""
+    def step(
+        self, now_ns: int, truth: SceneTruth, closed: bool | None, limited: bool = True
+    ) -> bool:
+        """Take in the scene and the gripper's last command; True once the trial has ended.
+
+        `limited`: whether it ends, too, when its time is over, and succeeds only in time.
+        """
+        self._limited = limited
         if self._started_ns is None or self._placed:
             return self._placed
         inside = self.contains(truth.container, truth.block)
         self._count_drops(now_ns, truth, closed, inside)
         self._placed = self._is_placed(now_ns, truth, closed, inside)
-        return self._placed or self.elapsed_s(now_ns) >= self._config.limit_s
+        return self._placed or (limited and self.elapsed_s(now_ns) >= self._config.limit_s)
 
     def elapsed_s(self, now_ns: int) -> float:
         """Seconds since the first engagement, 0 before it."""
@@ -71,12 +78,10 @@ class TrialJudge:
         if not self._placed or self._opened_ns is None or self._started_ns is None:
             return Outcome(False, False, None, self.drops, reason or "not placed in time")
         time_s = round((self._opened_ns - self._started_ns) / NS_PER_S, 3)
-        completed = time_s <= self._config.limit_s
-        success = (
-            completed
-            and time_s <= self._config.success_within_s
-            and self.drops <= self._config.max_drops
-        )
+        rules = self._config
+        completed = not self._limited or time_s <= rules.limit_s
+        quick = not self._limited or time_s <= rules.success_within_s
+        success = completed and quick and self.drops <= rules.max_drops
         return Outcome(completed, success, time_s, self.drops, "placed")
 
     def contains(self, container: Pose, block: Pose) -> bool:

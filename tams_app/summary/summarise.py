@@ -35,6 +35,7 @@ from tams_app.video.frame_interval import freeze_ns
 from tams_app.video.restoration import restored_packets
 
 SCHEMA = 1
+_BESIDE_MEDIA = (PacketKind.REPAIR, PacketKind.PARITY, PacketKind.PADDING)
 SUMMARY_NAME = "summary.json"
 BEFORE_NAME = "summary.json.before"
 
@@ -256,10 +257,12 @@ def seconds(log: SessionLog, t_ns: int) -> float:
 def uplink(
     log: SessionLog, packets: PacketTable, targets: Targets, span: Span | None
 ) -> dict[str, Any]:
-    """Null where the log has no packets (an uplink that is not ours) or no capacity (none)."""
+    """Null where the log has no packets or no capacity (none).
+
+    Of a network that was not emulated receivers tell all but what each packet carried.
+    """
     capacity_kbps = _capacity_kbps(log, span)
     video = packets.is_video
-    restored = PacketTable.of(log, restored_packets(log.packets))
     crossed = packets.departed_ns > 0
     sojourn_ms = (packets.departed_ns - packets.entered_ns)[crossed] / NS_PER_MS
     return {
@@ -272,11 +275,22 @@ def uplink(
         "loss_fraction": ratio(
             int(np.sum(video)) - int(np.sum(packets.delivered[video])), int(np.sum(video))
         ),
-        "residual_loss_fraction": _residual_loss(packets, restored),
-        "resent_fraction": _share_of_bytes(packets, PacketKind.REPAIR),
-        "parity_fraction": _share_of_bytes(packets, PacketKind.PARITY),
-        "padding_fraction": _share_of_bytes(packets, PacketKind.PADDING),
+        **_by_kind(log, packets),
     }
+
+
+def _by_kind(log: SessionLog, packets: PacketTable) -> dict[str, Number]:
+    names = (
+        "residual_loss_fraction",
+        "resent_fraction",
+        "parity_fraction",
+        "padding_fraction",
+    )
+    if not log.packets:
+        return dict.fromkeys(names)
+    restored = PacketTable.of(log, restored_packets(log.packets))
+    shares = (_share_of_bytes(packets, kind) for kind in _BESIDE_MEDIA)
+    return dict(zip(names, (_residual_loss(packets, restored), *shares), strict=True))
 
 
 def rate_kbps(packets: PacketTable, chosen: Flags, at_ns: Integers, span: Span | None) -> Number:

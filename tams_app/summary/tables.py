@@ -14,8 +14,18 @@ from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.frame_interval import FrameIntervals
+from tams_app.video.told_packets import ToldPackets
 
 _TIMESTAMPS_SINCE = 3  # schema of the log
+
+
+def known_packets(log: SessionLog) -> Sequence[PacketRecord]:
+    """Their fates; where no network was emulated, what receivers told (`ToldPackets`)."""
+    if log.packets:
+        return log.packets
+    told = ToldPackets()
+    reports = (inputs.report() for inputs in log.policy_inputs)
+    return [packet for report in reports for packet in told.step(report.arrivals)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +63,7 @@ class PacketTable:
                 packet.fate is PacketFate.DELIVERED,
                 packet.rtp_timestamp,
             )
-            for packet in (log.packets if packets is None else packets)
+            for packet in (known_packets(log) if packets is None else packets)
         ]
         columns = np.array(rows, dtype=np.int64).reshape(len(rows), 9).T
         return PacketTable(*columns)

@@ -46,7 +46,7 @@ def main() -> None:
     """Arguments: folders of /dev and /sys, configuration, JSON of files by view, of answers."""
     dev, sys_folder, config = (Path(argument) for argument in sys.argv[1:4])
     played, answers = json.loads(sys.argv[4]), json.loads(sys.argv[5])
-    image_steps._LOOK_S = 1.2
+    image_steps._LOOK_S = 4.0  # a busy machine loses images, and 30 are needed
     binding._REST_S = 1.0
     ui = WavingUI(answers, {view: played_camera(Path(at)) for view, at in played.items()})
 

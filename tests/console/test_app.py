@@ -14,6 +14,7 @@ from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
 from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
+from tams_app.console.wishes import Wish
 from tams_app.session.control import Signals
 from tams_app.session.status import StatusBoard
 
@@ -41,7 +42,7 @@ class EndedSession:
 
 
 def keys(active):
-    def read(session: object, stack: ExitStack) -> bool:
+    def read(session: object, stack: ExitStack, trial: object) -> bool:
         return active
 
     return read
@@ -86,7 +87,7 @@ def test_without_a_terminal_no_keys_are_read(monkeypatch):
     session = EndedSession("tams.yaml")
     session.end = session.fail = lambda reason: None
     with ExitStack() as stack:
-        assert not app._read_keys(session, stack)
+        assert not app._read_keys(session, stack, None)
 
 
 class InterruptedSession(EndedSession):
@@ -164,13 +165,30 @@ class NotedSession:
         self.failure = sentence
 
 
+def test_in_a_trial_the_terminal_counts_drops_too(monkeypatch):
+    operator, program = pty.openpty()
+    monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
+    session, drops = NotedSession(), []
+    trial = SimpleNamespace(actions={Wish.DROP: lambda: drops.append(True)})
+    try:
+        with ExitStack() as stack:
+            assert app._read_keys(session, stack, trial)
+            os.write(operator, b"xxxpq")
+            assert session.ended.wait(20)
+    finally:
+        os.close(operator)
+        os.close(program)
+    assert drops == [True], "a held key counts one"
+    assert session.failure == ""
+
+
 def test_a_held_enter_confirms_once(monkeypatch):
     operator, program = pty.openpty()
     monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
     session = NotedSession()
     try:
         with ExitStack() as stack:
-            assert app._read_keys(session, stack)
+            assert app._read_keys(session, stack, None)
             os.write(operator, b"\r" * 20 + b"\n\nq")
             assert session.ended.wait(20)
     finally:

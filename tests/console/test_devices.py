@@ -14,7 +14,7 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
-from tams_app.console import checks
+from tams_app.console import device_checks
 from tams_app.console.doctor import camera_lines, controller_lines, show_devices
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime
@@ -76,9 +76,9 @@ def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -
         settings = hardware(
             arm__host="127.0.0.1", arm__control_port=ports.control, arm__report_port=ports.report
         )
-        (old,) = checks.arm(settings)
+        (old,) = device_checks.arm(settings)
         model.firmware = "2.6.0"
-        (new,) = checks.arm(settings)
+        (new,) = device_checks.arm(settings)
     finally:
         server.close()
     assert not old.ok
@@ -88,7 +88,7 @@ def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -
 
 
 def test_the_doctor_names_each_view_without_a_camera() -> None:
-    missing = list(checks.cameras(hardware()))
+    missing = list(device_checks.cameras(hardware()))
     assert [finding.what for finding in missing] == ["Camera eih", "Camera gt", "Camera gs"]
     assert all("SET-" in finding.fix for finding in missing)
 
@@ -96,7 +96,7 @@ def test_the_doctor_names_each_view_without_a_camera() -> None:
 def test_a_test_pattern_is_a_camera_like_any_other() -> None:
     pattern = {"source": "pattern"}
     settings = hardware(cameras={"eih": pattern, "gt": pattern, "gs": pattern})
-    assert all(finding.ok for finding in checks.cameras(settings))
+    assert all(finding.ok for finding in device_checks.cameras(settings))
 
 
 def test_what_a_camera_did_not_take_is_told_though_it_works(
@@ -105,7 +105,7 @@ def test_what_a_camera_did_not_take_is_told_though_it_works(
     kept = "keeps exposure at 10 although 80 was set"
     monkeypatch.setattr(PatternSource, "complaints", lambda _: [kept])
     cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
-    for finding in checks.cameras(hardware(cameras=cameras)):
+    for finding in device_checks.cameras(hardware(cameras=cameras)):
         assert finding.ok
         assert finding.detail.endswith(kept)
         assert not finding.detail.startswith("camera")
@@ -114,9 +114,9 @@ def test_what_a_camera_did_not_take_is_told_though_it_works(
 def test_the_doctor_finds_the_controller_of_the_hand() -> None:
     runtime = FakeRuntime()
     with runtime.in_place_of_the_library():
-        (there,) = checks.controller(hardware())
+        (there,) = device_checks.controller(hardware())
         runtime.devices[RIGHT_HAND].connected = False
-        (away,) = checks.controller(hardware())
+        (away,) = device_checks.controller(hardware())
     assert (there.ok, there.detail) == (True, "vive_focus3_controller")
     assert (away.ok, away.detail) == (False, "none for the right hand")
 
@@ -124,11 +124,11 @@ def test_the_doctor_finds_the_controller_of_the_hand() -> None:
 def test_a_mapping_that_run_would_refuse_is_found() -> None:
     mapping = {"vive_focus3_controller": {"a": "no_such/click"}}
     with FakeRuntime().in_place_of_the_library():
-        (finding,) = checks.controller(hardware(controller__mapping=mapping))
+        (finding,) = device_checks.controller(hardware(controller__mapping=mapping))
     assert not finding.ok
     assert "no_such/click" in finding.fix
 
 
 def test_the_simulated_rig_needs_no_devices() -> None:
-    for check in (checks.arm, checks.controller, checks.cameras):
+    for check in (device_checks.arm, device_checks.controller, device_checks.cameras):
         assert list(check(load_config())) == []

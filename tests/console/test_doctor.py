@@ -18,7 +18,7 @@ from rich.console import Console
 
 from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.console import checks
+from tams_app.console import checks, device_checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
 from tams_app.console.window import toolkit
@@ -45,8 +45,10 @@ def test_a_program_reads_the_findings_as_one_list() -> None:
     x264 = Finding("GStreamer element x264enc", False, "none of " + "many " * 30, "install it")
     output = io.StringIO()
     console = Console(file=output, width=40)
-    assert run_doctor(config(), [lambda _: iter((tc, x264))], True, console) == 1
-    assert json.loads(output.getvalue()) == [asdict(tc), asdict(x264)]
+    space = Finding("Free disk space", True, "9 GB", "free some")
+    assert run_doctor(config(), [lambda _: iter((tc, x264, space))], True, console) == 1
+    there = replace(space, fix="")  # what is there needs none
+    assert json.loads(output.getvalue()) == [asdict(tc), asdict(x264), asdict(there)]
 
 
 def test_a_lack_of_something_essential_fails_and_says_what_mends_it() -> None:
@@ -235,6 +237,19 @@ def test_without_a_display_headless_is_the_way(monkeypatch: pytest.MonkeyPatch) 
     assert not finding.essential
     assert "--headless" in finding.fix
     assert not list(checks.display(config(headless=True)))
+
+
+def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", ":4711")
+    (finding,) = checks.display(config())
+    assert (finding.ok, finding.detail) == (False, "the display does not answer")
+    (finding,) = device_checks.headset(config(headset__show="always"))
+    assert not finding.ok
+    assert finding.detail.startswith("the headset needs OpenGL on an X display")
+    assert "headset.show" in finding.fix
+    assert not list(device_checks.headset(config(headset__show="never")))
+    assert not list(device_checks.headset(config(headset__show="always", headless=True)))
 
 
 def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from tams_app.console.terminal import Key, TerminalKeys, decode_keys
+from tams_app.console.terminal import TerminalKeys, decode_keys
+from tams_app.console.wishes import Wish
 from tams_app.errors import DeviceError
 from tams_app.runtime.worker import Worker
 
@@ -36,23 +37,25 @@ def terminal() -> Iterator[tuple[int, int]]:
 @pytest.mark.parametrize(
     ("data", "keys"),
     [
-        (b"\n", [Key.CONFIRM]),
-        (b"\r", [Key.CONFIRM]),
-        (b" ", [Key.EMERGENCY_STOP]),
-        (b"\x1b", [Key.EMERGENCY_STOP]),
-        (b"q", [Key.QUIT]),
-        (b"Q", [Key.QUIT]),
-        (b"x7\t", []),
+        (b"\n", [Wish.CONFIRM]),
+        (b"\r", [Wish.CONFIRM]),
+        (b" ", [Wish.EMERGENCY_STOP]),
+        (b"\x1b", [Wish.EMERGENCY_STOP]),
+        (b"q", [Wish.QUIT]),
+        (b"Q", [Wish.QUIT]),
+        (b"a7\t", []),
+        (b"xX\x7f\x08", [Wish.DROP, Wish.DROP, Wish.NO_DROP, Wish.NO_DROP]),
+        (b"pP", [Wish.PLACED, Wish.PLACED]),
         (b"\x1b[A", []),  # arrow up
         (b"\x1b[1;5C", []),  # Ctrl and arrow right
         (b"\x1bOP", []),  # F1
-        (b"\x1b[A ", [Key.EMERGENCY_STOP]),
-        (b"\x1b\x1b", [Key.EMERGENCY_STOP, Key.EMERGENCY_STOP]),
-        (b"\x1bx", [Key.EMERGENCY_STOP]),
-        (b"q \n", [Key.QUIT, Key.EMERGENCY_STOP, Key.CONFIRM]),
+        (b"\x1b[A ", [Wish.EMERGENCY_STOP]),
+        (b"\x1b\x1b", [Wish.EMERGENCY_STOP, Wish.EMERGENCY_STOP]),
+        (b"\x1ba", [Wish.EMERGENCY_STOP]),
+        (b"q \n", [Wish.QUIT, Wish.EMERGENCY_STOP, Wish.CONFIRM]),
     ],
 )
-def test_keys_mean_what_the_guide_says(data: bytes, keys: list[Key]) -> None:
+def test_keys_mean_what_the_guide_says(data: bytes, keys: list[Wish]) -> None:
     assert decode_keys(data) == keys
 
 
@@ -62,7 +65,7 @@ def test_a_key_counts_at_once_without_enter(terminal: tuple[int, int]) -> None:
     keys.open()
     try:
         os.write(operator, b" ")
-        assert keys.read(10.0) == [Key.EMERGENCY_STOP]
+        assert keys.read(10.0) == [Wish.EMERGENCY_STOP]
         assert keys.read(0.0) == []
     finally:
         keys.close()
@@ -111,7 +114,7 @@ def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) 
     before = termios.tcgetattr(program)
     failures: list[BaseException] = []
 
-    def broken(key: Key) -> None:
+    def broken(key: Wish) -> None:
         raise RuntimeError(key.value)
 
     keys = TerminalKeys(program)
@@ -128,10 +131,10 @@ def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) 
 
 def test_a_worker_hands_over_keys_until_it_is_stopped(terminal: tuple[int, int]) -> None:
     operator, program = terminal
-    seen: list[Key] = []
+    seen: list[Wish] = []
     all_seen = threading.Event()
 
-    def on_key(key: Key) -> None:
+    def on_key(key: Wish) -> None:
         seen.append(key)
         if len(seen) == 2:
             all_seen.set()
@@ -144,7 +147,7 @@ def test_a_worker_hands_over_keys_until_it_is_stopped(terminal: tuple[int, int])
     os.write(operator, b"q")
     assert all_seen.wait(20)
     worker.stop(10)
-    assert seen == [Key.EMERGENCY_STOP, Key.QUIT]
+    assert seen == [Wish.EMERGENCY_STOP, Wish.QUIT]
 
 
 def in_terminal(script: str) -> str:

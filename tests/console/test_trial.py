@@ -16,11 +16,13 @@ from rich.console import Console
 import tams_app.console.trial
 from tams_app.config import Config, load_config
 from tams_app.console.status import COLUMNS
-from tams_app.console.trial import LiveTrialRunner, TrialWords
+from tams_app.console.trial import LiveTrial, LiveTrialRunner
 from tams_app.console.window.figures import trial_texts
+from tams_app.console.wishes import Wish
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.recording import read_log
 from tams_app.session.session import Session
+from tams_app.study.marks import DROPS_FACT, PLACED_FACT
 from tests.console.test_status import SNAPSHOT
 from tests.study.synthetic_study import planned_trial
 
@@ -61,7 +63,7 @@ def test_a_whole_session_is_left_in_the_given_folder_and_the_screen_gives_nothin
     log = read_log(tmp_path / "session.mcap")
     assert (log.truncated, log.header.name) == (False, "P01-03")
     assert log.ticks
-    assert "End it with q" in screen.text
+    assert "p ends it when the block is placed" in screen.text
     assert "trial: " in screen.text
     assert not REVEALING.search(screen.text), screen.text
 
@@ -149,9 +151,48 @@ def test_people_are_not_asked_to_drive_by_frames_that_do_not_show_the_arm(
     assert list(tmp_path.iterdir()) == []
 
 
+class Marked:
+    """A session that keeps what a trial tells it."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self.facts: dict[str, str] = {}
+        self.reason = ""
+
+    def note(self, level: str, text: str) -> None:
+        self.notes.append(text)
+
+    def fact(self, name: str, value: str) -> None:
+        self.facts[name] = value
+
+    def end(self, reason: str) -> None:
+        self.reason = reason
+
+
+def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_placed() -> None:
+    session = Marked()
+    trial = LiveTrial(TRIAL, 120.0, session)
+    actions = trial.actions
+    actions[Wish.NO_DROP]()
+    assert session.facts == {}, "fewer than none"
+    for wish in (Wish.DROP, Wish.DROP, Wish.NO_DROP):
+        actions[wish]()
+    assert session.facts == {DROPS_FACT: "1"}
+    assert session.notes == ["drops: 1", "drops: 2", "drops: 1"]
+    assert trial.facts_of(replace(SNAPSHOT, arming="ready")).drops == 1
+    actions[Wish.PLACED]()
+    assert session.reason == "", "before it has begun"
+    trial.facts_of(replace(SNAPSHOT, arming="engaged"))
+    actions[Wish.PLACED]()
+    assert session.facts == {DROPS_FACT: "1", PLACED_FACT: "yes"}
+    assert session.reason == "the block is placed, says the experimenter"
+
+
 def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> None:
-    words_of = TrialWords(TRIAL, 120.0)
-    words = words_of(replace(SNAPSHOT, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9))
+    trial = LiveTrial(TRIAL, 120.0, Marked())
+    words = trial.words(
+        replace(SNAPSHOT, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9)
+    )
     for text in (words.live, words.plain):
         assert "READY" in text
         assert "trial: not begun, 2:00.0 allowed" in text
@@ -159,22 +200,22 @@ def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> No
 
 
 def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -> None:
-    words_of = TrialWords(TRIAL, 120.0)
-    words_of(replace(SNAPSHOT, arming="engaged", t_s=10.0))
-    ready = words_of(replace(SNAPSHOT, arming="ready", t_s=31.5))
+    trial = LiveTrial(TRIAL, 120.0, Marked())
+    trial.words(replace(SNAPSHOT, arming="engaged", t_s=10.0))
+    ready = trial.words(replace(SNAPSHOT, arming="ready", t_s=31.5))
     assert ready.live.endswith("trial: 0:21.5 of 2:00.0")
     late = replace(SNAPSHOT, arming="holding", phase="PRE_RELEASE", t_s=730.0, reason="stale video")
-    over = words_of(late)
+    over = trial.words(late)
     assert over.live.endswith("of 2:00.0: over, end it with q")
     assert len(over.live) <= COLUMNS
     assert over.plain.endswith("last stop: stale video")
 
 
 def test_the_window_of_a_trial_is_told_who_does_it_and_its_time_and_no_more() -> None:
-    words_of = TrialWords(TRIAL, 120.0)
+    trial = LiveTrial(TRIAL, 120.0, Marked())
     ready = replace(SNAPSHOT, arming="ready", t_s=5.0)
-    told = words_of.facts_of(ready)
+    told = trial.facts_of(ready)
     assert (told.participant, told.passed_s, told.limit_s) == (TRIAL.participant, None, 120.0)
     assert not REVEALING.search(" ".join(trial_texts(told)))
-    words_of.facts_of(replace(SNAPSHOT, arming="engaged", t_s=10.0))
-    assert words_of.facts_of(replace(ready, t_s=31.5)).passed_s == 21.5
+    trial.facts_of(replace(SNAPSHOT, arming="engaged", t_s=10.0))
+    assert trial.facts_of(replace(ready, t_s=31.5)).passed_s == 21.5

@@ -294,9 +294,9 @@ class Application:
         while self._kept:
             os.close(self._kept.pop())
 
-    def ends(self) -> tuple[int, str]:
+    def ends(self, within_s: float = PATIENCE_S) -> tuple[int, str]:
         """Exit code and words on stderr, once it has ended."""
-        code = self.process.wait(PATIENCE_S)
+        code = self.process.wait(within_s)
         assert self.process.stderr is not None
         return code, self.process.stderr.read()
 

@@ -85,7 +85,12 @@ class HandSide:
     """The operator's side in this process, with `hand` in place of the operator; a context."""
 
     def __init__(
-        self, out: Path, port: int, key: Path | None = None, seconds: float | None = None
+        self,
+        out: Path,
+        port: int,
+        key: Path | None = None,
+        seconds: float | None = None,
+        headless: bool = True,
     ) -> None:
         """`port`: where it calls, on loopback. `seconds`: after which it ends."""
         out.mkdir()
@@ -94,7 +99,7 @@ class HandSide:
         config = load_config(
             overrides={
                 "rig.enabled": True,
-                "headless": True,
+                "headless": headless,
                 "seconds": seconds,
                 "control.realtime_priority": 0,
                 "recording.directory": str(out),
@@ -123,8 +128,9 @@ class HandSide:
 
     @property
     def state(self) -> StateMessage | None:
-        """What the robot's side told last."""
-        return self.session._link.state
+        """What the robot's side told last; None before it has."""
+        link = getattr(self.session, "_link", None)  # there from the start's middle on
+        return None if link is None else link.state
 
     @property
     def arming(self) -> str:

@@ -40,6 +40,14 @@ def test_a_failure_stops_the_arm_before_it_is_told(
     assert session.ended.is_set()
 
 
+@pytest.mark.parametrize(("hand", "limited"), [("sim", True), ("keyboard", False)])
+def test_a_person_who_tries_the_rig_has_no_time_limit(
+    tmp_path: Path, hand: str, limited: bool
+) -> None:
+    config = load_config(None, {"controller.device": hand})
+    assert Session(config, VirtualClock(), tmp_path)._trial_is_limited() is limited
+
+
 def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,7 @@ import pytest
 from tams_app.errors import ConfigError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
+from tams_app.study.marks import Marks
 from tams_app.study.plan import AttemptState, PlannedTrial, Verdict
 from tams_app.study.runner import TrialRunner
 from tests.study.experimenter import Experimenter
@@ -31,9 +32,9 @@ def sit(
     person: Experimenter,
     runner: TrialRunner = RUNNER,
     participant: str | None = None,
-    measured: Callable[[Path], float | None] = lambda _: 31.5,
+    found: Callable[[Path], Marks] = lambda _: Marks(31.5),
 ) -> int:
-    return GuidedRun(study, runner, person, measured).run(participant)
+    return GuidedRun(study, runner, person, found).run(participant)
 
 
 def hardware_study(path: Path, participants: int = 1, **more: object) -> StudyFolder:

@@ -117,6 +117,17 @@ def test_the_trial_ends_at_the_limit_without_a_placement():
     assert trial.outcome().reason == "not placed in time"
 
 
+def test_without_a_limit_a_trial_goes_on_until_the_block_is_placed():
+    trial = judge()
+    trial.engaged(0)
+    assert not trial.step(500 * S, truth(500, ON_TABLE), False, limited=False)
+    for t_s, block, closed, *speed in CARRY + PLACE:
+        at_s = t_s + 500
+        ended = trial.step(round(at_s * S), truth(at_s, block, *speed), closed, limited=False)
+    assert ended
+    assert (trial.outcome().completed, trial.outcome().success) == (True, True)
+
+
 def test_the_clock_starts_at_the_first_engagement_and_only_there():
     trial = judge()
     assert not trial.step(500 * S, truth(500, ON_TABLE), False)

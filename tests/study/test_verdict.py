@@ -11,7 +11,15 @@ from tams_app.config import TrialConfig
 from tams_app.recording import SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import PacketRecord, Phase, PhaseChange
-from tams_app.study.guided import ask_verdict, completion_time_s, measured_time_s
+from tams_app.study.guided import ask_verdict
+from tams_app.study.marks import (
+    DROPS_FACT,
+    PLACED_FACT,
+    Marks,
+    completion_time_s,
+    marks_in,
+    marks_of,
+)
 from tams_app.study.plan import Verdict
 from tams_app.units import NS_PER_S
 from tests.study.experimenter import Experimenter
@@ -20,10 +28,12 @@ from tests.synthetic_session import START_NS, header, live_records, tick
 pytestmark = pytest.mark.untimed
 
 
-def judged(*answers: str, measured_s: float | None = 40.0) -> tuple[Verdict, list[str]]:
+def judged(
+    *answers: str, measured_s: float | None = 40.0, marks: Marks | None = None
+) -> tuple[Verdict, list[str]]:
     """The verdict from these answers, each of which is used, and what was said meanwhile."""
     person = Experimenter(*answers)
-    verdict = ask_verdict(person, TrialConfig(), measured_s)
+    verdict = ask_verdict(person, TrialConfig(), marks or Marks(measured_s))
     assert not person.answers
     return verdict, person.said
 
@@ -62,6 +72,34 @@ def test_a_measured_time_that_is_wrong_or_beyond_the_limit_is_replaced() -> None
     assert judged("y", "0", "60", "y", measured_s=130.0)[0].completion_time_s == 60
 
 
+def test_what_was_marked_in_the_trial_needs_only_enter() -> None:
+    marks = Marks(40.0, drops=2, placed=True)
+    verdict, _ = judged("", "", "y", "y", marks=marks)
+    assert verdict == Verdict(completed=True, success=True, drops=2, completion_time_s=40.0)
+    verdict, _ = judged("n", "1", marks=marks)
+    assert verdict == Verdict(completed=False, success=False, drops=1)
+
+
+def test_what_was_not_marked_has_to_be_answered() -> None:
+    verdict, said = judged("", "y", "", "0", "y", "y")
+    assert (verdict.drops, len(said)) == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("facts", "drops", "placed"),
+    [
+        ({}, None, False),
+        ({DROPS_FACT: "0"}, 0, False),
+        ({DROPS_FACT: "3", PLACED_FACT: "yes"}, 3, True),
+        ({DROPS_FACT: "many"}, None, False),
+    ],
+)
+def test_marks_are_facts_of_the_log(facts: dict[str, str], drops: int | None, placed: bool) -> None:
+    record = log(2.0, (9.0,))
+    record.facts.update(facts)
+    assert marks_of(record) == Marks(completion_time_s(record), drops, placed)
+
+
 def log(engaged_s: float | None, opened_s: tuple[float, ...]) -> SessionLog:
     record = SessionLog(header(), START_NS)
     for number in range(0, 1200, 12):
@@ -98,6 +136,6 @@ def write_log(path: Path) -> None:
 
 
 def test_the_time_is_measured_from_the_log_where_there_is_one(tmp_path: Path) -> None:
-    assert measured_time_s(tmp_path) is None
+    assert marks_in(tmp_path) == Marks()
     write_log(tmp_path / "session.mcap")
-    assert measured_time_s(tmp_path) is None  # the arm was never engaged in that session
+    assert marks_in(tmp_path) == Marks()  # the arm was never engaged in that session

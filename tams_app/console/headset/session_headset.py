@@ -6,7 +6,7 @@ from typing import Any
 
 from tams_app.config import Config
 from tams_app.console.window.client import Face
-from tams_app.console.window.session_face import FacedSession, SessionFace, TrialOf
+from tams_app.console.window.session_face import FacedSession, SessionFace, ShownTrial
 
 HEADSET = Face(
     "headset",
@@ -18,8 +18,8 @@ HEADSET = Face(
 class SessionHeadset(SessionFace):
     """The views in the operator's headset."""
 
-    def __init__(self, session: FacedSession, trial_of: TrialOf | None = None) -> None:
-        super().__init__(session, HEADSET, trial_of)
+    def __init__(self, session: FacedSession, trial: ShownTrial | None = None) -> None:
+        super().__init__(session, HEADSET, trial)
 
     def _specification(self) -> dict[str, Any]:
         return {"headset": self._session.config.headset.model_dump()}

@@ -10,8 +10,9 @@ import numpy as np
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import Note, PacketKind
-from tams_app.session.status import WINDOW_NS, StatusSnapshot, ViewStatus, pressed_buttons
-from tams_app.summary.tables import FrameTable, Integers, PacketTable
+from tams_app.session.status import StatusSnapshot, ViewStatus, finite, pressed_buttons
+from tams_app.session.uplink_meter import WINDOW_NS
+from tams_app.summary.tables import FrameTable, Integers, PacketTable, known_packets
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -30,7 +31,7 @@ class Moments:
         self._capacity_ns = _times([one.t_ns for one in log.capacities])
         self._rates_ns = _times([one.t_ns for one in log.rates])
         self._frames = {view: FrameTable.of(log, view) for view in self._views}
-        packets = PacketTable.of(log, sorted(log.packets, key=lambda one: one.entered_ns))
+        packets = PacketTable.of(log, sorted(known_packets(log), key=lambda one: one.entered_ns))
         self._packets = packets
         self._weights = WeightMatrix(log.header.weights) if log.header.weights else None
         self._reasons = _reasons(log)
@@ -66,12 +67,12 @@ class Moments:
                 for place, view in enumerate(self._views)
             },
             link_kbps=_kbps(self._packets.size_bytes[recent]),
-            capacity_kbps=None if capacity is None else capacity.capacity_kbps,
+            capacity_kbps=None if capacity is None else finite(capacity.capacity_kbps),
             queue_ms=self._queue_ms(recent),
             asked_fps=log.header.fps if rates is None else rates.asked_fps,
             primary_view=primary or "",
             budget_kbps=None if allocation is None else allocation.budget_kbps,
-            estimate_kbps=None if allocation is None else allocation.capacity_kbps,
+            estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
             loss=self._loss(recent),
         )
 

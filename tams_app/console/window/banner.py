@@ -62,9 +62,16 @@ def look_of(arming: str) -> Look:
     return LOOKS.get(arming, _OTHER)
 
 
-def banner_of(facts: Facts, replay: bool = False) -> Banner:
-    """The state, why the arm does not move, and the key that helps; of a replay that it is one."""
+def banner_of(facts: Facts, replay: bool = False, hand: str = "") -> Banner:
+    """The state, why the arm does not move, and the key that helps; of a replay that it is one.
+
+    hand: what the operator holds (`ControllerConfig.device`).
+    """
     look = look_of(facts.arming)
+    if hand == "keyboard" and not replay:
+        banner = banner_of(facts)
+        keys = " with W A S D R F · F1: all keys" if facts.arming == "ready" else ""
+        return Banner(look, _by_keys(banner.sentence), _by_keys(banner.key) + keys)
     if replay:
         banner = banner_of(facts)
         return Banner(
@@ -80,6 +87,10 @@ def banner_of(facts: Facts, replay: bool = False) -> Banner:
     if facts.reason and facts.arming in ("ready", "engaged", "disarmed"):
         sentence = f"{sentence} Last stop: {facts.reason}."
     return Banner(look, sentence, key)
+
+
+def _by_keys(text: str) -> str:
+    return text.replace("the trigger", "Shift")
 
 
 def _told(facts: Facts) -> str:

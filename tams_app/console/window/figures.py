@@ -54,7 +54,8 @@ def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
         time = f"{minutes(trial.passed_s)} of {limit}"
     else:
         time = f"The time is over ({limit}): Q ends the trial"
-    return trial.participant, trial.title, time, "Q ends it when the block is placed"
+    drops = f"Drops: {trial.drops} (X: more, Backspace: less)"
+    return trial.participant, trial.title, time, drops, "P ends it when the block is placed"
 
 
 def minutes(t_s: float) -> str:
@@ -82,5 +83,5 @@ def view_title(name: str, view: ViewFacts | None, is_primary: bool, opening: Ope
 def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
     if tcp_mm is None:
         return "not known"
-    x, y, z = tcp_mm
-    return f"{x:.0f}, {y:.0f}, {z:.0f} mm"
+    x, y, z = (round(part) for part in tcp_mm)  # whole numbers, of which 0 has no sign
+    return f"{x}, {y}, {z} mm"

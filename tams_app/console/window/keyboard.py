@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tams_app.console.terminal import REPEAT_NS
-from tams_app.console.window.messages import Wish
+from tams_app.console.wishes import Wish
 
 WISHES = {
     "Return": Wish.CONFIRM,
@@ -11,6 +11,9 @@ WISHES = {
     "space": Wish.EMERGENCY_STOP,
     "Escape": Wish.EMERGENCY_STOP,
     "q": Wish.QUIT,
+    "x": Wish.DROP,
+    "BackSpace": Wish.NO_DROP,
+    "p": Wish.PLACED,
 }
 _WINDOW_HELP = (
     ("Space, Esc", "emergency stop; also the red button"),
@@ -18,6 +21,10 @@ _WINDOW_HELP = (
     ("Q", "end the session; the arm stops first"),
     ("F1", "show or hide this list"),
     ("F11", "whole screen, or a window again"),
+)
+_TRIAL_HELP = (
+    ("P", "the block is placed: end the trial"),
+    ("X / Backspace", "count a drop / one drop less"),
 )
 _CONTROLLER_HELP = (
     ("trigger", "deadman: the arm moves only while it is held"),
@@ -44,11 +51,12 @@ _REPLAY_HELP = (
 )
 
 
-def key_help(hand: str, replay: bool = False) -> tuple[tuple[str, str], ...]:
+def key_help(hand: str, replay: bool = False, trial: bool = False) -> tuple[tuple[str, str], ...]:
     """All keys with what they do, for what the operator holds (`ControllerConfig.device`)."""
     if replay:
         return _REPLAY_HELP
-    return _WINDOW_HELP + (_KEYBOARD_HELP if hand == "keyboard" else _CONTROLLER_HELP)
+    of_trial = _TRIAL_HELP if trial else ()
+    return _WINDOW_HELP + of_trial + (_KEYBOARD_HELP if hand == "keyboard" else _CONTROLLER_HELP)
 
 
 class Keyboard:

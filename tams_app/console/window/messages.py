@@ -6,10 +6,11 @@ over a socket, each whole in one packet. Stamps are of the monotonic clock of th
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import TypeAlias
 
 import msgspec
+
+from tams_app.console.wishes import Wish
 
 BEAT_S = 0.02  # a face tells of itself at least so often
 LONGEST = 4096  # bytes of an `Opening` or an `Event`
@@ -60,6 +61,7 @@ class TrialFacts(msgspec.Struct, frozen=True):
     title: str
     passed_s: float | None  # None: not begun
     limit_s: float
+    drops: int = 0  # that were counted
 
 
 class Said(msgspec.Struct, frozen=True):
@@ -95,15 +97,6 @@ class Facts(msgspec.Struct, frozen=True):
     asked_fps: float | None = None
     trial: TrialFacts | None = None
     said: tuple[Said, ...] = ()
-
-
-class Wish(StrEnum):
-    """What the operator asks for by key, by button, or by closing the window."""
-
-    CONFIRM = "confirm"
-    EMERGENCY_STOP = "emergency stop"
-    QUIT = "quit"
-    CLOSE = "close"
 
 
 class Asked(msgspec.Struct, frozen=True, tag="asked"):

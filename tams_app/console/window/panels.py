@@ -97,7 +97,7 @@ class TrialPanel:
         )
         card = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
         card.add_css_class("trial")
-        self._labels = [_label("who"), _label(""), _label(""), _label("")]
+        self._labels = [_label("who"), *(_label("") for _ in range(4))]
         for label in self._labels:
             card.append(label)
         self.widget.append(card)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,6 +12,7 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.console.window.client import Face, FaceClient
 from tams_app.console.window.messages import Event, Facts, Gone, Said, TrialFacts, ViewFacts
+from tams_app.console.wishes import Action, AskedSession, Wish
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.status import StatusSnapshot, ViewStatus
@@ -25,26 +26,13 @@ OPENING_NS = 10 * NS_PER_S  # until it tells the first time
 _SAID, _LONGEST_SENTENCE = 3, 500
 
 
-class Signals(Protocol):
-    """What the operator asks for by key."""
-
-    def confirm(self) -> None: ...
-
-    def estop(self) -> None: ...
-
-
-class FacedSession(Protocol):
+class FacedSession(AskedSession, Protocol):
     """What a face needs of a session."""
 
     config: Config
     folder: Path
     screen: FrameBlock
     keyboard: KeyboardController | None
-
-    @property
-    def signals(self) -> Signals: ...
-
-    def end(self, reason: str) -> None: ...
 
     def fail(self, sentence: str) -> None: ...
 
@@ -55,7 +43,15 @@ class FacedSession(Protocol):
     def snapshot(self) -> StatusSnapshot: ...
 
 
-TrialOf = Callable[[StatusSnapshot], TrialFacts]
+class ShownTrial(Protocol):
+    """A trial of a study, of whose session nothing else may be told."""
+
+    @property
+    def actions(self) -> Mapping[Wish, Action]:
+        """For wishes that are for a trial only."""
+
+    def facts_of(self, snapshot: StatusSnapshot) -> TrialFacts:
+        """The trial as it stands."""
 
 
 class SessionFace:
@@ -67,9 +63,8 @@ class SessionFace:
 
     is_replay = False
 
-    def __init__(self, session: FacedSession, face: Face, trial_of: TrialOf | None = None) -> None:
-        """`trial_of`: the trial as it stands, where nothing else may be told of the session."""
-        self._session, self._trial_of = session, trial_of
+    def __init__(self, session: FacedSession, face: Face, trial: ShownTrial | None = None) -> None:
+        self._session, self._trial = session, trial
         self._clock = MonotonicClock()
         self._client = FaceClient(self._clock, face)
         self._name = face.name
@@ -90,9 +85,7 @@ class SessionFace:
     def open(self) -> None:
         """Show it, once the session has started."""
         session = self._session
-        self._client.open(
-            session.config, session.screen, self._trial_of is not None, self.is_replay
-        )
+        self._client.open(session.config, session.screen, self._trial is not None, self.is_replay)
         self._opened_ns = self._clock.now_ns()
         worker = Worker(self._name, self._client.body(self._on_event), self._on_failure)
         self._stack.callback(worker.stop)
@@ -145,7 +138,7 @@ class SessionFace:
         self._silent = silent
 
     def _facts(self, snapshot: StatusSnapshot) -> Facts:
-        trial = None if self._trial_of is None else self._trial_of(snapshot)
+        trial = None if self._trial is None else self._trial.facts_of(snapshot)
         return facts_of(snapshot, tuple(self._said), trial)
 
     def _on_event(self, event: Event) -> None:

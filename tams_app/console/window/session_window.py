@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys
 from tams_app.console.window.client import WINDOW
-from tams_app.console.window.messages import Asked, Event, Keys, Wish
-from tams_app.console.window.session_face import FacedSession, SessionFace, TrialOf
+from tams_app.console.window.messages import Asked, Event, Keys
+from tams_app.console.window.session_face import FacedSession, SessionFace, ShownTrial
+from tams_app.console.wishes import actions_of
 
 _HAND_KEYS = {"Shift_L": DEADMAN, "Shift_R": DEADMAN}
 
@@ -18,19 +19,21 @@ class SessionWindow(SessionFace):
     def __init__(
         self,
         session: FacedSession,
-        trial_of: TrialOf | None = None,
+        trial: ShownTrial | None = None,
         replay_keys: Callable[[Keys], None] | None = None,
     ) -> None:
         """`replay_keys`: the session is a replay, and this hears of all keys that are down, in a
         thread of the window's.
         """
-        super().__init__(session, WINDOW, trial_of)
+        super().__init__(session, WINDOW, trial)
+        self._actions = actions_of(session, trial.actions) if trial else actions_of(session)
         self._replay_keys = replay_keys
         self.is_replay = replay_keys is not None
 
     def _on_event(self, event: Event) -> None:
         if isinstance(event, Asked):
-            self._act(event.wish)
+            if action := self._actions.get(event.wish):
+                action()
         elif isinstance(event, Keys):
             if self._replay_keys is not None:
                 self._replay_keys(event)
@@ -38,15 +41,6 @@ class SessionWindow(SessionFace):
                 self._session.keyboard.feed(held_keys(event))
         else:
             super()._on_event(event)
-
-    def _act(self, wish: Wish) -> None:
-        actions: dict[Wish, Callable[[], None]] = {
-            Wish.CONFIRM: self._session.signals.confirm,
-            Wish.EMERGENCY_STOP: self._session.signals.estop,
-            Wish.QUIT: lambda: self._session.end("ended by the operator"),
-            Wish.CLOSE: lambda: self._session.end("the operator closed the window"),
-        }
-        actions[wish]()
 
 
 def held_keys(event: Keys) -> HeldKeys:

@@ -11,7 +11,7 @@ from tams_app.console.window.facts_memory import FactsReader
 from tams_app.console.window.figures import view_title
 from tams_app.console.window.history import History
 from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
-from tams_app.console.window.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Wish
+from tams_app.console.window.messages import BEAT_S, Asked, Event, Facts, Keys, Opening
 from tams_app.console.window.pacing import Pacer
 from tams_app.console.window.panels import (
     BannerPanel,
@@ -25,6 +25,7 @@ from tams_app.console.window.places import Places
 from tams_app.console.window.size_memory import Size
 from tams_app.console.window.style import DESIGN_HEIGHT, state_class, style_sheet, view_class
 from tams_app.console.window.toolkit import load
+from tams_app.console.wishes import Wish
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 from tams_app.video.frame_ring import FrameReader
@@ -58,7 +59,7 @@ class OperatorWindow:
         self._tell = tell
         self._clock = clock
         self._keyboard = Keyboard()
-        self._key_help = key_help(opening.hand, opening.replay)
+        self._key_help = key_help(opening.hand, opening.replay, opening.blind)
         self._places = Places(opening.views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self._history = History()
@@ -218,7 +219,7 @@ class OperatorWindow:
     def _take_in(self, facts: Facts, now_ns: int) -> None:
         self._facts = facts
         self._history.add(facts)
-        self._banner.show(banner_of(facts, self._opening.replay))
+        self._banner.show(banner_of(facts, self._opening.replay, self._opening.hand))
         if facts.arming != self._state:
             if self._state:
                 self._frame.remove_css_class(state_class(self._state))

@@ -18,8 +18,7 @@ from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
-from tams_app.policy.weights import WeightMatrix
-from tams_app.records import OperatorGlance, Phase, ShownFrame
+from tams_app.records import OperatorGlance, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
@@ -28,7 +27,7 @@ from tams_app.runtime.worker import Worker
 from tams_app.session.ending import Ending
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.rig_operator import RigOperator
-from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
+from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus, pressed_buttons
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
 from tams_app.session.two_sided.welcome import follow, welcome_of
@@ -67,7 +66,6 @@ class OperatorSession(Ending):
         self._endpoint = endpoint
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
-        self._weights = WeightMatrix(config.policy.weights.matrix)
         self._video: OperatorVideo | None = None
         self._welcome: Welcome | None = None
         self._silent = self._busy = False
@@ -260,43 +258,41 @@ class OperatorSession(Ending):
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
         state, video, now_ns = self._link.state, self._video, self._clock.now_ns()
-        targets: tuple[float | None, ...] = (None,) * len(self.config.video.views)
-        if state is not None:
-            targets = state.target_kbps
+        unknown: tuple[float | None, ...] = (None,) * len(self.config.video.views)
+        targets, sent = (
+            (unknown, unknown) if state is None else (state.target_kbps, state.sent_kbps)
+        )
         views = {
             view: ViewStatus(
                 target_kbps=target,
-                sent_kbps=None,
+                sent_kbps=sent_kbps,
                 shown_age_ms=self._age_ms(view),
                 given_fps=None if video is None else video.shown_fps(view),
                 latency_ms=self._latency_ms(view),
             )
-            for view, target in zip(self.config.video.views, targets, strict=False)
+            for view, target, sent_kbps in zip(self.config.video.views, targets, sent, strict=False)
         }
         lost = state is None or now_ns - self._link.state_heard_ns > _SILENT_NS
         return StatusSnapshot(
             t_s=self.elapsed_s(),
             arming="link lost" if lost or state is None else state.arming,
             deadman=state is not None and state.deadman,
-            pressed=(),
+            pressed=pressed_buttons(self._link.sample),
             orientation_mode=state is not None and state.orientation_mode,
             phase="" if state is None else state.phase,
             reason="" if state is None else state.reason,
             tcp_mm=None if state is None else state.tcp_mm,
             gripper_closed=None if state is None else state.gripper_closed,
             views=views,
-            link_kbps=None,
+            link_kbps=None if state is None else state.link_kbps,
             capacity_kbps=None if state is None else state.capacity_kbps,
-            queue_ms=None,
+            queue_ms=None if state is None else state.queue_ms,
             asked_fps=self.config.video.fps,
-            primary_view=self._primary_view("" if state is None else state.phase),
+            primary_view="" if state is None else state.primary_view,
+            budget_kbps=None if state is None else state.budget_kbps,
             estimate_kbps=None if state is None else state.capacity_kbps,
+            loss=None if state is None else state.loss,
         )
-
-    def _primary_view(self, phase: str) -> str:
-        """By this computer's weights: the robot's side does not tell its own."""
-        known = {one.value: one for one in Phase}
-        return self._weights.primary_view(known[phase]) if phase in known else ""
 
     def stop_arm(self) -> None:
         """Let go: the robot's side hears of a controller that is put down, and stops the arm."""

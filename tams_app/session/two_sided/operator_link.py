@@ -56,7 +56,8 @@ class Requests:
 class OperatorLink:
     """Uses a gateway that has been answered; all but `event` is for the hand's thread.
 
-    `run` is that thread's body. `state`: what the robot's side told last, None before it.
+    `run` is that thread's body. `state`: what the robot's side told last, None before it. `sample`:
+    what was sent last.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class OperatorLink:
         self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
         self.controller: Controller | None = None  # once it is started
         self.state: StateMessage | None = None
+        self.sample = _AWAY
         self.state_heard_ns = 0
         self._session = 0
         self._identity, self._simulated = identity, simulated
@@ -111,8 +113,8 @@ class OperatorLink:
             self._take(received)
         now_ns = self._clock.now_ns()
         controller = self.controller
-        sample = _AWAY if controller is None else controller.sample(now_ns)
-        self._gateway.send(encode(self._hand(sample)))
+        self.sample = _AWAY if controller is None else controller.sample(now_ns)
+        self._gateway.send(encode(self._hand(self.sample)))
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))

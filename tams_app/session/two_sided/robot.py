@@ -60,7 +60,9 @@ class RobotSession(Session):
         def gateway(welcome: bytes) -> Gateway:
             return Gateway("robot", self._endpoint, welcome, helper_logs)
 
-        self.link = link = RobotLink(self.config, self._clock, self.signals, self._log, gateway)
+        self.link = link = RobotLink(
+            self.config, self._clock, self.signals, self._log, gateway, self.board.uplink
+        )
         self._stack.callback(link.close)
         return RobotVideo(
             self.config,
@@ -80,6 +82,9 @@ class RobotSession(Session):
             raise HelperError("the link is not open")
         self._helpers["link"] = self.link.process
         return self.link.controller
+
+    def _trial_is_limited(self) -> bool:
+        return self.link is None or self.link.operator_is_simulated
 
     def _listeners(self) -> tuple[Listener, ...]:
         return () if self.link is None else (self.link,)

@@ -25,12 +25,16 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
+from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, ArmState, HandHeard, Haptic, LinkHealth, Tick
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals, describe
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
+from tams_app.session.status import finite
+from tams_app.session.two_sided.welcome import workspace_of
+from tams_app.session.uplink_meter import UplinkFigures
 from tams_app.summary.joined import SESSION_FACT
 from tams_app.teleop.records import TeleopOutput
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -57,8 +61,12 @@ class RobotLink(Listener):
         signals: Signals,
         log: SessionRecords,
         make_gateway: Callable[[bytes], Gateway],
+        uplink: Callable[[int], UplinkFigures],
     ) -> None:
-        """`make_gateway`: of what an operator is told when they connect."""
+        """`make_gateway`: of what an operator is told when they connect.
+
+        `uplink`: what it carries at a time, asked for in the policy's thread.
+        """
         self._config, self._clock, self._signals, self._log = config, clock, signals, log
         self._make_gateway = make_gateway
         self._gateway: Gateway | None = None
@@ -74,6 +82,9 @@ class RobotLink(Listener):
         self._shown: dict[str, int | None] = dict.fromkeys(self._views)
         self._confirms = self._stops = 0
         self._offset = OffsetEstimate()
+        self._weights = WeightMatrix(config.policy.weights.matrix)
+        self._uplink = uplink
+        self._figures = UplinkFigures(dict.fromkeys(self._views))
         self._allocation: Allocation | None = None
         self._output: TeleopOutput | None = None
         self._haptics, self._haptic = 0, ""
@@ -111,6 +122,7 @@ class RobotLink(Listener):
             video=config.video.model_dump(mode="json"),
             repair=asdict(rule),
             hand_rotation=config.hand.rotation,
+            workspace=workspace_of(config),
         )
         self._gateway = gateway = self._make_gateway(encode(welcome))
         gateway.launch()
@@ -155,6 +167,11 @@ class RobotLink(Listener):
         """End the gateway; may be called twice."""
         if self._gateway is not None:
             self._gateway.close()
+
+    @property
+    def operator_is_simulated(self) -> bool:
+        """Whether no person holds the controller, as far as is known."""
+        return self._message is None or self._message.simulated
 
     # --- from the operator ----------------------------------------------------------------------
 
@@ -234,6 +251,7 @@ class RobotLink(Listener):
         self._haptic = haptic.value
 
     def on_allocation(self, allocation: Allocation) -> None:
+        self._figures = self._uplink(self._clock.now_ns())
         self._allocation = allocation
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
@@ -252,6 +270,7 @@ class RobotLink(Listener):
     def _state_now(self, tick: Tick) -> StateMessage:
         sent_ns = self._clock.now_ns()
         message, allocation, arm = self._message, self._allocation, tick.arm
+        figures = self._figures
         targets: Mapping[str, float] = {} if allocation is None else allocation.target_kbps
         ages = [self._video_age_ns(view, sent_ns) for view in self._views]
         noted, notes = self._notes
@@ -266,10 +285,16 @@ class RobotLink(Listener):
             deadman=tick.deadman,
             orientation_mode=tick.orientation_mode,
             phase=tick.phase.value,
+            primary_view=self._weights.primary_view(tick.phase),
             tcp_mm=None if arm is None else (x, y, z),
             gripper_closed=None if arm is None else arm.gripper_closed,
             target_kbps=tuple(float(targets.get(view, 0.0)) for view in self._views),
-            capacity_kbps=None if allocation is None else float(allocation.capacity_kbps),
+            sent_kbps=tuple(figures.sent_kbps[view] for view in self._views),
+            budget_kbps=None if allocation is None else finite(allocation.budget_kbps),
+            capacity_kbps=None if allocation is None else finite(allocation.capacity_kbps),
+            link_kbps=figures.link_kbps,
+            queue_ms=figures.queue_ms,
+            loss=figures.loss,
             video_age_ms=tuple(None if age is None else age / NS_PER_MS for age in ages),
             first_capture_ns=tuple(map(self._first_capture_ns, self._views)),
             haptics=self._haptics,

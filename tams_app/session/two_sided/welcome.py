@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from tams_app import __version__
-from tams_app.config import Config, VideoConfig
+from tams_app.config import Config, LimitsConfig, VideoConfig
 from tams_app.errors import ConfigError, TamsError
 from tams_app.link.gateway import LinkEvent
 from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
+
+Part = TypeVar("Part", VideoConfig, LimitsConfig)
+_WORKSPACE = {"box_min_mm", "box_max_mm", "radius_min_mm", "radius_max_mm", "floor_mm"}
 
 
 def welcome_of(event: LinkEvent) -> Welcome | None:
@@ -43,11 +48,13 @@ def follow(welcome: Welcome, ours: Config) -> Config:
             f"{', '.join(ours.video.views)}: give both the same"
         )
     hand = ours.hand.model_copy(update={"rotation": welcome.hand_rotation})
+    limits = understood(LimitsConfig, {**ours.limits.model_dump(), **welcome.workspace})
     update = {
         "strategy": welcome.strategy,
         "network": welcome.network,
         "video": video,
         "hand": hand,
+        "limits": limits,
     }
     return ours.model_copy(update=update)
 
@@ -55,10 +62,20 @@ def follow(welcome: Welcome, ours: Config) -> Config:
 def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
     """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
     video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264"}
+    return understood(VideoConfig, {**video, "decoder": ours.video.decoder})
+
+
+def workspace_of(config: Config) -> dict[str, object]:
+    """`Welcome.workspace`."""
+    return config.limits.model_dump(mode="json", include=_WORKSPACE)
+
+
+def understood(kind: type[Part], values: dict[str, object]) -> Part:
+    """A section of the configuration as the robot's side told it; TamsError if it is none here."""
     try:
-        return VideoConfig.model_validate({**video, "decoder": ours.video.decoder})
+        return kind.model_validate(values)
     except ValueError as error:
         raise TamsError(
-            "the robot's side sends video that this version of TAMS cannot show: "
+            "the robot's side has a configuration that this version of TAMS does not know: "
             "install the same version on both computers"
         ) from error

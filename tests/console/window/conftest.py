@@ -10,7 +10,8 @@ import pytest
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console.window.client import WINDOW, FaceClient
-from tams_app.console.window.messages import Asked, Event, Facts, Wish
+from tams_app.console.window.messages import Asked, Event, Facts
+from tams_app.console.wishes import Wish
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout

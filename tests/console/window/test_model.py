@@ -20,9 +20,10 @@ from tams_app.console.window.figures import (
 )
 from tams_app.console.window.history import SPAN_S, History, Stretch
 from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
-from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts, Wish
+from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts
 from tams_app.console.window.places import STAYS_NS, Places
 from tams_app.console.window.style import state_class, style_sheet
+from tams_app.console.wishes import Wish
 from tams_app.teleop.safety import ArmingState
 from tests.console.window.facts import FACTS, OPENING
 
@@ -30,6 +31,17 @@ pytestmark = pytest.mark.untimed
 
 
 # --- banner ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arming", ["disarmed", "ready", "engaged", "holding", "fault"])
+def test_at_the_keyboard_the_banner_speaks_of_its_keys(arming: str) -> None:
+    facts = msgspec.structs.replace(
+        FACTS, arming=arming, reason="arm reply late", advice="Wait, then release the trigger."
+    )
+    told = banner_of(facts, hand="keyboard")
+    assert "trigger" not in f"{told.sentence} {told.key}"
+    assert "Shift" in f"{told.sentence} {told.key}"
+    assert "Shift" not in banner_of(facts, hand="openvr").key
 
 
 def test_every_state_of_the_arming_table_has_a_look() -> None:
@@ -176,6 +188,8 @@ def test_a_trial_s_card_counts_its_time() -> None:
     assert trial_texts(begun)[2] == "1:11 of 2:00"
     over = msgspec.structs.replace(trial, passed_s=120.0)
     assert trial_texts(over)[2] == "The time is over (2:00): Q ends the trial"
+    dropped = msgspec.structs.replace(trial, drops=2)
+    assert trial_texts(dropped)[3].startswith("Drops: 2 ")
 
 
 # --- places ---------------------------------------------------------------------------------------
@@ -262,7 +276,7 @@ def test_an_emergency_stop_counts_even_where_it_may_be_a_repeat() -> None:
     assert wish_of("Return", is_new=True) is Wish.CONFIRM
     assert wish_of("q", is_new=False) is None
     assert wish_of("q", is_new=True) is Wish.QUIT
-    assert wish_of("x", is_new=True) is None
+    assert wish_of("z", is_new=True) is None
 
 
 # --- the last minute ------------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from rich.console import Console
 from tams_app.console import app
 from tams_app.console.window.messages import TrialFacts, ViewFacts
 from tams_app.console.window.session_face import facts_of
+from tams_app.console.wishes import Wish
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.units import NS_PER_MS
@@ -50,6 +51,39 @@ def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, tmp_path: Path) 
     assert session.reason == "ended by the operator"
     assert session.failure == ""
     assert session.done == ["confirm", "estop", "arm stopped, window open"]
+
+
+class CountedTrial:
+    """A trial that notes what is asked of it."""
+
+    def __init__(self, session: PlayedSession) -> None:
+        done = session.done
+        self.actions = {
+            wish: lambda wish=wish: done.append(str(wish))
+            for wish in (Wish.DROP, Wish.NO_DROP, Wish.PLACED)
+        }
+
+    def facts_of(self, _snapshot: object) -> TrialFacts:
+        return TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
+
+
+def test_drops_are_counted_in_a_trial_and_its_end_is_marked_and_elsewhere_those_keys_do_nothing(
+    screen: Screen, tmp_path: Path
+) -> None:
+    def press() -> None:
+        screen.focus("TAMS")
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("key", "x", "key", "x", "key", "BackSpace", "key", "p", "key", "q")
+
+    found = []
+    for name in ("other", "trial"):
+        session = PlayedSession(tmp_path / name)
+        session.folder.mkdir()
+        session.do = press
+        trial = CountedTrial(session) if name == "trial" else None
+        app.show_session(session, Console(quiet=True), trial=trial)
+        found.append([one for one in session.done if not one.startswith("arm stopped")])
+    assert found == [[], ["a drop more", "a drop more", "a drop less", "placed"]]
 
 
 def test_keys_held_in_the_window_move_the_hand_until_they_go_up_or_the_window_stands_still(

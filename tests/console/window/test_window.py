@@ -6,73 +6,25 @@ import os
 import signal
 import time
 
-import cv2
 import msgspec
 import numpy as np
 import pytest
 
-from tams_app import palette
 from tams_app.console.window.banner import LOOKS
-from tams_app.console.window.messages import Keys, Wish
+from tams_app.console.window.messages import Keys
+from tams_app.console.wishes import Wish
 from tams_app.records import Image
 from tests.console.window.conftest import ShownWindow
 from tests.console.window.facts import FACTS
+from tests.console.window.photographs import SAME, banner_is, difference, width_of
 from tests.console.window.xvfb import wait_for
 
 pytestmark = pytest.mark.waiting
 
-_TITLE_PX = 28  # the view's name is written over the picture's upper edge
-_SAME = 8.0  # mean difference of grey levels, without what scaling adds or takes
-
-
-def bgr(colour: str) -> np.ndarray:
-    return np.array([round(255 * share) for share in palette.rgb(colour)][::-1], np.uint8)
-
-
-def is_colour(image: Image, colour: str) -> np.ndarray:
-    return (np.abs(image.astype(int) - bgr(colour)).max(axis=2) <= 2).astype(bool)
-
-
-def place_of(photograph: Image, view: str) -> tuple[slice, slice] | None:
-    """Rows and columns of the picture of `view`, found by the upper edge of its frame."""
-    colour = palette.view_colour(list(FACTS.views).index(view))
-    edge = is_colour(photograph, colour)
-    rows = np.flatnonzero(edge.sum(axis=1) > 200)
-    if len(rows) < 5:
-        return None
-    columns = np.flatnonzero(edge[rows[0]])
-    left, right = columns[0] + 2, columns[-1] - 1
-    below = np.flatnonzero(edge[rows[0] :, left - 2])
-    top = rows[0] + 5
-    run = np.flatnonzero(np.diff(below) > 1)
-    bottom = rows[0] + (below[run[0]] if len(run) else below[-1]) - 1
-    return slice(top, bottom), slice(left, right)
-
-
-def difference(photograph: Image, view: str, published: Image) -> float:
-    """Mean difference between the picture of `view` and what was published, below its name."""
-    place = place_of(photograph, view)
-    if place is None:
-        return 255.0
-    seen = photograph[place]
-    height, width = seen.shape[:2]
-    scale = min(width / published.shape[1], height / published.shape[0])
-    size = round(published.shape[1] * scale), round(published.shape[0] * scale)
-    expected = cv2.resize(published, size, interpolation=cv2.INTER_AREA)
-    y, x = (height - size[1]) // 2, (width - size[0]) // 2
-    inner = seen[y : y + size[1], x : x + size[0]]
-    coarse = [cv2.GaussianBlur(one, (0, 0), 2.0).astype(int) for one in (inner, expected)]
-    return float(np.abs(coarse[0] - coarse[1])[_TITLE_PX:].mean())
-
-
-def width_of(photograph: Image, view: str) -> int:
-    place = place_of(photograph, view)
-    return 0 if place is None else place[1].stop - place[1].start
-
 
 def all_are_shown(window: ShownWindow, published: dict[str, Image]) -> bool:
     photograph = window.screen.photograph()
-    return all(difference(photograph, view, image) < _SAME for view, image in published.items())
+    return all(difference(photograph, view, image) < SAME for view, image in published.items())
 
 
 @pytest.mark.parametrize("arming", ["ready", "engaged", "holding", "fault"])
@@ -86,14 +38,7 @@ def test_what_was_received_is_what_is_seen_and_banner_and_border_tell_the_state(
         msgspec.structs.replace(FACTS, arming=arming, reason="stale video", t_s=time.monotonic())
     )
     assert wait_for(lambda: all_are_shown(window, published))
-    colour = LOOKS[arming].colour
-
-    def banner_and_border() -> bool:
-        photograph = window.screen.photograph()
-        banner = is_colour(photograph[8:78, 300:1100], colour).mean()
-        return banner > 0.5 and bool(is_colour(photograph[100:700, :6], colour).mean() > 0.2)
-
-    assert wait_for(banner_and_border)
+    assert wait_for(lambda: banner_is(window.screen.photograph(), arming))
 
 
 def test_the_picture_changes_when_another_frame_comes(

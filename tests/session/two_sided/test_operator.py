@@ -42,6 +42,7 @@ def welcome(**changes: object) -> bytes:
         "video": config.video.model_dump(mode="json"),
         "repair": asdict(RepairRule(True, 60, 300.0)),
         "hand_rotation": config.hand.rotation,
+        "workspace": {},
     }
     return encode(Welcome(**{**fields, **changes}))
 
@@ -104,8 +105,13 @@ def test_a_robot_with_other_views_is_refused_in_a_sentence(robot, endpoint, tmp_
 
 @pytest.mark.parametrize(
     "content",
-    [welcome(protocol=PROTOCOL + 1), b"\x91\x01", welcome(video={"width": "wide"})],
-    ids=["protocol", "message", "video"],
+    [
+        welcome(protocol=PROTOCOL + 1),
+        b"\x91\x01",
+        welcome(video={"width": "wide"}),
+        welcome(workspace={"floor_mm": "low"}),
+    ],
+    ids=["protocol", "message", "video", "workspace"],
 )
 def test_a_robot_of_another_version_is_refused_in_a_sentence(robot, endpoint, tmp_path, content):
     robot(content)

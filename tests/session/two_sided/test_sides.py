@@ -11,11 +11,13 @@ from hw.controller import Controller
 from tams_app.config import Config, load_config
 from tams_app.link.messages import Welcome, decode
 from tams_app.records import (
+    Allocation,
     ControllerSample,
     ControllerStatus,
     HandHeard,
     Haptic,
     LinkHealth,
+    Phase,
     Pose,
     StateHeard,
 )
@@ -24,6 +26,8 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import Signals
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.robot_link import RobotLink
+from tams_app.session.two_sided.welcome import follow
+from tams_app.session.uplink_meter import UplinkFigures
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
 from tests.session.two_sided.exchange import MemoryGateway, MemoryLog
@@ -72,12 +76,20 @@ class Sides:
         self.signals, self.requests = Signals(), Requests(self.operator_clock)
         self.shown: dict[str, int | None] = dict.fromkeys(VIEWS)
         self.welcome = b""
+        self.figures = UplinkFigures(dict.fromkeys(VIEWS))
 
         def make_gateway(welcome: bytes) -> MemoryGateway:
             self.welcome = welcome
             return self.there
 
-        self.robot = RobotLink(config, self.robot_clock, self.signals, self.robot_log, make_gateway)
+        self.robot = RobotLink(
+            config,
+            self.robot_clock,
+            self.signals,
+            self.robot_log,
+            make_gateway,
+            lambda _now_ns: self.figures,
+        )
         self.robot.open(
             RepairRule(True, 60, 300.0), True, lambda _view: 17, lambda _view, _now_ns: 5
         )
@@ -233,6 +245,22 @@ def test_a_long_sentence_leaves_room_in_the_datagram():
     assert 0 < max(sizes) < 1150
 
 
+def test_the_operators_side_knows_what_the_uplink_carries():
+    sides = Sides()
+    sides.run(1.0)
+    state = sides.operator.state
+    assert (state.sent_kbps, state.budget_kbps, state.link_kbps) == ((None,) * 3, None, None)
+    sent = dict(zip(VIEWS, (800.0, 900.0, 1000.0), strict=True))
+    sides.figures = UplinkFigures(sent, link_kbps=2900.0, queue_ms=12.0, loss=0.02)
+    targets = dict.fromkeys(VIEWS, 1000)
+    sides.robot.on_allocation(Allocation(0, Phase.REACH, float("inf"), 3400.0, targets))
+    sides.run(1.0)
+    state = sides.operator.state
+    assert (state.sent_kbps, state.budget_kbps) == ((800.0, 900.0, 1000.0), 3400.0)
+    assert (state.link_kbps, state.queue_ms, state.loss) == (2900.0, 12.0, 0.02)
+    assert state.capacity_kbps is None, "without limit"
+
+
 def test_the_robots_side_knows_which_frames_are_shown():
     sides = Sides()
     sides.shown[VIEWS[1]] = 90_000
@@ -284,6 +312,31 @@ def test_the_welcome_says_what_receivers_must_know():
     assert welcome.video["views"] == list(VIEWS)
     assert welcome.repair["latency_ms"] == 60
     assert welcome.feedback
+    robot = load_config(overrides={"limits.radius_max_mm": 400.0, "limits.floor_mm": 9.0})
+    told = decode(Sides(config=robot).welcome, Welcome)
+    followed = follow(told, CONFIG).limits
+    assert (followed.radius_max_mm, followed.floor_mm) == (400.0, 9.0)
+    assert followed.max_speed_mm_s == CONFIG.limits.max_speed_mm_s
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_the_robots_side_knows_whether_a_person_holds_the_controller(simulated: bool):
+    sides = Sides()
+    assert sides.robot.operator_is_simulated, "until it is known"
+    sides.operator._simulated = simulated
+    sides.run(0.5)
+    assert sides.robot.operator_is_simulated is simulated
+
+
+def test_the_primary_view_is_the_one_of_the_robot_s_weights():
+    weights = {phase: dict(row) for phase, row in CONFIG.policy.weights.matrix.items()}
+    seen = set()
+    for view in VIEWS:
+        weights["REACH"] = {name: 0.8 if name == view else 0.1 for name in VIEWS}
+        sides = Sides(config=load_config(overrides={"policy.weights.matrix": weights}))
+        sides.run(0.5)
+        seen.add((view, sides.operator.state.primary_view))
+    assert seen == {(view, view) for view in VIEWS}
 
 
 def test_a_simulated_operator_moves_no_real_arm():

@@ -1,18 +1,18 @@
-"""Two confirmations are two presses, whatever a keyboard repeats."""
+"""Two presses are two presses, whatever a keyboard repeats."""
 
 from __future__ import annotations
 
 import pytest
 
-from tams_app.console.terminal import Confirmations
+from tams_app.console.terminal import Presses
 from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
 
 
 def counted(*times_ms: float) -> list[float]:
-    confirmations = Confirmations()
-    return [at for at in times_ms if confirmations.counts(round(at * NS_PER_MS))]
+    presses = Presses()
+    return [at for at in times_ms if presses.counts(round(at * NS_PER_MS))]
 
 
 @pytest.mark.parametrize("first_repeat_ms", [250, 500, 660])

@@ -1,0 +1,101 @@
+"""What `doctor` looks at of arm, controller, headset and cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tams_app.config import CameraConfig, Config
+from tams_app.console.display import has_display
+from tams_app.console.doctor import Finding, tried
+from tams_app.console.headset.session_headset import headset_is_wanted
+from tams_app.errors import TamsError
+
+_TEXTURE = "from tams_app.console.headset.texture import AtlasTexture; AtlasTexture().close()"
+
+
+def arm(config: Config) -> Iterator[Finding]:
+    """The arm at the configured address."""
+    if config.rig.enabled:
+        return
+    from hw.arms import arm_kind
+
+    info = arm_kind(config.arm.model).find(config.arm)
+    if info.problem:
+        yield Finding("Arm", False, config.arm.host, info.problem)
+    else:
+        yield Finding("Arm", True, info.description)
+
+
+def controller(config: Config) -> Iterator[Finding]:
+    """What the operator holds; of a tracked controller the mapping of its buttons too."""
+    device = config.controller.device
+    if config.operator_is_simulated or device == "keyboard":
+        return
+    if device in ("gamepad", "spacemouse"):
+        yield _desk_device(config)
+        return
+    from hw.openvr.controller import OpenVrController
+    from hw.openvr.devices import list_controllers
+    from tams_app.runtime.clock import MonotonicClock
+
+    what, hand = "Controller", config.controller.hand
+    try:
+        OpenVrController(config.controller, MonotonicClock(), lambda *_: None)
+        found = list_controllers()
+    except TamsError as error:
+        yield Finding(what, False, "", str(error))
+        return
+    mine = [info for info in found if info.role == hand and info.connected]
+    detail = mine[0].controller_type if mine else f"none for the {hand} hand"
+    yield Finding(what, bool(mine), detail, "switch it on and wake it, or set controller.hand")
+
+
+def _desk_device(config: Config) -> Finding:
+    from hw.make_controller import make_controller
+    from tams_app.runtime.clock import MonotonicClock
+
+    made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
+    try:
+        made.start()
+    except TamsError as error:
+        return Finding("Controller", False, "", str(error))
+    finally:
+        made.close()
+    return Finding("Controller", True, config.controller.device)
+
+
+def headset(config: Config) -> Iterator[Finding]:
+    """OpenGL for the views in the headset, where they are wanted."""
+    if config.headless or not has_display() or not headset_is_wanted(config):
+        return
+    reason = tried(_TEXTURE)
+    fix = "apt-get install libgl1 libgl1-mesa-dri, or set headset.show to never"
+    yield Finding("Headset drawing", not reason, reason, fix)
+
+
+def cameras(config: Config) -> Iterator[Finding]:
+    """A camera for each view, with a mode that will do."""
+    if config.rig.enabled:
+        return
+    for view, camera in config.cameras.items():
+        yield _camera(view, camera, config)
+
+
+def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
+    from hw.make_camera import make_camera
+    from tams_app.runtime.clock import MonotonicClock
+
+    what, warnings = f"Camera {view}", list[str]()
+
+    def note(_level: str, text: str) -> None:
+        warnings.append(text.removeprefix(f"camera {view} "))
+
+    try:
+        device = make_camera(view, camera, config.video, MonotonicClock(), note)
+        try:
+            device.start()
+        finally:
+            device.close()
+    except TamsError as error:
+        return Finding(what, False, "", str(error).removeprefix(f"camera {view}: "))
+    return Finding(what, True, "; ".join(warnings))
