@@ -10,6 +10,7 @@ from rich.console import Console
 
 from tams_app.console import app
 from tams_app.records import Image
+from tams_app.teleop.safety import ArmingState
 from tests.console.window.photographs import SAME, banner_is, difference
 from tests.console.window.xvfb import Screen, virtual_screen, wait_for
 from tests.faults.applications import until
@@ -21,6 +22,9 @@ pytestmark = [
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(300),
 ]
+
+ATTEMPTS = 5
+LOOKED_AT_S = 15.0
 
 
 def test_it_shows_what_was_received_and_what_only_the_robots_side_knows_and_its_keys_stop_the_arm(
@@ -50,7 +54,6 @@ def _drive(side: HandSide, screen: Screen) -> None:
     session = side.session
     until(lambda: side.state is not None, "the robot's state")
     screen.focus("TAMS")
-    side.engages()
 
     def received(view: str) -> Image | None:
         shown = None if session._video is None else session._video.shown(view)
@@ -64,15 +67,23 @@ def _drive(side: HandSide, screen: Screen) -> None:
             for view, image in images.items()
         )
 
-    assert wait_for(shows_all)
-    snapshot = session.snapshot()
-    assert snapshot.link_kbps is not None
-    assert snapshot.link_kbps > 0.0
-    assert None not in (snapshot.budget_kbps, snapshot.queue_ms, snapshot.loss)
-    assert all(view.sent_kbps and view.shown_age_ms for view in snapshot.views.values())
+    def shows_all_while_engaged() -> bool:
+        side.engages()  # the machine's load may stop the arm before the window was looked at
+        return wait_for(shows_all, LOOKED_AT_S)
+
+    assert any(shows_all_while_engaged() for _ in range(ATTEMPTS))
+
+    def has_the_robots_figures() -> bool:
+        now = session.snapshot()
+        rates = now.link_kbps, *(view.sent_kbps for view in now.views.values())
+        others = now.budget_kbps, now.queue_ms, now.loss
+        ages = [view.shown_age_ms for view in now.views.values()]
+        return all(rates) and all(ages) and None not in others
+
+    until(has_the_robots_figures, "what only the robot's side knows")
     side.hand.a = True
     until(lambda: session.snapshot().pressed == ("A",), "the button that is held here")
     screen.xdotool("key", "space")
-    until(lambda: side.arming == "fault", "the emergency stop")
-    assert side.reason.startswith("emergency stop")
+    until(lambda: side.reason.startswith("emergency stop"), "the emergency stop")
+    assert side.arming == ArmingState.FAULT
     assert wait_for(lambda: banner_is(screen.photograph(), "fault"))
