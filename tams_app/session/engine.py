@@ -38,16 +38,17 @@ class Engine:
         listeners: Sequence[Listener] = (),
         arm_at_once: bool = False,
         limited: Callable[[], bool] = lambda: True,
+        placed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`ended` is told that the trial is over; `listeners` hear everything last. `limited`:
-        whether it is, too, when its time is.
+        """`ended` is told that the trial is over; `listeners` hear everything last. `limited` and
+        `placed`: see `TrialObserver`.
         """
         self._clock = clock
         self._log = log
         self._video = video
         self.stops = StopWatch(log.record)
         self.trial = TrialObserver(
-            config.trial, clock, devices.arm, devices.truth, log.record, ended, limited
+            config.trial, clock, devices.arm, devices.truth, log.record, ended, limited, placed
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
         arming = ArmingObserver(signals, log.note, arm_at_once)

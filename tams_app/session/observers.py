@@ -122,9 +122,14 @@ class TrialObserver(Listener):
         record: Callable[[SceneTruth], None],
         ended: Callable[[], None],
         limited: Callable[[], bool] = lambda: True,
+        placed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`limited`: whether it ends when its time is over; a person may take theirs."""
+        """`limited`: whether it ends when the block is placed or its time is over. A person takes
+        their time and goes on for as long as they like; `placed` is told once, that they may end.
+        """
         self._limited = limited
+        self._placed = placed
+        self._told_placed = False
         self._judge = TrialJudge(config, build.task_geometry())
         self._clock = clock
         self._arm = arm
@@ -158,8 +163,13 @@ class TrialObserver(Listener):
         closed = state.gripper_closed if state is not None else None
         if not self._judge.step(self._clock.now_ns(), scene, closed, self._limited()):
             return False
-        self._ended()
-        return True
+        if self._limited():
+            self._ended()
+            return True
+        if not self._told_placed:
+            self._told_placed = True
+            self._placed()
+        return False
 
     def outcome(self, reason: str) -> Outcome:
         """The verdict; `reason` says why the session ended."""

@@ -145,6 +145,7 @@ class Session(Ending):
             (self.board, self._rates, *self._listeners()),
             self._arm_at_once,
             self._trial_is_limited,
+            lambda: self.note("info", "the block is placed: go on, or press q to end the session"),
         )
         self._stack.callback(self._engine.stops.finish)
         self._start_workers(connected, cameras)

@@ -61,9 +61,9 @@ class TrialJudge:
 
         `limited`: whether it ends, too, when its time is over, and succeeds only in time.
         """
-        self._limited = limited
         if self._started_ns is None or self._placed:
             return self._placed
+        self._limited = limited
         inside = self.contains(truth.container, truth.block)
         self._count_drops(now_ns, truth, closed, inside)
         self._placed = self._is_placed(now_ns, truth, closed, inside)

@@ -10,9 +10,11 @@ from tams_app.config import TrialConfig
 from tams_app.records import Outcome, Pose, SceneTruth
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
+from tams_app.session import build
 from tams_app.session.control import Signals
 from tams_app.session.observers import ArmingObserver, TrialObserver
 from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_S
 from tests.session.test_parts import output
 
 pytestmark = pytest.mark.untimed
@@ -93,6 +95,39 @@ def test_only_a_limited_trial_ends_when_its_time_is_over(limited):
     clock.advance_ns(round(TrialConfig().limit_s * 1e9) + 1)
     assert trial.look() is limited
     assert ended == [True] * limited
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_only_a_limited_trial_ends_when_the_block_is_placed(limited):
+    clock, told, records = VirtualClock(), [], []
+    geometry = build.task_geometry()
+    here = Pose(np.zeros(3), Rotation.identity())
+    inside = Pose(np.array([0.0, 0.0, geometry.block_rest_height]), Rotation.identity())
+    scene = SceneTruth(0, inside, here, here, 0.0, 0.016)
+    closed = [True]
+    arm = SimpleNamespace(state=lambda: SimpleNamespace(gripper_closed=closed[0]))
+    trial = TrialObserver(
+        TrialConfig(),
+        clock,
+        arm,
+        lambda: scene,
+        records.append,
+        lambda: told.append("ended"),
+        lambda: limited,
+        lambda: told.append("placed"),
+    )
+    trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
+    assert not trial.look()
+    closed[0] = False
+    assert not trial.look()
+    for _ in range(3):
+        clock.advance_ns(NS_PER_S)
+        assert trial.look() is limited
+        if limited:
+            break
+    assert told == ["ended" if limited else "placed"]
+    assert len(records) == (3 if limited else 5)
+    assert trial.outcome("ended by q").completion_time_s == 0.0
 
 
 def test_where_the_truth_is_not_known_the_trial_is_not_judged():
