@@ -13,6 +13,7 @@ from rich.console import Console
 
 from tams_app.config import Config
 from tams_app.console.display import has_display
+from tams_app.console.hands import HANDS, hand_of
 from tams_app.console.headset.session_headset import SessionHeadset, headset_is_wanted
 from tams_app.console.report import report_session
 from tams_app.console.status import StatusLine, WordsOf, status_words
@@ -190,6 +191,7 @@ def _launch_faces(
 
 def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
     """What a person has to know before the arm may move."""
+    hand = HANDS[hand_of(session.config)]
     if session.config.controller.device == "keyboard":
         session.note(
             "info",
@@ -197,17 +199,23 @@ def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
             "Space stops it, F1 lists all keys",
         )
     elif has_keys or has_window:
+        button = f" (or hold {hand.confirm} for a second)" if hand.confirm else ""
         session.note(
             "info",
-            "release the trigger and press Enter (or hold the menu button for a second) "
-            "to arm the arm; Space stops it",
+            f"release {hand.deadman} and press Enter{button} to arm the arm; Space stops it",
+        )
+    elif hand.confirm:
+        session.note(
+            "warning",
+            f"there is neither window nor terminal: only {hand.confirm}, held for a second with "
+            f"{hand.deadman} released, arms the arm, and Space cannot stop it: keep the emergency "
+            "stop button within reach",
         )
     else:
         session.note(
             "warning",
-            "there is neither window nor terminal: only the menu button, held for a second with "
-            "the trigger released, arms the arm, and Space cannot stop it: keep the emergency "
-            "stop button within reach",
+            "there is neither window nor terminal, and what you hold has no button that confirms: "
+            "the arm cannot be armed",
         )
     if not has_window:
         session.note(

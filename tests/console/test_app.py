@@ -12,6 +12,7 @@ from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
+from tams_app.console.hands import hand_of
 from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
@@ -24,8 +25,9 @@ pytestmark = pytest.mark.waiting
 class EndedSession:
     """A session on the configured devices that is over at the first look."""
 
-    def __init__(self, name):
-        self.config = load_config(CONFIG_DIRECTORY / name, {"headless": True})
+    def __init__(self, name, hand="auto"):
+        overrides = {"headless": True, "controller.device": hand}
+        self.config = load_config(CONFIG_DIRECTORY / name, overrides)
         self.board = StatusBoard(())
         self.signals = Signals()
         self.ended = SimpleNamespace(wait=lambda seconds: True)
@@ -50,9 +52,9 @@ def keys(active):
 
 @pytest.fixture
 def told(monkeypatch):
-    def tell(name, active):
+    def tell(name, active, hand="auto"):
         monkeypatch.setattr(app, "_read_keys", keys(active))
-        session = EndedSession(name)
+        session = EndedSession(name, hand)
         app._watch(session, Console(quiet=True))
         return session.notes
 
@@ -70,6 +72,28 @@ def test_without_a_terminal_the_operator_is_warned_that_space_cannot_stop(told):
     assert level == "warning"
     assert "only the menu button" in text
     assert "Space cannot stop" in text
+
+
+def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told):
+    (_, text), _ = told("tams.yaml", active=True, hand="gamepad")
+    assert text.startswith("release the right trigger and press Enter (or hold Start for a second)")
+    (_, text), _ = told("tams.yaml", active=True, hand="spacemouse")
+    assert text.startswith("release the left button and press Enter to arm")
+    (level, text), _ = told("tams.yaml", active=False, hand="spacemouse")
+    assert level == "warning"
+    assert "cannot be armed" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "device", "hand"),
+    [
+        ("tams.yaml", "auto", "sim"),
+        ("tams.yaml", "gamepad", "gamepad"),
+        ("lite6.yaml", "auto", "openvr"),
+    ],
+)
+def test_what_drives_the_arm_is_known(name, device, hand):
+    assert hand_of(EndedSession(name, device).config) == hand
 
 
 def test_at_the_hardware_a_computer_without_frames_is_told_of(told):

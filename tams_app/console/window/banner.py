@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tams_app import palette
+from tams_app.console.hands import HANDS, SIMULATED
 from tams_app.console.window.messages import Facts
 
 
@@ -62,35 +64,51 @@ def look_of(arming: str) -> Look:
     return LOOKS.get(arming, _OTHER)
 
 
-def banner_of(facts: Facts, replay: bool = False, hand: str = "") -> Banner:
+_SIMULATED = {  # who watches can do that much
+    "disarmed": ("The arm does not move.", "The simulated operator arms it soon"),
+    "ready": ("The arm waits.", "The simulated operator moves it · Space: emergency stop"),
+    "engaged": (
+        "The simulated operator drives.",
+        "Space: emergency stop · to drive yourself: --hand keyboard",
+    ),
+}
+
+
+def banner_of(facts: Facts, replay: bool = False, hand: str = "openvr") -> Banner:
     """The state, why the arm does not move, and the key that helps; of a replay that it is one.
 
-    hand: what the operator holds (`ControllerConfig.device`).
+    hand: what drives the arm, of `HANDS`.
     """
-    look = look_of(facts.arming)
-    if hand == "keyboard" and not replay:
-        banner = banner_of(facts)
-        keys = " with W A S D R F · F1: all keys" if facts.arming == "ready" else ""
-        return Banner(look, _by_keys(banner.sentence), _by_keys(banner.key) + keys)
     if replay:
-        banner = banner_of(facts)
-        return Banner(
-            replace(look, word=f"REPLAY: {look.word}"), banner.sentence, "Nothing moves · F1: keys"
-        )
+        banner = _banner_of(facts, _QUIET)
+        word = f"REPLAY: {banner.look.word}"
+        return replace(banner, look=replace(banner.look, word=word), key="Nothing moves · F1: keys")
+    if hand == SIMULATED:
+        banner = _banner_of(facts, _QUIET | _SIMULATED)
+        if facts.arming != "holding":
+            return banner
+        return replace(banner, key="The simulated operator goes on · Space: emergency stop")
+    banner, words = _banner_of(facts, _QUIET), HANDS[hand]
+
+    def in_words(text: str) -> str:
+        return text.replace("the trigger", words.deadman)
+
+    moves = words.moves if facts.arming == "ready" else ""
+    return Banner(banner.look, in_words(banner.sentence), in_words(banner.key) + moves)
+
+
+def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]]) -> Banner:
+    look = look_of(facts.arming)
     if facts.arming == "holding":
         return Banner(look, _told(facts), "Release the trigger · Space: emergency stop")
     if facts.arming == "fault":
         return Banner(
             look, _told(facts), "Enter, with the trigger released: first clears, then arms"
         )
-    sentence, key = _QUIET.get(facts.arming, _STARTING)
+    sentence, key = quiet.get(facts.arming, _STARTING)
     if facts.reason and facts.arming in ("ready", "engaged", "disarmed"):
         sentence = f"{sentence} Last stop: {facts.reason}."
     return Banner(look, sentence, key)
-
-
-def _by_keys(text: str) -> str:
-    return text.replace("the trigger", "Shift")
 
 
 def _told(facts: Facts) -> str:

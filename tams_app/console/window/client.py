@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 
 from tams_app.config import Config
+from tams_app.console.hands import hand_of
 from tams_app.console.window.facts_memory import FactsWriter
 from tams_app.console.window.messages import LONGEST, Event, Facts, Keys, Opening, Workspace
 from tams_app.errors import HelperError, SetupError
@@ -150,7 +151,7 @@ def _opening(config: Config, blind: bool, replay: bool) -> Opening:
             limits.radius_max_mm,
         ),
         blind=blind,
-        hand=config.controller.device,
+        hand=hand_of(config),
         old_ms=config.freshness.video_slow_ms,
         replay=replay,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tams_app.console.hands import HANDS
 from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.wishes import Wish
 
@@ -26,21 +27,6 @@ _TRIAL_HELP = (
     ("P", "the block is placed: end the trial"),
     ("X / Backspace", "count a drop / one drop less"),
 )
-_CONTROLLER_HELP = (
-    ("trigger", "deadman: the arm moves only while it is held"),
-    ("grip", "toggle translation and orientation"),
-    ("A / B", "close / open the gripper, while the trigger is held"),
-    ("menu", "held for 1 s: confirm; clicked while the arm is armed: emergency stop"),
-)
-
-_KEYBOARD_HELP = (
-    ("Shift", "the trigger, deadman: the arm moves only while it is held"),
-    ("W / S, A / D, R / F", "forward / back, left / right, up / down"),
-    ("M", "toggle translation and orientation: the same keys tilt and turn"),
-    ("C / O", "close / open the gripper, while Shift is held"),
-)
-
-
 _REPLAY_HELP = (
     ("Enter", "pause, or go on; Space pauses"),
     ("Left, Right", "5 s back, 5 s forward"),
@@ -52,11 +38,11 @@ _REPLAY_HELP = (
 
 
 def key_help(hand: str, replay: bool = False, trial: bool = False) -> tuple[tuple[str, str], ...]:
-    """All keys with what they do, for what the operator holds (`ControllerConfig.device`)."""
+    """All keys with what they do, and the controls of `hand` (`HANDS`)."""
     if replay:
         return _REPLAY_HELP
     of_trial = _TRIAL_HELP if trial else ()
-    return _WINDOW_HELP + of_trial + (_KEYBOARD_HELP if hand == "keyboard" else _CONTROLLER_HELP)
+    return _WINDOW_HELP + of_trial + HANDS[hand].controls
 
 
 class Keyboard:

@@ -29,7 +29,7 @@ class Opening(msgspec.Struct, frozen=True):
     """What a face is opened with: fixed as long as it is open.
 
     The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
-    may be shown that tells the strategy or the network of a trial. hand: what the operator holds.
+    may be shown that tells the strategy or the network of a trial. hand: of `HANDS`.
     replay: nothing moves, all of it is from a log. old_ms: the age from which a frame is called
     old.
     """

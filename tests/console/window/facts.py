@@ -33,6 +33,6 @@ OPENING = Opening(
     height=480,
     workspace=Workspace((220, -250, 5), (410, 250, 350), 220, 420),
     blind=False,
-    hand="auto",
+    hand="openvr",
     old_ms=500.0,
 )

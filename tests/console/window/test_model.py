@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import pairwise
+from typing import get_args
 
 import msgspec
 import pytest
 
 from tams_app import palette
+from tams_app.config import HandDevice
+from tams_app.console.hands import HANDS, SIMULATED
 from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.window.banner import LOOKS, banner_of, look_of
 from tams_app.console.window.figures import (
@@ -33,15 +36,35 @@ pytestmark = pytest.mark.untimed
 # --- banner ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arming", ["disarmed", "ready", "engaged", "holding", "fault"])
-def test_at_the_keyboard_the_banner_speaks_of_its_keys(arming: str) -> None:
+STATES = ("disarmed", "ready", "engaged", "holding", "fault")
+
+
+@pytest.mark.parametrize("arming", STATES)
+@pytest.mark.parametrize("hand", sorted(set(HANDS) - {SIMULATED}))
+def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand: str) -> None:
     facts = msgspec.structs.replace(
         FACTS, arming=arming, reason="arm reply late", advice="Wait, then release the trigger."
     )
-    told = banner_of(facts, hand="keyboard")
-    assert "trigger" not in f"{told.sentence} {told.key}"
-    assert "Shift" in f"{told.sentence} {told.key}"
-    assert "Shift" not in banner_of(facts, hand="openvr").key
+    told = banner_of(facts, hand=hand)
+    words = f"{told.sentence} {told.key}"
+    assert HANDS[hand].deadman in words
+    others = {one.deadman for one in HANDS.values()} - {HANDS[hand].deadman}
+    assert not any(other in words for other in others)
+
+
+@pytest.mark.parametrize("arming", STATES)
+def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str) -> None:
+    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, reason=""), hand=SIMULATED)
+    assert "your hand" not in banner.sentence
+    if arming == "fault":  # the simulated operator does not confirm
+        assert banner.key.startswith("Enter")
+    else:
+        assert "simulated operator" in f"{banner.sentence} {banner.key}"
+        assert not banner.key.startswith(("Release", "Press"))
+
+
+def test_every_hand_that_can_be_configured_has_its_words() -> None:
+    assert set(HANDS) | {"auto"} == set(get_args(HandDevice))
 
 
 def test_every_state_of_the_arming_table_has_a_look() -> None:
