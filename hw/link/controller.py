@@ -24,7 +24,7 @@ _LOST = ControllerSample(
 _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
 _WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
-_SHORTER_WAY_NS = 5 * NS_PER_MS
+_SHORTER_WAY_NS, _LARGEST_SHORTER_WAY_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
 _ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing up
 
 
@@ -36,9 +36,10 @@ class LinkController(Controller):
     Its times become ours by the shortest way that a message has taken in the last 300 ms, so that a
     pose of a steady hand comes at a steady rate, and what is queued makes it older. They never go
     back, and what has not changed keeps its time. Where the way has become shorter by more than
-    5 ms or `LinkConfig.jitter_ms` (a queue has drained, the route is another) poses wait for 50 ms,
-    after which the hand begins anew (`HandMotion`): else what it did in a longer time would be
-    taken for a faster hand.
+    5 ms or `LinkConfig.jitter_ms`, at most 50 (a queue has drained, the route is another) poses
+    wait for 50 ms, after which the hand begins anew (`HandMotion`): else what it did in a longer
+    time would be taken for a faster hand. By less, times become less by and by: meanwhile they are
+    newer than the hand by up to that much.
     """
 
     def __init__(
@@ -57,9 +58,11 @@ class LinkController(Controller):
         self._newest: HandMessage | None = None  # that counted
         self._offset = LeastOffset(_WAY_WINDOW_NS)
         self._offset_ns = 0  # of the sample that counted last
-        self._shorter_way_ns = max(_SHORTER_WAY_NS, config.jitter_ms * NS_PER_MS)
+        jitter_ns = min(config.jitter_ms * NS_PER_MS, _LARGEST_SHORTER_WAY_NS)
+        self._shorter_way_ns = max(_SHORTER_WAY_NS, jitter_ns)
         self._anew_ns = 0  # poses wait until then, 0: they do not
         self._sample = _LOST
+        self._let_go = False
         self._started = False
 
     def start(self) -> None:
@@ -68,11 +71,14 @@ class LinkController(Controller):
     def sample(self, now_ns: int) -> ControllerSample:
         self._receive(now_ns)
         if not self._started:
-            self.let_go()
+            self._forget()
             return _NOT_STARTED
-        heard_ns = self._heard_ns
+        heard_ns, let_go = self._heard_ns, self._let_go
+        self._let_go = False
         if heard_ns is None or now_ns - heard_ns > self._lost_after_ns:
-            self.let_go()
+            self._forget()
+            return _LOST
+        if let_go:  # the next operator may have been heard since, but first the arm stops
             return _LOST
         return self._sample
 
@@ -134,7 +140,11 @@ class LinkController(Controller):
         return pose, max(pose_ns, last.pose_ns)
 
     def let_go(self) -> None:
-        """Forget the operator: what comes next is judged as if it were the first."""
+        """Forget the operator: the link is lost once, what comes then is judged as the first."""
+        self._let_go = True
+        self._forget()
+
+    def _forget(self) -> None:
         self._heard_ns = self._newest = None
         self._anew_ns = 0
         self._offset = LeastOffset(_WAY_WINDOW_NS)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from tams_app.config.section import NonNegative, Section
+from tams_app.config.section import Section
 
 _SPARE_MS = 200.0  # a state message waits behind video at the bottleneck, and for the next sample
 
@@ -16,7 +16,7 @@ class LinkConfig(Section):
 
     latency_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
     """One-way latency between the two computers."""
-    jitter_ms: NonNegative = 5.0
+    jitter_ms: Annotated[float, Field(ge=0, le=400)] = 5.0
     """What is added to it at most, 95 times of 100."""
     bridge_ms: Annotated[float, Field(gt=0, le=50)] = 50.0
     """Takes the place of freshness.hold_pose_ms: so short a gap in the samples is bridged."""

@@ -11,9 +11,11 @@ from dataclasses import asdict, dataclass
 from typing import cast
 
 import numpy as np
+from pydantic import ValidationError
 from rich.console import Console
 
 from tams_app import __version__
+from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.ends import GOODBYE, Address, OperatorEnd
 from tams_app.link.gateway_client import Endpoint
@@ -114,10 +116,20 @@ def findings(found: LinkMeasured) -> Iterator[str]:
     ):
         rate = "too little came to tell" if kbps is None else f"{kbps:.0f} kbit/s"
         yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {lost:.0%} were lost"
+    measured_ms = {"latency_ms": round(found.latency_ms, 1), "jitter_ms": round(found.jitter_ms, 1)}
+    try:
+        longest_ms = LinkConfig(**measured_ms).longest_age_ms
+    except ValidationError:
+        yield (
+            f"latency {found.latency_ms:.0f} ms, jitter {found.jitter_ms:.0f} ms: no arm may be "
+            "moved over this network. Stop what else fills it (its queue may be what delays), "
+            "then measure again"
+        )
+        return
     yield "for the configuration of the robot's side:"
     yield "link:"
-    yield f"  latency_ms: {found.latency_ms:.1f}"
-    yield f"  jitter_ms: {found.jitter_ms:.1f}"
+    yield from (f"  {key}: {value}" for key, value in measured_ms.items())
+    yield f"  # a sample of the hand that may be older than {longest_ms:.0f} ms moves nothing"
 
 
 class _Prober:

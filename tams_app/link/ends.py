@@ -216,8 +216,8 @@ class RobotEnd(_End):
             if message is None:
                 continue
             del self._calls[tag]
-            if message == GOODBYE:
-                return Heard(left=True)
+            if message == GOODBYE:  # of a caller who has not become the operator
+                return Heard()
             self._peer = call.peer
             self._peer.address, self._peer.heard_ns = address, now_ns
             return Heard(message=message, connected=True)

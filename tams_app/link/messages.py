@@ -66,6 +66,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     shown: by view, the RTP timestamp of the frame on the screen; None before the first.
     confirms: how often the operator has confirmed; confirmed_ns: when they did last.
     stops: how often they have asked for an emergency stop.
+    menu_presses: how often the menu button has gone down; `menu` may have come and gone unheard.
     noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
     """
 
@@ -88,6 +89,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     confirmed_ns: int = 0
     stops: int = 0
     noted: int = 0
+    menu_presses: int = 0
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):
@@ -149,5 +151,5 @@ def decode(content: bytes, kind: type[Message]) -> Message:
     """The message of `kind`; MessageError if it is none, with every field of its type."""
     try:
         return msgspec.msgpack.decode(content, type=kind)
-    except (msgspec.MsgspecError, RecursionError) as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(f"no {kind.__name__}: {error}") from error

@@ -17,6 +17,7 @@ from tams_app.link.handshake import DirectionKeys, SessionKeys
 
 _COUNTER = struct.Struct("!Q")
 _HEAD_BYTES = 1 + _COUNTER.size
+LONGEST_DATAGRAM_BYTES = 1200  # UDP payload; QUIC asks no more of a path (RFC 9000, 14)
 MESSAGE_OVERHEAD_BYTES = _HEAD_BYTES + 16
 MEDIA_OVERHEAD_BYTES = 16
 _VERSION = 2  # of RTP and RTCP

@@ -16,6 +16,7 @@ from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, Tick
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
+from tams_app.session.faces import Faces
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
@@ -36,10 +37,12 @@ class Pending:
 class Signals:
     """Confirmations, emergency stops and faults: set from any thread, taken once per tick.
 
-    Plain attributes on purpose: a signal handler must never wait for a lock.
+    Plain attributes on purpose: a signal handler must never wait for a lock. `faces`: what shows
+    the video to the person who steers.
     """
 
     def __init__(self) -> None:
+        self.faces = Faces()
         self._confirm = False
         self._estop = False
         self._faults: dict[Reason, None] = {}
@@ -165,6 +168,7 @@ class ControlLoop:
         age_ns = self._video.age_ns(view, now_ns)
         if age_ns is not None:
             age_ns += self._camera_delays_ns.get(view, 0)
+            age_ns = max(age_ns, self._signals.faces.silent_ns(now_ns))
         return TeleopInput(
             now_ns=now_ns,
             sample=sample,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tams_app.console.link_check import measured, run_link_check
+from tams_app.console.link_check import findings, measured, run_link_check
 from tams_app.console.two_sided import endpoint_of
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
@@ -111,6 +111,16 @@ def quiet() -> Console:
 def test_a_link_that_answers_nothing_is_no_measurement():
     with pytest.raises(TamsError, match="answers no measurement"):
         measured([], TrainReport(1, 0, 0, 0), TrainReport(2, 0, 0, 0))
+
+
+def test_of_a_network_on_which_samples_may_be_seconds_old_no_settings_are_proposed():
+    train = TrainReport(1, 0, 0, 0)
+    usual = "\n".join(findings(measured([20.0, 22.0, 25.0], train, train)))
+    assert "latency_ms: 11.0" in usual
+    assert "older than 2" in usual
+    queued = "\n".join(findings(measured([20.0, 700.0, 1500.0], train, train)))
+    assert "no arm may be moved over this network" in queued
+    assert "latency_ms:" not in queued
 
 
 @pytest.mark.parametrize(

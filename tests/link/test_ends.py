@@ -308,6 +308,19 @@ def test_a_goodbye_makes_room_at_once() -> None:
     assert rig.gets_through(second)
 
 
+def test_a_caller_who_leaves_before_they_are_the_operator_takes_nothing_from_the_one_who_was() -> (
+    None
+):
+    rig, first = connected()
+    rig.run_ms(LET_GO_MS + 100)  # the first one's way is cut for longer than the place is held
+    second = other_desk()
+    for call, _ in second.end.step(rig.now_ns):
+        rig.send_up(second, call)
+    rig.say(second, GOODBYE)
+    assert rig.departures == 0
+    assert rig.gets_through(first)
+
+
 def test_after_the_robots_goodbye_the_operator_calls_again() -> None:
     rig, desk = connected()
     assert rig.tell(desk, GOODBYE)

@@ -46,6 +46,7 @@ welcomes = st.builds(
     simulated=st.booleans(),
     video=settings_of_video,
     repair=settings_of_video,
+    hand_rotation=st.tuples(*[st.tuples(NUMBER, NUMBER, NUMBER)] * 3),
     workspace=settings_of_video,
 )
 hands = st.builds(
@@ -68,6 +69,7 @@ hands = st.builds(
     confirms=COUNT,
     confirmed_ns=NS,
     stops=COUNT,
+    menu_presses=COUNT,
 )
 states = st.builds(
     StateMessage,
@@ -82,7 +84,12 @@ states = st.builds(
     tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
     gripper_closed=st.none() | st.booleans(),
     target_kbps=st.lists(NUMBER, max_size=3).map(tuple),
+    sent_kbps=st.lists(st.none() | NUMBER, max_size=3).map(tuple),
+    budget_kbps=st.none() | NUMBER,
     capacity_kbps=st.none() | NUMBER,
+    link_kbps=st.none() | NUMBER,
+    queue_ms=st.none() | NUMBER,
+    loss=st.none() | NUMBER,
     video_age_ms=st.lists(st.none() | NUMBER, max_size=3).map(tuple),
     first_capture_ns=st.lists(st.none() | NS, max_size=3).map(tuple),
     haptics=COUNT,
@@ -120,6 +127,9 @@ HAND = HandMessage(
 def fields(message: HandMessage) -> list[Any]:
     """A hand message as it is on the way: a list without names."""
     return list(msgspec.msgpack.decode(encode(message)))
+
+
+NO_UTF8 = msgspec.Raw(b"\xa2\xff\xfe")  # a string of two bytes that are no text
 
 
 def with_field(name: str, value: object) -> bytes:
@@ -186,6 +196,7 @@ def test_a_message_of_another_kind_is_refused(kind: type[HandMessage]) -> None:
         ("shown", 7),
         ("shown", [0.5]),
         ("stops", "1"),
+        ("status", NO_UTF8),
     ],
 )
 def test_a_field_of_another_type_is_refused(name: str, value: object) -> None:
@@ -216,10 +227,11 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
-    short = decode(msgspec.msgpack.encode(fields(HAND)[:-4]), HandMessage)
-    assert (short.confirms, short.confirmed_ns, short.stops, short.noted) == (0, 0, 0, 0)
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-5]), HandMessage)
+    asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.menu_presses
+    assert asked == (0, 0, 0, 0, 0)
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(fields(HAND)[:-5]), HandMessage)
+        decode(msgspec.msgpack.encode(fields(HAND)[:-6]), HandMessage)
 
 
 @pytest.mark.parametrize("depth", [100, 10_000])

@@ -187,6 +187,16 @@ def test_the_latency_of_a_real_camera_counts_towards_the_age_of_the_video(rig):
     bench.arm.close()
 
 
+def test_pictures_on_a_window_that_stands_still_count_as_old(bench):
+    heard_ns = None
+    bench.signals.faces.add(lambda: bench.clock.now_ns() if heard_ns is None else heard_ns)
+    bench.engage()
+    heard_ns = bench.clock.now_ns()
+    assert bench.run(0.9).arming is ArmingState.ENGAGED
+    assert bench.run(0.2).arming is ArmingState.HOLDING
+    assert bench.ticks[-1].reason == Reason.STALE_VIDEO.label
+
+
 def test_stale_video_holds_the_arm_until_the_trigger_was_released(bench):
     bench.engage()
     bench.hand.velocity = np.array([0.0, -0.05, 0.0])

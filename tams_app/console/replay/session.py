@@ -18,6 +18,7 @@ from tams_app.console.window.messages import Keys
 from tams_app.errors import UnreadableLogError
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder
+from tams_app.session.faces import Faces
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -30,6 +31,7 @@ class Requests:
     """Enter pauses and goes on, space pauses."""
 
     def __init__(self, playback: Playback) -> None:
+        self.faces = Faces()
         self._playback = playback
 
     def confirm(self) -> None:

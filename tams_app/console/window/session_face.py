@@ -12,22 +12,32 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.console.window.client import Face, FaceClient
 from tams_app.console.window.messages import Event, Facts, Gone, Said, TrialFacts, ViewFacts
-from tams_app.console.wishes import Action, AskedSession, Wish
+from tams_app.console.wishes import Action, AskedSession, Signals, Wish
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
+from tams_app.session.faces import Faces
 from tams_app.session.status import StatusSnapshot, ViewStatus
 from tams_app.teleop.advice import what_to_do
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import FrameBlock
 
 EVERY_NS = NS_PER_S // 10  # facts for the face
-SILENT_NS = 2 * NS_PER_S  # of a face that tells of itself 20 times a second
+SILENT_NS = 2 * NS_PER_S  # of a face that tells of itself 50 times a second
 OPENING_NS = 10 * NS_PER_S  # until it tells the first time
 _SAID, _LONGEST_SENTENCE = 3, 500
 
 
+class FacedSignals(Signals, Protocol):
+    """What it asks for, and where it is watched."""
+
+    faces: Faces
+
+
 class FacedSession(AskedSession, Protocol):
     """What a face needs of a session."""
+
+    @property
+    def signals(self) -> FacedSignals: ...
 
     config: Config
     folder: Path
@@ -58,7 +68,8 @@ class SessionFace:
     """Launched and opened, it follows the session until it is closed; `refresh` it often.
 
     What the operator steers by must be alive: where its process ends, or shows nothing any more,
-    the session fails; where it stands still, a real arm gets an emergency stop.
+    the session fails; where it stands still, its pictures count as old, and a person's arm gets
+    an emergency stop.
     """
 
     is_replay = False
@@ -87,6 +98,8 @@ class SessionFace:
         session = self._session
         self._client.open(session.config, session.screen, self._trial is not None, self.is_replay)
         self._opened_ns = self._clock.now_ns()
+        if not session.config.operator_is_simulated:
+            session.signals.faces.add(lambda: self._client.heard_ns or self._opened_ns)
         worker = Worker(self._name, self._client.body(self._on_event), self._on_failure)
         self._stack.callback(worker.stop)
         worker.start()

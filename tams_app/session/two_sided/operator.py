@@ -40,7 +40,8 @@ from tams_app.video.repair import RepairRule
 _CALL_POLL_NS = 50 * NS_PER_MS
 _REFUSED_NS = NS_PER_S
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
-_SILENT_NS = NS_PER_S
+_SILENT_NS = 3 * NS_PER_S // 10
+_FACE_SILENT_NS = 3 * NS_PER_S // 10
 _STOP_TOLD_S = 0.1
 _GREETING = encode(Greeting(PROTOCOL, __version__))
 
@@ -61,6 +62,7 @@ class OperatorSession(Ending):
         self._say = say
         self.folder = folder
         self.signals = Requests(clock)
+        self._timestamps: tuple[int | None, ...] = ()
         self.board = StatusBoard(())
         self.keyboard: KeyboardController | None = None  # which the console's window has to feed
         self._endpoint = endpoint
@@ -238,7 +240,11 @@ class OperatorSession(Ending):
             self.end("the robot's side has ended the session")
         silent = state is None or self._clock.now_ns() - self._link.state_heard_ns > _SILENT_NS
         if silent and not self._silent:
-            self.note("warning", "nothing is heard of the robot: calling again")
+            self.note(
+                "warning",
+                "nothing is heard of the robot, which stops by itself: release the trigger; "
+                "calling again",
+            )
         if event.busy and not self._busy:
             self.note("warning", "another operator is connected: waiting until they leave")
         self._busy = event.busy
@@ -327,13 +333,18 @@ class OperatorSession(Ending):
         self._log.record(glance)
 
     def _shown_now(self) -> tuple[int | None, ...]:
-        """In the hand's thread: what is on the screen. What it heard before tells when it began."""
+        """In the hand's thread: what is on the screen. What it heard before tells when it began.
+
+        On a window or headset that stands still it is what was there before.
+        """
         video, state = self._video, self._link.state
         if video is None:
             return ()
         if state is not None:
             video.first_captures(state.first_capture_ns)
-        return video.timestamps()
+        if self.signals.faces.silent_ns(self._clock.now_ns()) < _FACE_SILENT_NS:
+            self._timestamps = video.timestamps()
+        return self._timestamps
 
     def _robot_now_ns(self) -> int | None:
         state = self._link.state

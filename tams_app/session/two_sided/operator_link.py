@@ -25,6 +25,7 @@ from tams_app.records import (
     StateHeard,
 )
 from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.session.faces import Faces
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_S
 
@@ -36,10 +37,14 @@ _AWAY = ControllerSample(
 
 
 class Requests:
-    """What the operator asks for by key or button; from any thread, also from a signal handler."""
+    """What the operator asks for by key or button; from any thread, also from a signal handler.
+
+    `faces`: what shows them the video.
+    """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
+        self.faces = Faces()
         self.confirms = self.stops = 0
         self.confirmed_ns = 0
 
@@ -82,6 +87,7 @@ class OperatorLink:
         self.state_heard_ns = 0
         self._session = 0
         self._identity, self._simulated = identity, simulated
+        self._menu_presses = 0
         self._haptics: int | None = None
         self._noted: int | None = None
         self._offset = OffsetEstimate()
@@ -113,7 +119,9 @@ class OperatorLink:
             self._take(received)
         now_ns = self._clock.now_ns()
         controller = self.controller
+        was_down = self.sample.menu
         self.sample = _AWAY if controller is None else controller.sample(now_ns)
+        self._menu_presses += self.sample.menu and not was_down
         self._gateway.send(encode(self._hand(self.sample)))
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
@@ -181,6 +189,7 @@ class OperatorLink:
             confirmed_ns=requests.confirmed_ns,
             stops=requests.stops,
             noted=self._noted or 0,
+            menu_presses=self._menu_presses,
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

@@ -8,7 +8,7 @@ from hw.controller import Controller
 from tams_app.config import Config, Network
 from tams_app.errors import HelperError
 from tams_app.link.gateway_client import Endpoint, Gateway
-from tams_app.link.sealing import MEDIA_OVERHEAD_BYTES
+from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
 from tams_app.session.session import Session
@@ -17,9 +17,8 @@ from tams_app.session.two_sided.robot_video import RobotVideo
 from tams_app.session.uplink import Senders
 from tams_app.video.codecs import Codecs
 
-_LONGEST_DATAGRAM_BYTES = 1200  # UDP payload; QUIC asks no more of a path (RFC 9000, 14)
 # what is sent again is 2 bytes longer, a parity packet 7
-LONGEST_RTP_BYTES = _LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
+LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
 
 
 class RobotSession(Session):

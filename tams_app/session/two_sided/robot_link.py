@@ -25,6 +25,7 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
+from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MESSAGE_OVERHEAD_BYTES
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, ArmState, HandHeard, Haptic, LinkHealth, Tick
 from tams_app.runtime.clock import Clock
@@ -43,7 +44,8 @@ from tams_app.video.repair import RepairRule
 _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
 _HEALTH_NS = NS_PER_S // 10
 _NOTES_KEPT = 3
-_NOTE_BYTES = 220  # a message has to fit into one datagram
+_NOTE_BYTES = 220
+_LONGEST_BYTES = LONGEST_DATAGRAM_BYTES - MESSAGE_OVERHEAD_BYTES
 _CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _FAREWELLS = 5
 
@@ -80,7 +82,7 @@ class RobotLink(Listener):
         self._message: HandMessage | None = None  # the newest, whether it counted or not
         self._message_heard_ns = 0
         self._shown: dict[str, int | None] = dict.fromkeys(self._views)
-        self._confirms = self._stops = 0
+        self._confirms = self._stops = self._menu_presses = 0
         self._offset = OffsetEstimate()
         self._weights = WeightMatrix(config.policy.weights.matrix)
         self._uplink = uplink
@@ -157,7 +159,7 @@ class RobotLink(Listener):
         if gateway is None:
             return
         if state is not None:
-            over = encode(self._telling(state, reason, failed))
+            over = _datagram(self._telling(state, reason, failed))
             for _ in range(_FAREWELLS):
                 gateway.send(over)
                 self._clock.sleep_until_ns(self._clock.now_ns() + 10 * NS_PER_MS)
@@ -202,6 +204,7 @@ class RobotLink(Listener):
         if message.operator != self._operator:
             self._operator = message.operator
             self._confirms = self._stops = 0
+            self._menu_presses = message.menu_presses
         heard_ns = received.heard_ns
         if message.simulated and not self._config.rig.enabled:
             self._tell_once("a simulated operator moves no real arm: its samples are left out")
@@ -215,6 +218,10 @@ class RobotLink(Listener):
         if message.stops > self._stops:  # however old it is
             self._stops = message.stops
             self._signals.estop()
+        if message.menu_presses > self._menu_presses:  # also one that no sample has shown
+            self._menu_presses = message.menu_presses
+            if self._output is not None and self._output.arming.is_armed:
+                self._signals.estop()
         if message.confirms > self._confirms:
             self._confirms = message.confirms
             ago_ns = (bound_ns or 0) + message.sent_ns - message.confirmed_ns
@@ -262,7 +269,7 @@ class RobotLink(Listener):
         if now_ns >= self._state_due_ns and self._gateway is not None:
             self._state_due_ns = now_ns + _STATE_NS
             self._state = self._state_now(tick)
-            self._gateway.send(encode(self._state))
+            self._gateway.send(_datagram(self._state))
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))
@@ -330,6 +337,15 @@ class RobotLink(Listener):
             refused=dict(self.controller.refused),
             ignored={} if event is None else dict(event.counts),
         )
+
+
+def _datagram(state: StateMessage) -> bytes:
+    """The message, without the oldest of its sentences where it would be too long with them."""
+    content = encode(state)
+    while len(content) > _LONGEST_BYTES and state.notes:
+        state = msgspec.structs.replace(state, notes=state.notes[1:])
+        content = encode(state)
+    return content
 
 
 def cut(text: str) -> str:

@@ -15,7 +15,7 @@ from rich.console import Console
 
 from tams_app.console import app
 from tams_app.console.window.messages import TrialFacts, ViewFacts
-from tams_app.console.window.session_face import facts_of
+from tams_app.console.window.session_face import SILENT_NS, facts_of
 from tams_app.console.wishes import Wish
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus
@@ -170,12 +170,13 @@ def test_a_window_that_stands_still_is_told_of_and_stops_a_real_arm(
 ) -> None:
     session = PlayedSession(tmp_path / "session", "lite6.yaml")
     session.folder.mkdir()
-    polls = 0
+    polls = silent_ns = 0
 
     def go_on() -> None:
-        nonlocal polls
+        nonlocal polls, silent_ns
         polls += 1
         if "estop" in session.done:
+            silent_ns = session.signals.faces.silent_ns(time.monotonic_ns())
             window_processes()[0].send_signal(signal.SIGCONT)
             session.end("seen")
         session.do = go_on
@@ -188,6 +189,7 @@ def test_a_window_that_stands_still_is_told_of_and_stops_a_real_arm(
     show(session)
     assert session.reason == "seen"
     assert any("the window does not answer" in note for note in session.notes)
+    assert silent_ns > SILENT_NS
     assert polls > 10  # the session went on meanwhile
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from tams_app.config import LinkConfig
 from tams_app.link.sealing import MEDIA_OVERHEAD_BYTES
@@ -64,7 +65,7 @@ def test_samples_come_with_the_hands_pose_and_buttons(exchange: Exchange) -> Non
     offset_ns=st.integers(-90 * HOUR_NS, 1000 * HOUR_NS),
     delays_ms=st.lists(st.none() | st.integers(0, 60), min_size=20, max_size=60),
 )
-def test_times_never_go_back_and_are_never_newer_than_the_hand(
+def test_times_never_go_back_and_are_newer_than_the_hand_by_no_more_than_a_way_shortens_unseen(
     offset_ns: int, delays_ms: list[int | None]
 ) -> None:
     exchange = Exchange(offset_ns=offset_ns)
@@ -81,8 +82,9 @@ def test_times_never_go_back_and_are_never_newer_than_the_hand(
         if sample.status is LOST:
             pose_ns = buttons_ns = 0
             continue
-        assert pose_ns <= sample.pose_ns <= exchange.now_ns
-        assert buttons_ns <= sample.buttons_ns <= exchange.now_ns
+        newest_ns = exchange.now_ns + exchange.config.jitter_ms * NS_PER_MS
+        assert pose_ns <= sample.pose_ns <= newest_ns
+        assert buttons_ns <= sample.buttons_ns <= newest_ns
         pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
 
 
@@ -90,6 +92,7 @@ def test_times_do_not_go_back_when_the_way_becomes_shorter(exchange: Exchange) -
     """A pose that waited at its own side for longer, behind one that waited on the way."""
     exchange.run_ms(11_000)
     exchange.controller.let_go()
+    assert exchange.controller.sample(exchange.now_ns).status is ControllerStatus.LINK_LOST
     sent_ns = exchange.now_ns + exchange.offset_ns
     echo_ns = exchange.now_ns - 40 * NS_PER_MS
     earlier = exchange.message(echo_ns=echo_ns)
@@ -311,21 +314,36 @@ def test_a_clock_that_jumps_back_loses_the_link_for_a_moment(
     assert statuses[first + 2 :] == [OK] * len(statuses[first + 2 :])
 
 
+ROUNDING_NS = 10
+
+
+def hand_took_ns(before: ControllerSample, after: ControllerSample) -> float:
+    """How long a hand at 0.25 m/s takes from the one pose to the other."""
+    assert before.pose is not None
+    assert after.pose is not None
+    return float(np.linalg.norm(after.pose.position - before.pose.position)) / 0.25 * NS_PER_S
+
+
 @settings(max_examples=40)
 @given(JUMPS_NS, JUMPS_NS)
 def test_no_jumps_make_the_arm_faster_than_the_hand(first_ns: int, second_ns: int) -> None:
-    """With each jump the link is lost, or the pose's times go on at the hand's pace or slower."""
+    """With each jump the link is lost, or the pose's times go on at the hand's pace or slower.
+
+    What a jump of less than 5 ms has added is taken back, a third of a tick in a tick at most.
+    """
     exchange = Exchange().settled()
     exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
     last = exchange.run_ms(200)[-1]
     for jump_ns in (first_ns, second_ns):
         exchange.offset_ns += jump_ns
+        start = last
         for sample in exchange.run_ms(600):
             if sample.status is OK and last.status is OK and sample.pose_ns > last.pose_ns:
-                assert sample.pose is not None
-                assert last.pose is not None
-                moved_m = np.linalg.norm(sample.pose.position - last.pose.position)
-                assert moved_m <= 0.25 * (sample.pose_ns - last.pose_ns) / NS_PER_S + 1e-9
+                passed_ns = sample.pose_ns - last.pose_ns
+                assert hand_took_ns(last, sample) <= passed_ns * 4 / 3 + ROUNDING_NS
+                if start.status is OK:
+                    whole_ns = sample.pose_ns - start.pose_ns
+                    assert hand_took_ns(start, sample) <= whole_ns + ROUNDING_NS
             last = sample
 
 
@@ -446,11 +464,26 @@ def test_a_hand_that_is_frozen_at_its_own_side_is_a_fault() -> None:
 # --- the configuration ----------------------------------------------------------------------------
 
 
-@given(st.floats(0, 1000), st.floats(0, 500))
+@given(st.floats(0, 1000), st.floats(0, 400))
 def test_a_round_trip_as_configured_is_never_too_old(latency_ms: float, jitter_ms: float) -> None:
     link = LinkConfig(latency_ms=latency_ms, jitter_ms=jitter_ms)
     assert link.longest_age_ms >= 2 * (latency_ms + jitter_ms) + 100
     assert LinkConfig(latency_ms=latency_ms, max_age_ms=300).longest_age_ms == 300
+
+
+def test_no_configuration_lets_a_sample_of_more_than_three_seconds_move_the_arm() -> None:
+    assert LinkConfig(latency_ms=1000, jitter_ms=400).longest_age_ms == 3000
+    with pytest.raises(ValidationError, match="jitter_ms"):
+        LinkConfig(jitter_ms=401)
+    with pytest.raises(ValidationError, match="max_age_ms"):
+        LinkConfig(max_age_ms=3001)
+
+
+def test_after_an_operator_was_let_go_the_link_is_lost_once_whoever_is_heard_next() -> None:
+    exchange = Exchange().settled()
+    exchange.controller.let_go()
+    assert exchange.tick().status is ControllerStatus.LINK_LOST
+    assert exchange.tick().status is ControllerStatus.OK
 
 
 def test_the_robots_side_adds_to_the_hands_age_what_the_link_may_take() -> None:

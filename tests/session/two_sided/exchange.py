@@ -24,6 +24,7 @@ class MemoryGateway:
         self.cut = False
         self.routes: Routes | None = None
         self.farewells = 0
+        self.sent: list[bytes] = []
         self._clock = clock
         self._coming: list[tuple[int, int, bytes]] = []
 
@@ -40,6 +41,7 @@ class MemoryGateway:
         self.farewells += 1
 
     def send(self, message: bytes) -> None:
+        self.sent.append(message)
         if not self.cut and self.other is not None:
             self.other.arrive(self.other._clock.now_ns() + self.delay_ns, self.session, message)
 

@@ -7,7 +7,10 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -16,8 +19,9 @@ from tams_app.errors import TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, Welcome, encode
-from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.two_sided.operator import OperatorSession
+from tams_app.units import NS_PER_S
 from tams_app.video.repair import RepairRule
 
 pytestmark = pytest.mark.waiting
@@ -73,6 +77,23 @@ def robot(endpoint: Endpoint, tmp_path: Path) -> Iterator[Callable[[bytes], None
     yield answer
     for gateway in gateways:
         gateway.close()
+
+
+def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still(
+    endpoint: Endpoint, tmp_path: Path
+) -> None:
+    clock = VirtualClock()
+    session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
+    frames = count(100)
+    video: Any = SimpleNamespace(timestamps=lambda: (next(frames),))
+    session._video, session._link = video, SimpleNamespace(state=None)  # type: ignore[assignment]
+    heard_ns = clock.now_ns()
+    session.signals.faces.add(lambda: heard_ns)
+    assert (session._shown_now(), session._shown_now()) == ((100,), (101,))
+    clock.advance_ns(NS_PER_S)
+    assert (session._shown_now(), session._shown_now()) == ((101,), (101,))
+    heard_ns = clock.now_ns()
+    assert session._shown_now() == (102,)
 
 
 def start(

@@ -9,7 +9,8 @@ import pytest
 
 from hw.controller import Controller
 from tams_app.config import Config, load_config
-from tams_app.link.messages import Welcome, decode
+from tams_app.link.messages import StateMessage, Welcome, decode
+from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
 from tams_app.records import (
     Allocation,
     ControllerSample,
@@ -28,8 +29,10 @@ from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.two_sided.welcome import follow
 from tams_app.session.uplink_meter import UplinkFigures
+from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
+from tests.session.test_parts import output
 from tests.session.two_sided.exchange import MemoryGateway, MemoryLog
 from tests.synthetic_session import tick
 
@@ -46,6 +49,7 @@ class HeldController(Controller):
     def __init__(self) -> None:
         self.pulses: list[Haptic] = []
         self.trigger = 0.0
+        self.menu = False
         self._x = 0.0
 
     def start(self) -> None: ...
@@ -54,7 +58,7 @@ class HeldController(Controller):
         self._x += 0.001
         pose = Pose(np.array([self._x, 1.0, 0.0]), Rotation.identity())
         return ControllerSample(
-            ControllerStatus.OK, pose, now_ns, now_ns, self.trigger, 0.0, False, False, False
+            ControllerStatus.OK, pose, now_ns, now_ns, self.trigger, 0.0, False, False, self.menu
         )
 
     def pulse(self, haptic: Haptic) -> None:
@@ -171,6 +175,54 @@ def test_an_emergency_stop_pressed_while_nothing_arrives_stops_once_when_it_does
     sides.cut(False)
     sides.run(1.0)
     assert sides.stopped == 1
+
+
+@pytest.mark.parametrize("arming", ["ready", "engaged", "holding"])
+@pytest.mark.parametrize("loss", ["lost", "in one burst"])
+def test_a_click_of_the_menu_button_that_no_sample_shows_stops_an_armed_arm_once(
+    arming: str, loss: str
+):
+    sides = Sides()
+    sides.robot.on_output(0, output(ArmingState(arming)), None)
+    sides.run(1.0)
+    if loss == "lost":
+        sides.here.cut = True
+    for down in (True, False):
+        sides.hand.menu = down
+        sides.run(0.04, robot=loss == "lost")
+    sides.here.cut = False
+    sides.run(1.0)
+    assert sides.sample.status is ControllerStatus.OK
+    assert sides.stopped == 1
+
+
+def test_the_menu_button_stops_nothing_where_the_arm_is_not_armed_or_it_went_down_before():
+    sides = Sides()
+    sides.hand.menu = True
+    sides.run(1.0)
+    sides.robot.on_output(0, output(ArmingState.DISARMED), None)
+    for down in (False, True, False):
+        sides.hand.menu = down
+        sides.run(0.1)
+    sides.robot.on_output(0, output(ArmingState.READY), None)
+    sides.run(1.0)
+    assert sides.stopped == 0
+
+
+def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
+    sides = Sides()
+    sides.run(1.0)
+    sides.robot.on_output(0, replace(output(ArmingState.FAULT), detail="d" * 400), None)
+    for _ in range(3):
+        sides.robot.note("ü" * 400)
+    sides.run(0.01)
+    sides.robot.end("r" * 400, failed=True)
+    sizes = [len(content) for content in sides.there.sent]
+    assert max(sizes) <= 1200 - MESSAGE_OVERHEAD_BYTES
+    told = decode(sides.there.sent[-1], StateMessage)
+    assert told.failed
+    assert told.notes
+    assert told.ended.startswith("rrr")
 
 
 def test_a_confirmation_arms_only_while_it_is_fresh():

@@ -1,0 +1,20 @@
+"""Whether what shows the video to the operator still works: else old pictures stay on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+class Faces:
+    """Window and headset of a session; from any thread."""
+
+    def __init__(self) -> None:
+        self._heard_ns: tuple[Callable[[], int], ...] = ()
+
+    def add(self, heard_ns: Callable[[], int]) -> None:
+        """One more, and when it told last that it works, or was opened."""
+        self._heard_ns = (*self._heard_ns, heard_ns)
+
+    def silent_ns(self, now_ns: int) -> int:
+        """How long the one that is silent longest has been: no picture on it is newer."""
+        return max((now_ns - heard_ns() for heard_ns in self._heard_ns), default=0)
