@@ -83,7 +83,13 @@ def _drive(side: HandSide, screen: Screen) -> None:
     until(has_the_robots_figures, "what only the robot's side knows")
     side.hand.a = True
     until(lambda: session.snapshot().pressed == ("A",), "the button that is held here")
-    screen.xdotool("key", "space")
-    until(lambda: side.reason.startswith("emergency stop"), "the emergency stop")
+
+    def stops_by_its_key() -> bool:
+        side.hand.a = False
+        side.engages()  # a fault by the machine's load keeps its own reason: then again
+        screen.xdotool("key", "space")
+        return wait_for(lambda: side.reason.startswith("emergency stop"), LOOKED_AT_S)
+
+    assert any(stops_by_its_key() for _ in range(ATTEMPTS))
     assert side.arming == ArmingState.FAULT
     assert wait_for(lambda: banner_is(screen.photograph(), "fault"))
