@@ -8,11 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tams_app.config import dump_config, load_config
+from tams_app.config import load_config
 from tams_app.recording import read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
+from tests.faults.applications import PATIENT, configuration_file
 from tests.real_time import require_real_time
 from tests.spoken import spoken
 
@@ -28,12 +29,9 @@ def command(out, *options):
 def finished(tmp_path_factory):
     """The folder and the words of one session on s2 that ran to its end."""
     require_real_time()
-    out, given = tmp_path_factory.mktemp("run"), tmp_path_factory.mktemp("given") / "patient.yaml"
-    # the guard has tests of its own; here it is not to stop the arm where the whole machine stands
-    # still for a moment, since the simulated operator never clears a fault
-    patient = load_config(None, {"arm.guard.heartbeat_timeout_ms": 1000.0})
-    given.write_text(dump_config(patient), encoding="utf-8")
-    options = ("--config", str(given), "--seed", "1", "--seconds", "90", "--operator", "scripted")
+    out, given = tmp_path_factory.mktemp("run"), tmp_path_factory.mktemp("given")
+    config = configuration_file(given, PATIENT)
+    options = ("--config", str(config), "--seed", "1", "--seconds", "90", "--operator", "scripted")
     result = subprocess.run(
         command(out, *options),
         cwd=PROJECT_DIRECTORY,
@@ -190,8 +188,10 @@ def test_report_makes_summary_and_frame_anew_from_the_log(finished, summary):
 @pytest.mark.verify
 def test_an_operator_who_sees_places_the_block_and_says_how_often_they_looked(tmp_path):
     require_real_time()
+    out, config = tmp_path / "out", configuration_file(tmp_path, PATIENT)
+    options = ("--config", str(config), "--seed", "4", "--seconds", "120", "--operator", "seeing")
     result = subprocess.run(
-        command(tmp_path, "--seed", "4", "--seconds", "120", "--operator", "seeing"),
+        command(out, *options),
         cwd=PROJECT_DIRECTORY,
         capture_output=True,
         text=True,
@@ -201,7 +201,7 @@ def test_an_operator_who_sees_places_the_block_and_says_how_often_they_looked(tm
     assert result.returncode == 0, result.stderr
     first = spoken(result.stdout.splitlines()[0])
     assert first == "the seeing operator works, from the images on the screen alone, as configured"
-    (folder,) = tmp_path.iterdir()
+    (folder,) = out.iterdir()
     told = json.loads((folder / "summary.json").read_text())
     assert told["outcome"]["completed"] is True
     assert told["operator"]["kind"] == "seeing"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from tams_app.recording import SessionLog
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.two_sided.operator import OperatorSession
 from tams_app.teleop.safety import ArmingState
-from tests.faults.applications import PATIENCE_S, Application, only_log, until
+from tests.faults.applications import PATIENCE_S, PATIENT, Application, only_log, until
 from tests.faults.hand import Hand
 
 HOST = "127.0.0.1"
@@ -35,7 +35,13 @@ _WAY_S = 2.0
 class RobotSide(Application):
     """`run_tams.py robot` on the rig in a process of its own; ends it when left."""
 
-    def __init__(self, out: Path, key: Path | None = None, **overrides: object) -> None:
+    def __init__(
+        self,
+        out: Path,
+        key: Path | None = None,
+        patience: Mapping[str, object] = PATIENT,
+        **overrides: object,
+    ) -> None:
         self.port = free_port()
         words = ["robot", "--sim", "--listen", f"{HOST}:{self.port}"]
         words += [] if key is None else ["--key", str(key)]
@@ -45,7 +51,7 @@ class RobotSide(Application):
             **overrides,
         }
         out.mkdir(exist_ok=True)
-        super().__init__(out, words=words, **settings)
+        super().__init__(out, words=words, patience=patience, **settings)
 
     def waits(self) -> None:
         """Until an operator may call."""
