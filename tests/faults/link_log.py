@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -69,6 +70,19 @@ def outage(log: SessionLog, from_ns: int) -> Outage:
     )
 
 
+def stood_ms(log: SessionLog, from_ns: int, to_ns: int) -> float:
+    """How long the control loop was not woken between two ticks, beyond two periods each time.
+
+    That is the machine's load. Time within a tick is not in it: there a link could block the loop.
+    """
+    longest_ns = 2.0 * _period_ns(log)
+    asleep_ns = [
+        min(after.started_ns, to_ns) - max(before.finished_ns, from_ns)
+        for before, after in pairwise(log.ticks)
+    ]
+    return sum(max(0.0, one - longest_ns) for one in asleep_ns) / NS_PER_MS
+
+
 def arm_way(ticks: Iterable[Tick]) -> tuple[Vector, Vector]:
     """Times [ns] and places [m], shape (n, 3), of the arm's reports."""
     times: list[int] = []
@@ -83,7 +97,7 @@ def arm_way(ticks: Iterable[Tick]) -> tuple[Vector, Vector]:
 def commanded_mm(log: SessionLog, from_ns: int) -> tuple[float, int]:
     """How far the arm was told to go from `from_ns` until it was armed anew; how many ticks."""
     ticks = ticks_until(log, from_ns, lambda tick: tick.arming == ArmingState.READY)
-    period_s = float(np.median(np.diff([tick.due_ns for tick in log.ticks]))) / NS_PER_S
+    period_s = _period_ns(log) / NS_PER_S
     return 1000.0 * sum(float(np.linalg.norm(tick.twist.linear)) * period_s for tick in ticks), len(
         ticks
     )
@@ -105,3 +119,7 @@ def ticks_until(log: SessionLog, from_ns: int, end: Callable[[Tick], bool]) -> l
             break
         found.append(tick)
     return found
+
+
+def _period_ns(log: SessionLog) -> float:
+    return float(np.median(np.diff([tick.due_ns for tick in log.ticks])))

@@ -18,7 +18,7 @@ from tams_app.link.messages import StateMessage
 from tams_app.recording import SessionLog
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.two_sided.operator import OperatorSession
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.applications import PATIENCE_S, PATIENT, Application, only_log, until
 from tests.faults.hand import Hand
 
@@ -194,6 +194,23 @@ class HandSide:
                     return
                 time.sleep(0.005)
         raise AssertionError(f"the arm does not move: {self.arming}")
+
+    def loses_the_link(
+        self, cut: Callable[[], int], restore: Callable[[], object], seconds: float
+    ) -> int:
+        """Cut the link for so long while the arm moves; what `cut` returned: when it was [ns].
+
+        The machine's load may stop the arm just before, for another reason: then again.
+        """
+        for _ in range(_ATTEMPTS):
+            self.moves()
+            cut_ns = cut()
+            time.sleep(seconds)
+            restore()
+            self.becomes(ArmingState.FAULT)
+            if self.reason.startswith(Reason.LINK_LOST.label):
+                return cut_ns
+        raise AssertionError(f"the arm was stopped otherwise each time: {self.reason}")
 
     def helper(self, name: str) -> psutil.Process:
         """The helper process of that name."""
