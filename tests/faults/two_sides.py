@@ -171,6 +171,12 @@ class HandSide:
             _waits(lambda: self.arming == ArmingState.ENGAGED, _PRESSED_S)
         time.sleep(0.1)
 
+    def arms(self) -> None:
+        """Let go and arm, whatever has stopped the arm before; it waits, ready."""
+        self.hand.trigger = 0.0
+        time.sleep(_RELEASED_S)
+        self._arms(time.monotonic() + PATIENCE_S)
+
     def _arms(self, deadline_s: float) -> None:
         asked_s = 0.0
         while not (self.arming == ArmingState.READY and not self.reason):
