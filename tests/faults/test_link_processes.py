@@ -100,6 +100,35 @@ def fails(side: HandSide) -> str:
     return side.session.failure
 
 
+def hears_nothing(side: HandSide) -> bool:
+    """Whether the operator's side has told so."""
+    side.session.poll()
+    return any(note.startswith("nothing is heard of the robot") for note in side.notes)
+
+
+def test_the_arm_of_a_killed_robots_side_is_stopped_by_the_guard_and_the_operator_is_told(
+    robot: RobotSide, side: HandSide
+) -> None:
+    witness = robot.watched()
+    robot.keep_the_rig()
+    robot.process.kill()
+    witness.waits_for_the_stop()
+    witness.stands()
+    until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
+    robot.let_go()
+
+
+def test_a_guard_of_the_robot_that_hangs_stops_the_arm_until_it_answers_and_the_operator_reads_why(
+    robot: RobotSide, side: HandSide
+) -> None:
+    robot.helper("guard").suspend()
+    until(lambda: side.reason.startswith(Reason.GUARD_SILENT.label), "the reason to be told")
+    assert side.arming == ArmingState.FAULT
+    robot.watched().stands()
+    robot.helper("guard").resume()
+    side.moves()
+
+
 def test_a_killed_gateway_of_the_robot_ends_its_session_and_the_operator_hears_nothing(
     robot: RobotSide, side: HandSide
 ) -> None:
@@ -109,11 +138,7 @@ def test_a_killed_gateway_of_the_robot_ends_its_session_and_the_operator_hears_n
     assert code == 1
     assert "the helper process link ended unasked" in words
 
-    def told() -> bool:
-        side.session.poll()
-        return any(note.startswith("nothing is heard of the robot") for note in side.notes)
-
-    until(told, "the operator's side to tell that nothing is heard")
+    until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
     log = robot.recorded()
     fault = next(
         one for one in log.ticks if one.started_ns > killed_ns and one.arming == ArmingState.FAULT
