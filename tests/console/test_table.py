@@ -7,19 +7,26 @@ import io
 import pytest
 from rich.console import Console
 
-from tams_app.console.report import summary_tables
+from tams_app.console.summary_tables import summary_tables
 from tams_app.recording import SessionLog
-from tams_app.records import CameraRates, FrameQuality, Outcome, Phase, PhaseChange
+from tams_app.records import (
+    CameraRates,
+    FrameQuality,
+    Outcome,
+    Phase,
+    PhaseChange,
+    StopRecord,
+)
 from tams_app.summary import summarise
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header
 
 pytestmark = pytest.mark.untimed
 
 
-def printed(log: SessionLog) -> str:
+def printed(log: SessionLog, width: int = 110) -> str:
     output = io.StringIO()
-    Console(file=output, width=110).print(summary_tables(summarise(log)))
+    Console(file=output, width=width).print(summary_tables(summarise(log)))
     return output.getvalue()
 
 
@@ -68,10 +75,61 @@ def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
 def test_a_row_of_a_view_fits_a_terminal_of_eighty_columns() -> None:
     log = Synthetic(40.0).log()
     log.shown = [one for one in log.shown if one.index % 60 < 30]
-    output = io.StringIO()
-    Console(file=output, width=80).print(summary_tables(summarise(log)))
-    lines = output.getvalue().splitlines()
+    lines = printed(log, 80).splitlines()
     assert [line.split()[0] for line in lines[-4:]] == ["View", "EIH", "GT", "GS"]
+
+
+def stop(reason: str, at_s: float, rest_ms: int | None) -> StopRecord:
+    seen_ns = START_NS + round(at_s * NS_PER_S)
+    return StopRecord(reason, seen_ns, None if rest_ms is None else seen_ns + rest_ms * NS_PER_MS)
+
+
+def test_stops_are_named_with_their_time_reason_and_how_long_the_arm_took_to_rest() -> None:
+    log = Synthetic(40.0).log()
+    log.stops = [
+        stop("stale video", 2.04, 81),
+        stop("arm error: C31 (servo [x])", 31.5, None),
+    ]
+    first, second = (line.strip() for line in printed(log, 80).splitlines() if "rest a" in line)
+    assert first.split(maxsplit=1) == ["Stops", "2.0 s stale video, at rest after 81 ms"]
+    assert second == ("31.5 s arm error: C31 (servo [x]), not at rest at the end")
+
+
+def test_of_many_stops_five_are_named_and_the_others_counted() -> None:
+    log = Synthetic(40.0).log()
+    log.stops = [stop("tracking lost", 5.0 * number, 60) for number in range(7)]
+    lines = printed(log, 80).splitlines()
+    assert sum("tracking lost" in line for line in lines) == 5
+    assert [line.split() for line in lines if "…" in line] == [["…", "and", "2", "more"]]
+    assert "stops: 7, longest 60 ms" in " ".join(" ".join(lines).split())
+
+
+def test_a_session_without_a_stop_or_a_freeze_has_no_line_for_them() -> None:
+    log = Synthetic(5.0).log()
+    log.stops = []
+    text = printed(log)
+    assert "Stops" not in text
+    assert "Freezes" not in text
+
+
+def test_a_view_that_froze_is_named_with_how_often_and_the_longest() -> None:
+    log = Synthetic(10.0).log()
+    log.shown = [
+        one
+        for one in log.shown
+        if one.view != "gt" or not (60 <= one.index < 90 or 150 <= one.index < 225)
+    ]
+    (line,) = (line for line in printed(log, 80).splitlines() if line.startswith("Freezes"))
+    assert line.split(maxsplit=1)[1].strip() == "GT 2, longest 2.5 s"
+
+
+def test_no_line_is_longer_than_a_terminal_of_eighty_columns() -> None:
+    log = Synthetic(40.0).log()
+    log.stops = [stop("guard stopped the arm", 1000.0 + number, 100) for number in range(9)]
+    log.shown = [one for one in log.shown if one.index % 60 < 30]
+    lines = printed(log, 80).splitlines()
+    assert max(len(line.rstrip()) for line in lines) <= 80
+    assert not any("…" in line for line in lines if "more" not in line), "nothing is cut off"
 
 
 def test_a_failed_trial_says_so() -> None:

@@ -1,0 +1,163 @@
+"""The table at the end of a session: what summary.json says, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+_NOTHING = "–"
+_STOPS_NAMED = 5
+
+
+def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
+    """The headline, the session's figures and one row per view of a summary.json."""
+    return Group(_headline(summary), _session_table(summary), _view_table(summary["views"]))
+
+
+def link_table(link: Mapping[str, Any]) -> Table:
+    """What the link between two computers did."""
+    ages, commands, trips = link["sample_age_ms"], link["command_latency_ms"], link["round_trip_ms"]
+    refused = ", ".join(
+        f"{number} {reason}" for reason, number in link["samples"]["refused"].items()
+    )
+    rows = {
+        "Link": f"round trip p50 {_number(trips['p50'], '{:.0f} ms')}, "
+        f"p99 {_number(trips['p99'], '{:.0f} ms')}; times between the two computers are right to "
+        f"within {link['uncertainty_ms']:.1f} ms",
+        "Hand": f"age of a sample p50 {_number(ages['p50'], '{:.0f} ms')}, "
+        f"p99 {_number(ages['p99'], '{:.0f} ms')}; to the command p50 "
+        f"{_number(commands['p50'], '{:.0f} ms')}, p99 {_number(commands['p99'], '{:.0f} ms')}; "
+        f"{link['samples']['counted']} of {link['samples']['heard']} counted"
+        + (f" ({refused})" if refused else ""),
+    }
+    table = Table.grid(padding=(0, 2))
+    for name, value in rows.items():
+        table.add_row(Text(name, style="dim"), Text(value))
+    return table
+
+
+def _headline(summary: Mapping[str, Any]) -> Text:
+    outcome = summary["outcome"]
+    if outcome["completed"] is None:
+        verdict = "no verdict on the task"
+    elif outcome["completed"]:
+        time_s = _number(outcome["completion_time_s"], "{:.1f} s")
+        verdict = f"completed in {time_s}, drops: {outcome['drops']}"
+        verdict += ", success" if outcome["success"] else ", no success"
+    else:
+        verdict = f"not completed, drops: {outcome['drops']}"
+    reason = f" ({outcome['reason']})" if outcome["reason"] else ""
+    shortfall = summary["rates"]["shortfall"]
+    return Text(
+        f"{summary['strategy']} on {summary['network']}, {summary['duration_s']:.1f} s: "
+        f"{verdict}{reason}" + (f"\n{shortfall}" if shortfall else ""),
+        style="bold",
+    )
+
+
+def _session_table(summary: Mapping[str, Any]) -> Table:
+    control, arm, uplink = summary["control"], summary["arm"], summary["uplink"]
+    stops = [stop["stop_time_ms"] for stop in arm["stops"] if stop["stop_time_ms"] is not None]
+    rows: dict[str, str | Table] = {
+        "Control loop": f"{_number(control['rate_hz'], '{:g} Hz')}, {control['ticks']} ticks, "
+        f"late {_percent(control['late_fraction'], 2)} ({control['skipped']} skipped), "
+        f"period error p99 {_number(control['period_error_ms']['p99'], '{:.2f} ms')}",
+        "Arm": f"round trip p50 {_number(arm['round_trip_ms']['p50'], '{:.1f} ms')}, "
+        f"p99 {_number(arm['round_trip_ms']['p99'], '{:.1f} ms')}; stops: {len(arm['stops'])}"
+        + (f", longest {max(stops):.0f} ms" if stops else ""),
+        "Stops": _stops_table(arm["stops"]) if arm["stops"] else "",
+        "Uplink": f"{_number(uplink['sent_kbps_mean'], '{:.0f}')} of "
+        f"{_number(uplink['capacity_kbps'], '{:.0f}')} kbit/s, "
+        f"used {_percent(uplink['utilisation'], 0)}, "
+        f"queue p95 {_number(uplink['queue_ms']['p95'], '{:.0f} ms')}",
+        "Loss": f"{_percent(uplink['loss_fraction'], 2)} before repair, "
+        f"{_percent(uplink['residual_loss_fraction'], 2)} after",
+        "Freezes": _freezes(summary["views"]),
+        "Primary view": _quality(summary["primary_view"]),
+        "Load": f"application {_number(summary['system']['cpu_percent']['app'], '{:.0f} %')}, "
+        f"helpers {_number(summary['system']['cpu_percent']['helpers'], '{:.0f} %')} of a core, "
+        f"{_number(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
+    }
+    table = Table.grid(padding=(0, 2))
+    for name, value in rows.items():
+        if value:
+            table.add_row(Text(name, style="dim"), Text(value) if isinstance(value, str) else value)
+    return table
+
+
+def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
+    """When each of the first stops was, why, and how long the arm took to rest."""
+    table = Table.grid(padding=(0, 1))
+    table.add_column(justify="right")
+    for stop in stops[:_STOPS_NAMED]:
+        rest_ms = stop["stop_time_ms"]
+        rest = "not at rest at the end" if rest_ms is None else f"at rest after {rest_ms:.0f} ms"
+        table.add_row(f"{stop['t_s']:.1f} s", Text(f"{stop['reason']}, {rest}"))
+    if (more := len(stops) - _STOPS_NAMED) > 0:
+        table.add_row("…", f"and {more} more")
+    return table
+
+
+def _freezes(views: Mapping[str, Mapping[str, Any]]) -> str:
+    """Of each view that froze how often, and for how long at most; empty if none did."""
+    return "; ".join(
+        f"{view.upper()} {entry['freezes']['count']}, longest {entry['freezes']['longest_s']:.1f} s"
+        for view, entry in views.items()
+        if entry["freezes"]["count"]
+    )
+
+
+def _quality(primary: Mapping[str, Any]) -> str:
+    names = ("received", "delivered", "live")
+    scores = [f"{name} {_number(primary[f'{name}_ssim'], '{:.3f}')}" for name in names]
+    return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
+
+
+def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
+    table = Table(
+        box=None, header_style="dim", padding=(0, 1), collapse_padding=True, pad_edge=False
+    )
+    table.add_column("View")
+    for name in (
+        "target",
+        "sent kbit/s",
+        "error",
+        "fps",
+        "shown",
+        "p50 ms",
+        "p95 ms",
+        "freezes",
+        "SSIM",
+    ):
+        table.add_column(name, justify="right")
+    for view, entry in views.items():
+        latency, freezes = entry["latency_ms"], entry["freezes"]
+        table.add_row(
+            view.upper(),
+            _number(entry["target_kbps_mean"], "{:.0f}"),
+            _number(entry["sent_kbps_mean"], "{:.0f}"),
+            _percent(entry["tracking_error"], 1),
+            f"{_number(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}",
+            f"{entry['frames_shown']}/{entry['frames_captured']}",
+            _number(latency["p50"], "{:.0f}"),
+            _number(latency["p95"], "{:.0f}"),
+            _number(freezes["count"], "{:d}") + _seconds(freezes["total_s"]),
+            _number(entry["received_ssim"], "{:.3f}"),
+        )
+    return table
+
+
+def _number(value: float | None, form: str) -> str:
+    return _NOTHING if value is None else form.format(value)
+
+
+def _percent(value: float | None, digits: int) -> str:
+    return _NOTHING if value is None else f"{100 * value:.{digits}f} %"
+
+
+def _seconds(value: float | None) -> str:
+    return f" ({value:.1f} s)" if value else ""
