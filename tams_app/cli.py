@@ -177,6 +177,7 @@ def run(
     }
     settings = load_config(config, overrides)
     check_arm_at_once(arm, settings)
+    typer.echo("starting: arm, cameras, video …")  # before what takes long to import
     from tams_app.console.app import run_session
 
     raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import runpy
 import socket
 import subprocess
@@ -19,6 +20,10 @@ from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 pytestmark = pytest.mark.waiting
+
+
+# Said before what takes long to import, and some uses are found wrong by that alone.
+AT_MOST_STARTING = re.compile(r"(starting: .*\n)?")
 
 
 def run(capsys, *arguments):
@@ -165,7 +170,7 @@ def test_wrong_use_is_one_sentence_and_exit_code_two(capsys, tmp_path, arguments
     is_run = arguments[0] in ("run", "--seed")
     code, out, err = run(capsys, *arguments, *(("--out", tmp_path) if is_run else ()))
     assert code == 2
-    assert out == ""
+    assert AT_MOST_STARTING.fullmatch(out)
     assert sentence in err
     assert len(err.splitlines()) == 1
 
@@ -231,7 +236,8 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
     where = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
     options = ("--ros2", "--out", tmp_path / "logs", *where.get(command, ()))
     code, out, err = run(capsys, command, *options)
-    assert (code, out) == (1, "")
+    assert code == 1
+    assert AT_MOST_STARTING.fullmatch(out)
     assert "--ros2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()
@@ -244,7 +250,8 @@ def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, 
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         options = ("--foxglove", address, "--out", tmp_path / "logs", *where.get(command, ()))
         code, out, err = run(capsys, command, *options)
-    assert (code, out) == (1, "")
+    assert code == 1
+    assert AT_MOST_STARTING.fullmatch(out)
     assert f"viewers cannot connect at {address}" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()

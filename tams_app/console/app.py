@@ -127,6 +127,7 @@ def show_session(
         session.start()
         try:
             _watch(session, console, words_of, limit_s, faces, trial)
+            console.print("ending …", highlight=False)
         finally:
             session.close()
 

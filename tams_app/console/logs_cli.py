@@ -46,8 +46,10 @@ def report(
 
     from tams_app.console.report import report_both, report_session
 
-    console = Console(quiet=as_json)
-    summary = report_session(log, console) if other is None else report_both(log, other, console)
+    consoles = Console(quiet=as_json), Console(stderr=as_json)
+    summary = (
+        report_session(log, *consoles) if other is None else report_both(log, other, *consoles)
+    )
     if as_json:
         typer.echo(json.dumps(summary))
 

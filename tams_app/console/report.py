@@ -11,6 +11,7 @@ from rich.console import Console
 
 from tams_app.console.summary_tables import link_table, summary_tables
 from tams_app.errors import LogError, UnreadableLogError
+from tams_app.progress import waiting
 from tams_app.recording import read_log
 from tams_app.session.recorders import LOG_NAME
 from tams_app.summary.joined import in_order, summarise_both
@@ -18,29 +19,42 @@ from tams_app.summary.summarise import save_summary
 from tams_app.summary.summarise import write_summary as save_summary_of
 
 FIGURE_NAME = "bitrates.png"
+_WRITING = "writing summary and report"
 
 
-def report_session(folder: Path, console: Console | None = None) -> dict[str, Any]:
-    """Compute summary.json and bitrates.png from the log in `folder`; show the summary, return it.
+def report_session(
+    folder: Path, console: Console | None = None, progress: Console | None = None
+) -> dict[str, Any]:
+    """Write summary, figure and page from the log in `folder`; show the summary, return it.
 
-    `folder` may name the log itself. UnreadableLogError if there is no log,
-    or none of ours; LogError if the folder cannot be written.
+    `folder` may name the log itself. `progress`: where it is told that this takes its time, in
+    place of `console`. UnreadableLogError if there is no log, or none of ours; LogError if the
+    folder cannot be written.
     """
-    folder = _session_folder(folder)
-    summary = write_summary(folder)
     console = console or Console()
-    console.print(summary_tables(summary))
-    if missing := _missing(summary):
-        console.print(missing, style="bold", highlight=False, soft_wrap=True)
-    console.print(f"[bold]{folder}[/]", highlight=False)
+    folder = _session_folder(folder)
+    with waiting(_WRITING, progress or console):
+        summary = write_summary(folder)
+    _show(summary, folder, console)
     return summary
 
 
-def report_both(first: Path, second: Path, console: Console | None = None) -> dict[str, Any]:
+def report_both(
+    first: Path, second: Path, console: Console | None = None, progress: Console | None = None
+) -> dict[str, Any]:
     """As `report_session`, of the two logs of one session, into the folder of the robot's side."""
+    console = console or Console()
+    folders = [_session_folder(one) for one in (first, second)]
+    with waiting(_WRITING, progress or console):
+        summary, folder = _write_summary_of_both(*folders)
+    _show(summary, folder, console)
+    return summary
+
+
+def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
+    """Of the two sides' folders, in any order; the summary and the folder of the robot's side."""
     from tams_app.study.figures import save_bitrates
 
-    folders = [_session_folder(one) for one in (first, second)]
     logs = [read_log(folder / LOG_NAME) for folder in folders]
     robot, operator = in_order(*logs)
     folder = folders[0] if robot is logs[0] else folders[1]
@@ -50,12 +64,16 @@ def report_both(first: Path, second: Path, console: Console | None = None) -> di
         save_bitrates(robot, folder / FIGURE_NAME)
     except OSError as error:
         raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
-    console = console or Console()
-    console.print(summary_tables(summary), link_table(summary["link"]))
+    return summary, folder
+
+
+def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
+    console.print(summary_tables(summary))
+    if "link" in summary:  # of two sides
+        console.print(link_table(summary["link"]))
     if missing := _missing(summary):
         console.print(missing, style="bold", highlight=False, soft_wrap=True)
     console.print(f"[bold]{folder}[/]", highlight=False)
-    return summary
 
 
 def write_summary(folder: Path) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from tams_app.console.terminal import TerminalKeys
 from tams_app.console.window.messages import TrialFacts
 from tams_app.console.wishes import Action, Wish
 from tams_app.errors import TamsError
+from tams_app.progress import waiting
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
@@ -68,7 +69,8 @@ class LiveTrialRunner:
         try:
             shown = LiveTrial(trial, config.trial.limit_s, session)
             show_session(session, self._console, shown.words, signals.append, trial=shown)
-            write_summary(folder)
+            with waiting("writing the summary", self._console):
+                write_summary(folder)
         except TamsError as failure:
             if signals:
                 raise KeyboardInterrupt from failure

@@ -82,6 +82,7 @@ def robot(
     }
     settings = load_config(config, overrides)
     check_arm_at_once(arm, settings)
+    typer.echo("starting: arm, cameras, link …")  # before what takes long to import
     from tams_app.console.two_sided import endpoint_of, run_robot
 
     raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key), arm, dry_run))
@@ -118,6 +119,7 @@ def operate(
             "recording.directory": str(out) if out else None,
         },
     )
+    typer.echo("starting: controller, link, video …")  # before what takes long to import
     from tams_app.console.two_sided import endpoint_of, run_operate
 
     raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import AbstractContextManager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from rich.table import Table
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
+from tams_app.progress import waiting
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
 from tams_app.study.marks import marks_in
@@ -166,9 +168,10 @@ def report_study(
     data = read_results(StudyFolder(folder))
     if not len(data.trials):
         raise ConfigError(f"{folder}: no trial is done yet: run `study run` first")
-    written = write_tables(data, folder / TABLES_NAME)
-    _write_report(data, folder, out or folder / REPORT_NAME, tolerance_ssim, console)
-    for path in written:
+    with _writing():
+        written = write_tables(data, folder / TABLES_NAME)
+        page = _write_report(data, folder, out or folder / REPORT_NAME, tolerance_ssim)
+    for path in (page, *written):
         console.print(f"[bold]{path}[/]", highlight=False)
     return 0
 
@@ -184,7 +187,10 @@ def report_tables(
     _check_extra()
     from tams_app.study.results import read_tables
 
-    _write_report(read_tables(folder, config), folder, out or folder, tolerance_ssim, console)
+    data = read_tables(folder, config)
+    with _writing():
+        page = _write_report(data, folder, out or folder, tolerance_ssim)
+    console.print(f"[bold]{page}[/]", highlight=False)
     return 0
 
 
@@ -194,15 +200,17 @@ def _check_extra() -> None:
         raise SetupError(f"{', '.join(missing)} missing: pip install 'tams[study]'")
 
 
-def _write_report(
-    data: StudyData, folder: Path, out: Path, tolerance_ssim: float | None, console: Console
-) -> None:
+def _writing() -> AbstractContextManager[None]:
+    """On standard error: standard output lists the files, for programs too."""
+    return waiting("writing tables and report", Console(stderr=True))
+
+
+def _write_report(data: StudyData, folder: Path, out: Path, tolerance_ssim: float | None) -> Path:
     from tams_app.study.report.build import build_report
 
     remarks = folder / REMARKS_NAME
     text = remarks.read_text("utf-8", "replace")[:REMARKS_BYTES] if remarks.is_file() else ""
-    page = build_report(data, text, tolerance_ssim).write(out)
-    console.print(f"[bold]{page}[/]", highlight=False)
+    return build_report(data, text, tolerance_ssim).write(out)
 
 
 def _confirmed(question: str, console: Console) -> bool:

@@ -1,8 +1,11 @@
 """What `run` tells a person at the hardware before the arm may move, and the keys it reads."""
 
+import io
 import os
 import pty
 import signal
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 from types import SimpleNamespace
@@ -16,6 +19,7 @@ from tams_app.console.hands import hand_of
 from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.control import Signals
 from tams_app.session.status import StatusBoard
 
@@ -137,6 +141,53 @@ def test_who_runs_a_session_is_told_of_the_signal_that_ends_it(monkeypatch):
     app.show_session(session, Console(quiet=True), interrupted=told.append)
     assert told == ["ended by SIGINT"]
     assert session.asked == ["ended by SIGINT", "closed"]
+
+
+LOADS = """
+import os, sys
+from tams_app.cli import main
+
+class Late:
+    def find_spec(self, name, path, target=None):
+        if name in ("tams_app.console.app", "tams_app.console.two_sided"):
+            os.write(1, b"loading\\n")  # past what has not been written out
+            os._exit(0)
+
+sys.meta_path.insert(0, Late())
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run", "--sim", "--headless"],
+        ["robot", "--sim", "--listen", "127.0.0.1:7300"],
+        ["operate", "--sim", "--robot", "127.0.0.1:7300"],
+    ],
+)
+def test_the_first_line_comes_before_anything_of_a_session_is_loaded(command):
+    done = subprocess.run(
+        [sys.executable, "-c", LOADS, *command],
+        cwd=PROJECT_DIRECTORY,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=True,
+    )
+    first, second = done.stdout.splitlines()
+    assert first.startswith("starting: ")
+    assert second == "loading"
+
+
+def test_after_the_session_it_is_told_that_it_ends_before_it_is_closed(monkeypatch):
+    monkeypatch.setattr(app, "_read_keys", keys(False))
+    output = io.StringIO()
+    session = EndedSession("tams.yaml")
+    session.start = lambda: output.write("started\n")
+    session.close = lambda: output.write("closed\n")
+    app.show_session(session, Console(file=output))
+    assert output.getvalue().splitlines() == ["started", "ending …", "closed"]
 
 
 class EndlessSession(EndedSession):

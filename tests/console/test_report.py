@@ -41,6 +41,7 @@ def reported(path: Path) -> str:
 
 def test_a_whole_log_is_reported_without_a_warning(folder: Path) -> None:
     text = reported(folder)
+    assert text.startswith("writing summary and report …\n")
     assert "300 ticks" in text
     assert "The log" not in text
     assert (folder / "summary.json").exists()
@@ -51,7 +52,9 @@ def test_a_program_reads_the_summary_itself(
 ) -> None:
     assert _main(["report", str(folder), "--json"]) == 0
     saved = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    assert json.loads(capsys.readouterr().out) == saved
+    told = capsys.readouterr()
+    assert json.loads(told.out) == saved
+    assert told.err == "writing summary and report …\n"
 
 
 def test_the_log_itself_may_be_given_for_its_folder(folder: Path) -> None:

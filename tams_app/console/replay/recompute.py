@@ -12,6 +12,7 @@ from rich.table import Table
 
 from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.report import session_log
+from tams_app.progress import waiting
 from tams_app.recording import SessionLog, read_log
 from tams_app.session.recompute import Comparison, Recomputed, recompute
 from tams_app.units import NS_PER_S
@@ -23,8 +24,9 @@ def run_recompute(given: Path, as_json: bool) -> int:
     The exit code: 0 if nothing differs by more than its tolerance, else 1.
     """
     path = session_log(given)
-    log = read_log(path)
-    found = recompute(log, logged_config(log, path))
+    with waiting("reading the log and computing it anew", Console(stderr=as_json)):
+        log = read_log(path)
+        found = recompute(log, logged_config(log, path))
     if as_json:
         typer.echo(json.dumps(_tree(log, found)))
     else:

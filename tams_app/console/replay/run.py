@@ -14,6 +14,7 @@ from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, SignalledError, TamsError
+from tams_app.progress import waiting
 from tams_app.recording import read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.runtime.clock import MonotonicClock
@@ -26,18 +27,19 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
     if not 0.01 <= speed <= FASTEST:
         raise ConfigError(f"--speed: {speed:g} is not between 0.01 and {FASTEST:g}")
     path = session_log(given)
-    log = read_log(path)
-    signals: list[str] = []
+    console, signals = Console(), list[str]()
     with tempfile.TemporaryDirectory(prefix="tams-replay-") as folder:
-        session = ReplaySession(
-            log,
-            PictureFinder(path),
-            _shown_config(logged_config(log, path), headless or not has_display()),
-            Path(folder),
-            speed,
-            MonotonicClock().now_ns,
-        )
-        show_session(session, Console(), interrupted=signals.append, replay_keys=session.on_keys)
+        with waiting("reading the log", console):
+            log = read_log(path)
+            session = ReplaySession(
+                log,
+                PictureFinder(path),
+                _shown_config(logged_config(log, path), headless or not has_display()),
+                Path(folder),
+                speed,
+                MonotonicClock().now_ns,
+            )
+        show_session(session, console, interrupted=signals.append, replay_keys=session.on_keys)
     if session.failure:
         raise TamsError(session.failure)
     if signals:

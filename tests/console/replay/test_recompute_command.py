@@ -64,7 +64,9 @@ def test_as_json_each_quantity_has_its_figures(
     changed_session: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert _main(["replay", str(changed_session), "--recompute", "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
+    captured = capsys.readouterr()
+    assert captured.err == "reading the log and computing it anew …\n"
+    told = json.loads(captured.out)
     assert told["same"] is False
     assert told["complete"] is True
     (targets,) = (one for one in told["quantities"] if one["name"] == "targets")
