@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,16 @@ from rich.console import Console
 from tams_app.console.summary_tables import link_table, summary_tables
 from tams_app.errors import LogError, UnreadableLogError
 from tams_app.progress import waiting
-from tams_app.recording import read_log
+from tams_app.recording import SessionLog, read_log
+from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.session.recorders import LOG_NAME
-from tams_app.summary.joined import in_order, summarise_both
+from tams_app.summary.joined import (
+    clock_offsets,
+    in_order,
+    joined,
+    on_robots_clock,
+    summarise_both,
+)
 from tams_app.summary.summarise import save_summary
 from tams_app.summary.summarise import write_summary as save_summary_of
 
@@ -53,18 +60,17 @@ def report_both(
 
 def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
     """Of the two sides' folders, in any order; the summary and the folder of the robot's side."""
-    from tams_app.study.figures import save_bitrates
-
     logs = [read_log(folder / LOG_NAME) for folder in folders]
     robot, operator = in_order(*logs)
-    folder = folders[0] if robot is logs[0] else folders[1]
+    of_robot, of_operator = folders if operator is logs[1] else reversed(folders)
+    offsets = clock_offsets(robot, operator)
     summary = summarise_both(robot, operator)
-    save_summary_of(summary, folder)
-    try:
-        save_bitrates(robot, folder / FIGURE_NAME)
-    except OSError as error:
-        raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
-    return summary, folder
+    save_summary_of(summary, of_robot)
+    pictures = on_robots_clock(
+        read_pictures(of_operator / LOG_NAME), robot.header, operator.header, offsets
+    )
+    _draw(joined(robot, operator, offsets), summary, pictures, of_robot)
+    return summary, of_robot
 
 
 def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
@@ -78,18 +84,25 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
 
 def write_summary(folder: Path) -> dict[str, Any]:
     """Compute summary.json, bitrates.png and report.html from the log in `folder`, show nothing."""
+    log = read_log(folder / LOG_NAME)
+    summary = save_summary(log, folder)
+    _draw(log, summary, read_pictures(folder / LOG_NAME), folder)
+    return summary
+
+
+def _draw(
+    log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], folder: Path
+) -> None:
+    """Write figure and page into `folder`; LogError if they cannot be written."""
     # matplotlib and jinja2: no session starts with them
     from tams_app.study.figures import save_bitrates
     from tams_app.study.session_page import write_page
 
-    log = read_log(folder / LOG_NAME)
-    summary = save_summary(log, folder)
     try:
         save_bitrates(log, folder / FIGURE_NAME)
     except OSError as error:
         raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
-    write_page(log, summary, folder / LOG_NAME)
-    return summary
+    write_page(log, summary, pictures, folder)
 
 
 def session_log(given: Path) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from tams_app import __version__
 from tams_app.errors import LogError
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
-from tams_app.recording.pictures import ShownPicture, read_pictures
+from tams_app.recording.pictures import ShownPicture
 from tams_app.study.pages import page_environment
 from tams_app.study.timeline import Stretch, phase_stretches, stops_of, timeline_figure
 from tams_app.teleop.advice import what_to_do
@@ -47,10 +47,15 @@ class PhaseStills:
     pictures: Mapping[str, Markup]  # the source of an image, by view
 
 
-def write_page(log: SessionLog, summary: Mapping[str, Any], log_path: Path) -> Path:
-    """Write report.html beside the log; its path. LogError if it cannot be written."""
-    path = log_path.parent / PAGE_NAME
-    page = session_page(log, summary, stills_of(log, log_path), log_path.parent.name)
+def write_page(
+    log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], folder: Path
+) -> Path:
+    """Write report.html into `folder`; its path. LogError if it cannot be written.
+
+    `pictures`: those that were shown, with times by the log's wall clock.
+    """
+    path = folder / PAGE_NAME
+    page = session_page(log, summary, stills_of(log, pictures), folder.name)
     try:
         path.write_text(page, encoding="utf-8")
     except OSError as error:
@@ -91,25 +96,25 @@ def stop_rows(log: SessionLog) -> list[Stop]:
     ]
 
 
-def stills_of(log: SessionLog, path: Path) -> list[PhaseStills]:
+def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseStills]:
     """For each phase the first picture of each view that was shown in its first second."""
     weights = WeightMatrix(log.header.weights) if log.header.weights else None
     phases = phase_stretches(log)
     found: list[dict[str, ShownPicture]] = [{} for _ in phases]
-    for picture in read_pictures(path):
+    for picture in pictures:
         t_s = _s(log, picture.shown_ns - log.header.wall_offset_ns)
-        for phase, pictures in zip(phases, found, strict=True):
+        for phase, of_phase in zip(phases, found, strict=True):
             until_s = min(phase.start_s + _STILL_WITHIN_S, phase.end_s)
             if phase.start_s <= t_s < until_s:
-                pictures.setdefault(picture.view, picture)
+                of_phase.setdefault(picture.view, picture)
     changes = [change.phase for change in log.phases]
     return [
         PhaseStills(
             phase,
             "" if weights is None else weights.primary_view(change),
-            {view: _source(pictures[view]) for view in log.header.views if view in pictures},
+            {view: _source(of_phase[view]) for view in log.header.views if view in of_phase},
         )
-        for phase, change, pictures in zip(phases, changes, found, strict=True)
+        for phase, change, of_phase in zip(phases, changes, found, strict=True)
     ]
 
 

@@ -8,13 +8,15 @@ is the uncertainty of every figure that spans both computers.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tams_app.errors import LogError
-from tams_app.recording import SessionLog
+from tams_app.recording import Header, SessionLog
+from tams_app.recording.pictures import ShownPicture
 from tams_app.recording.topics import FrameShown
 from tams_app.records import HandHeard
 from tams_app.summary.summarise import summarise
@@ -100,6 +102,16 @@ def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> Se
     ]
     kind = {name: operator.facts[name] for name in ("operator",) if name in operator.facts}
     return replace(robot, shown=shown, glances=glances, facts={**robot.facts, **kind})
+
+
+def on_robots_clock(
+    pictures: Iterable[ShownPicture], robot: Header, operator: Header, offsets: ClockOffsets
+) -> Iterator[ShownPicture]:
+    """Pictures of the operator's side with the times of the robot's wall clock."""
+    for picture in pictures:
+        there_ns = np.array([picture.shown_ns - operator.wall_offset_ns], dtype=np.int64)
+        here_ns = int(offsets.to_robot(there_ns)[0])
+        yield replace(picture, shown_ns=here_ns + robot.wall_offset_ns)
 
 
 def summarise_both(first: SessionLog, second: SessionLog) -> dict[str, Any]:

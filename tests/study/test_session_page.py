@@ -106,7 +106,8 @@ def test_each_stop_is_told_with_its_time_and_what_to_do(page: str) -> None:
 def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> None:
     for name in ("Reach", "Align", "Pre-Release"):
         assert f"<strong>{name}</strong>" in page
-    stills = stills_of(read_log(folder / "session.mcap"), folder / "session.mcap")
+    path = folder / "session.mcap"
+    stills = stills_of(read_log(path), read_pictures(path))
     for still, grey in zip(stills, GREYS, strict=True):
         assert list(still.pictures) == list(VIEWS)
         for source in still.pictures.values():

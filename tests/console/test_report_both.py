@@ -1,0 +1,116 @@
+"""`report ROBOT OPERATE`: one summary and one page of both sides' logs."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from tams_app.cli import _main
+from tams_app.config import load_config
+from tams_app.recording import Facts, SessionLog
+from tams_app.recording.mcap_log import McapLog
+from tams_app.records import EncodedFrame, ShownFrame
+from tams_app.session.recorders import LOG_NAME
+from tams_app.session.viewing import viewers_of
+from tams_app.units import NS_PER_S
+from tests.synthetic_session import START_NS, VIEWS
+from tests.test_summary_joined import HOUR_NS, pair
+
+pytestmark = pytest.mark.untimed
+
+FIRST_GREY, LATER_GREY = 60, 200  # of what is shown as the phase begins, and after its first second
+
+
+def write(folder: Path, log: SessionLog, records: Iterable[Any]) -> Path:
+    folder.mkdir()
+    with closing(
+        McapLog(folder / LOG_NAME, log.header, viewers=viewers_of(load_config(), live=False))
+    ) as file:
+        file.write(Facts(log.header.started_ns, log.facts), 0)
+        for record in records:
+            file.write(record, 0)
+    return folder
+
+
+def pictures() -> Iterable[ShownFrame]:
+    """As the operator's side shows them, on a clock that is an hour less."""
+    for at_s, grey in ((0.3, FIRST_GREY), (1.6, LATER_GREY)):
+        for view in VIEWS:
+            image = np.full((48, 64, 3), grey, np.uint8)
+            shown_ns = START_NS - HOUR_NS + round(at_s * NS_PER_S)
+            yield ShownFrame(view, 0, shown_ns, image, shown_ns)
+
+
+@pytest.fixture
+def sides(tmp_path: Path) -> tuple[Path, Path]:
+    """The folders of the robot's side and of the operator's."""
+    _, robot, operator = pair()
+    frames = [
+        EncodedFrame(
+            one.view,
+            one.index,
+            one.capture_ns,
+            one.encoded_ns,
+            one.keyframe,
+            bytes(100),
+            rtp_timestamp=one.rtp_timestamp,
+        )
+        for one in robot.sent
+    ]
+    records = (robot.ticks, robot.phases, robot.allocations, robot.captured, robot.hands_heard)
+    return (
+        write(tmp_path / "robot", robot, [*(one for part in records for one in part), *frames]),
+        write(
+            tmp_path / "operate",
+            operator,
+            [*operator.states_heard, *operator.shown, *pictures()],
+        ),
+    )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_all_is_written_into_the_folder_of_the_robots_side(
+    sides: tuple[Path, Path], turned: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, operate = sides
+    given = (operate, robot) if turned else (robot, operate)
+    assert _main(["report", *map(str, given), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert json.loads((robot / "summary.json").read_text(encoding="utf-8")) == summary
+    assert {one.name for one in robot.iterdir()} == {
+        LOG_NAME,
+        "summary.json",
+        "bitrates.png",
+        "report.html",
+    }
+    assert [one.name for one in operate.iterdir()] == [LOG_NAME]
+
+
+def test_the_page_shows_what_was_shown_at_the_operators_side(sides: tuple[Path, Path]) -> None:
+    robot, operate = sides
+    assert _main(["report", str(robot), str(operate)]) == 0
+    page = (robot / "report.html").read_text(encoding="utf-8")
+    coded = [part.partition('"')[0] for part in page.split('src="data:image/jpeg;base64,')[1:]]
+    assert len(coded) == len(VIEWS)
+    for one in coded:
+        data = np.frombuffer(base64.b64decode(one), np.uint8)
+        assert abs(float(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE).mean()) - FIRST_GREY) < 3
+
+
+def test_the_page_tells_of_the_link(
+    sides: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, operate = sides
+    assert _main(["report", str(robot), str(operate), "--json"]) == 0
+    link = json.loads(capsys.readouterr().out)["link"]
+    page = (robot / "report.html").read_text(encoding="utf-8")
+    assert f"{link['samples']['counted']} of {link['samples']['heard']} samples counted" in page
+    assert f"right to within {link['uncertainty_ms']:.1f} ms" in " ".join(page.split())
