@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from tams_app.summary.summarise import save_summary
 from tams_app.summary.summarise import write_summary as save_summary_of
 
 FIGURE_NAME = "bitrates.png"
+PAGE_NAME = "report.html"
 _WRITING = "writing summary and report"
 
 
@@ -79,7 +81,11 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
         console.print(link_table(summary["link"]))
     if missing := _missing(summary):
         console.print(missing, style="bold", highlight=False, soft_wrap=True)
-    console.print(f"[bold]{folder}[/]", highlight=False)
+    for line in (
+        f"report: {folder / PAGE_NAME}",
+        f"replay: run_tams.py replay {shlex.quote(str(folder))}",
+    ):
+        console.print(line, style="bold", markup=False, highlight=False, soft_wrap=True)
 
 
 def write_summary(folder: Path) -> dict[str, Any]:
@@ -102,7 +108,7 @@ def _draw(
         save_bitrates(log, folder / FIGURE_NAME)
     except OSError as error:
         raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
-    write_page(log, summary, pictures, folder)
+    write_page(log, summary, pictures, folder / PAGE_NAME)
 
 
 def session_log(given: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import shlex
 import socket
 from pathlib import Path
 
@@ -67,4 +68,9 @@ def endpoint_of(option: str, given: str, key: Path | None) -> Endpoint:
 
 
 def _tell_where(folder: Path, console: Console) -> None:
-    console.print(f"[bold]{folder}[/]", highlight=False)
+    for line in (
+        f"log: {folder}",
+        "joined with the log of the robot's side: "
+        f"run_tams.py report ROBOT_LOG {shlex.quote(str(folder))}",
+    ):
+        console.print(line, style="bold", markup=False, highlight=False, soft_wrap=True)

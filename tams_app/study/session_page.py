@@ -22,7 +22,6 @@ from tams_app.study.timeline import Stretch, phase_stretches, stops_of, timeline
 from tams_app.teleop.advice import what_to_do
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-PAGE_NAME = "report.html"
 _TEMPLATE_NAME = "session.html.j2"
 _STILL_WITHIN_S = 1.0  # of the phase's beginning
 
@@ -48,19 +47,17 @@ class PhaseStills:
 
 
 def write_page(
-    log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], folder: Path
-) -> Path:
-    """Write report.html into `folder`; its path. LogError if it cannot be written.
+    log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], path: Path
+) -> None:
+    """Write the page of the session whose folder `path` is in; LogError if it cannot be written.
 
     `pictures`: those that were shown, with times by the log's wall clock.
     """
-    path = folder / PAGE_NAME
-    page = session_page(log, summary, stills_of(log, pictures), folder.name)
+    page = session_page(log, summary, stills_of(log, pictures), path.parent.name)
     try:
         path.write_text(page, encoding="utf-8")
     except OSError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror}") from error
-    return path
 
 
 def session_page(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,17 @@ def test_a_whole_log_is_reported_without_a_warning(folder: Path) -> None:
     assert "300 ticks" in text
     assert "The log" not in text
     assert (folder / "summary.json").exists()
+
+
+def test_the_last_lines_say_what_to_open_and_how_to_see_it_again(tmp_path: Path) -> None:
+    long = tmp_path / ("a folder's name " * 5)
+    long.mkdir()
+    McapLog(long / "session.mcap", header()).close()
+    *_, page, again = reported(long).splitlines()
+    assert page == f"report: {long / 'report.html'}"
+    assert Path(page.removeprefix("report: ")).is_file()
+    program, command, given = shlex.split(again.removeprefix("replay: "))
+    assert (program, command, given) == ("run_tams.py", "replay", str(long))
 
 
 def test_a_program_reads_the_summary_itself(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 from collections.abc import Iterable
 from contextlib import closing
@@ -12,9 +13,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
 
 from tams_app.cli import _main
 from tams_app.config import load_config
+from tams_app.console.two_sided import _tell_where
 from tams_app.recording import Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, ShownFrame
@@ -103,6 +106,18 @@ def test_the_page_shows_what_was_shown_at_the_operators_side(sides: tuple[Path, 
     for one in coded:
         data = np.frombuffer(base64.b64decode(one), np.uint8)
         assert abs(float(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE).mean()) - FIRST_GREY) < 3
+
+
+def test_at_its_end_the_operators_side_says_how_the_two_logs_are_joined(
+    sides: tuple[Path, Path],
+) -> None:
+    robot, operate = sides
+    output = io.StringIO()
+    _tell_where(operate, Console(file=output, width=80))
+    log, joined = output.getvalue().splitlines()
+    assert log == f"log: {operate}"
+    _, _, command = joined.partition(": run_tams.py ")
+    assert _main([str(robot) if one == "ROBOT_LOG" else one for one in command.split()]) == 0
 
 
 def test_the_page_tells_of_the_link(

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 from tams_app.config import load_config
-from tams_app.console.report import write_summary
+from tams_app.console.report import PAGE_NAME, write_summary
 from tams_app.recording import SessionLog, read_log
 from tams_app.recording.pictures import read_pictures
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note, Phase, PhaseChange, ShownFrame, StopRecord
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
-from tams_app.study.session_page import PAGE_NAME, stills_of
+from tams_app.study.session_page import stills_of
 from tams_app.study.timeline import held_stretches, phase_stretches, timeline_figure
 from tams_app.teleop.reasons import Reason
 from tams_app.teleop.safety import ArmingState
