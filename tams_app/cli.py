@@ -226,16 +226,14 @@ def doctor(
 
         raise typer.Exit(run_link_check(endpoint_of("--link", link, key), as_json))
     settings = load_config(config, {"rig.enabled": True if speed else None})
-    if as_json and (speed or devices):
-        raise ConfigError("--json: is for the checks and for --link; leave it out here")
     if speed:
         from tams_app.console.speed import run_speed
 
-        raise typer.Exit(run_speed(settings))
+        raise typer.Exit(run_speed(settings, as_json))
     if devices:
         from tams_app.console.doctor import show_devices
 
-        raise typer.Exit(show_devices(settings))
+        raise typer.Exit(show_devices(settings, as_json))
     from tams_app.console.checks import CHECKS
     from tams_app.console.doctor import run_doctor
 

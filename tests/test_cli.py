@@ -259,7 +259,9 @@ def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, 
 
 def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, monkeypatch):
     settings = []
-    monkeypatch.setattr("tams_app.console.speed.run_speed", lambda one: settings.append(one) or 1)
+    monkeypatch.setattr(
+        "tams_app.console.speed.run_speed", lambda one, _: settings.append(one) or 1
+    )
     assert run(capsys, "doctor", "--speed", "--config", HARDWARE)[0] == 1
     assert settings[0].rig.enabled
 

@@ -84,17 +84,32 @@ def _line(finding: Finding) -> str:
     return f"{word} {finding.what}{detail}{fix}"
 
 
-def show_devices(config: Config, console: Console | None = None) -> int:
+def show_devices(config: Config, as_json: bool = False, console: Console | None = None) -> int:
     """Print every device found, one line each, cameras with their modes; always 0.
 
-    Nothing is moved, enabled or changed by looking. Whether the configuration can use them is
-    what the doctor's checks say.
+    `as_json`: print one object instead. Nothing is moved, enabled or changed by looking. Whether
+    the configuration can use them is what the doctor's checks say.
     """
     console = console or Console()
+    arm = arm_kind(config.arm.model).find(config.arm)
+    try:
+        controllers, problem = list_controllers(), ""
+    except TamsError as error:
+        controllers, problem = [], str(error)
+    cameras = list_cameras()
+    if as_json:
+        views = _views(cameras, config.cameras)
+        tree = {
+            "arm": {"host": config.arm.host, **asdict(arm)},
+            "controllers": {"found": [asdict(info) for info in controllers], "problem": problem},
+            "cameras": [{**asdict(info), "view": views.get(info.node)} for info in cameras],
+        }
+        console.out(json.dumps(tree, default=float), highlight=False)  # rates are fractions
+        return 0
     for title, lines in (
-        ("Arm", [arm_kind(config.arm.model).find(config.arm).description]),
-        ("Controllers", _controllers()),
-        ("Cameras", camera_lines(list_cameras(), config.cameras)),
+        ("Arm", [arm.description]),
+        ("Controllers", [problem] if problem else controller_lines(controllers)),
+        ("Cameras", camera_lines(cameras, config.cameras)),
     ):
         console.print(f"[bold]{title}[/]")
         for line in lines:
@@ -126,13 +141,6 @@ def camera_lines(found: list[CameraInfo], cameras: Mapping[str, CameraConfig]) -
             yield f"    {path}"
         for mode in info.modes:
             yield f"    {mode}"
-
-
-def _controllers() -> Iterator[str]:
-    try:
-        yield from controller_lines(list_controllers())
-    except TamsError as error:
-        yield str(error)
 
 
 def _views(found: list[CameraInfo], cameras: Mapping[str, CameraConfig]) -> dict[str, str]:

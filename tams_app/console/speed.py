@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -44,6 +46,12 @@ class Stretch:
         """Whether frames and control loop kept their times."""
         return self.late <= MOST_LATE and self.given_fps >= ENOUGH * self.fps
 
+    def tree(self) -> dict[str, float | bool | None]:
+        """As JSON has it, which has no infinite numbers."""
+        interval_ms = self.interval_p95_ms
+        finite_ms = interval_ms if math.isfinite(interval_ms) else None
+        return {**asdict(self), "interval_p95_ms": finite_ms, "held": self.held}
+
     def __str__(self) -> str:
         return (
             f"{self.fps:g} frames a second (given {self.given_fps:.1f}, "
@@ -51,12 +59,14 @@ class Stretch:
         )
 
 
-def run_speed(config: Config, console: Console | None = None) -> int:
+def run_speed(config: Config, as_json: bool = False, console: Console | None = None) -> int:
     """Measure without windows, and with them where there is a display; 1 if nothing is held.
 
-    SignalledError if a signal ends it.
+    `as_json`: print one object, the sentences on standard error. SignalledError if a signal ends
+    it.
     """
-    console = console or Console()
+    results = console or Console()
+    console = Console(stderr=True) if as_json else results
     check_names(config)
     check_ready_pose(config)
     machine, views = this_machine(), len(config.video.views)
@@ -67,7 +77,7 @@ def run_speed(config: Config, console: Console | None = None) -> int:
         highlight=False,
         soft_wrap=True,
     )
-    holds = True
+    holds, sessions = True, list[dict[str, object]]()
     for title, headless in (("Without windows", True), ("With windows", False)):
         if not headless and not has_display():
             console.print(f"{title}: not measured, there is no display.", highlight=False)
@@ -76,6 +86,13 @@ def run_speed(config: Config, console: Console | None = None) -> int:
         found = list(stretches(_session(config, headless)))
         held = max((one for one in found if one.held), key=lambda one: one.fps, default=None)
         holds = holds and held is not None
+        sessions.append(
+            {
+                "windows": not headless,
+                "held_fps": held and held.fps,
+                "rates": [one.tree() for one in found],
+            }
+        )
         if held is not None:
             verdict = f"this machine holds {views} views × {held}."
         else:
@@ -85,6 +102,10 @@ def run_speed(config: Config, console: Console | None = None) -> int:
                 "Close other programs; `doctor` says whether real-time priority is missing."
             )
         console.print(f"{title}: {verdict}", highlight=False, soft_wrap=True)
+    if as_json:
+        probe = {**asdict(machine), "starting_fps": machine.starting_fps(asked_fps)}
+        tree = {"probe": probe, "asked_fps": asked_fps, "views": views, "sessions": sessions}
+        results.out(json.dumps(tree), highlight=False)
     return 0 if holds else 1
 
 

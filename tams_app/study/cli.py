@@ -114,11 +114,14 @@ def plan(
     raise typer.Exit(plan_study(settings, _folder(folder, out), participants, _console()))
 
 
-def show(folder: Folder = None) -> None:
+def show(
+    folder: Folder = None,
+    as_json: Annotated[bool, typer.Option("--json", help="For a program to read.")] = False,
+) -> None:
     """How far each participant is, and what failed or is void."""
     from tams_app.study.commands import show_study
 
-    raise typer.Exit(show_study(_folder(folder), _console()))
+    raise typer.Exit(show_study(_folder(folder), _console(), as_json))
 
 
 def void(

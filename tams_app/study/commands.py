@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,6 +33,29 @@ if TYPE_CHECKING:
 REMARKS_NAME = "remarks.txt"
 REMARKS_BYTES = 100_000
 _REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a participant is; who does not take part has no numbers.
+
+    void_or_failed: attempts that do not count, those that were interrupted among them.
+    """
+
+    participant: str
+    state: str
+    done: int | None = None
+    planned: int | None = None
+    void_or_failed: int | None = None
+    next: str | None = None  # trial
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Of the table."""
+        if self.done is None:
+            return (self.participant, self.state, "", "", "")
+        numbers = (self.done, self.planned, self.void_or_failed)
+        return (self.participant, *map(str, numbers), self.next or "")
 
 
 def plan_study(config: Config, folder: Path, participants: int, console: Console) -> int:
@@ -139,16 +164,30 @@ def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool
     return 0
 
 
-def show_study(folder: Path, console: Console) -> int:
-    """`study show`: how far each participant is, and what failed or is void."""
+def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
+    """`study show`: how far each participant is, and what failed or is void.
+
+    `as_json`: print one object instead.
+    """
     plan = StudyFolder(folder).load()
+    people = [_progress_of(plan, person.id, person.state) for person in plan.participants]
+    if as_json:
+        tree = {
+            "name": plan.name,
+            "simulated": plan.simulated,
+            "trials": len(plan.trials),
+            "balance": balance_sentence(plan),
+            "participants": [asdict(person) for person in people],
+        }
+        console.out(json.dumps(tree), highlight=False)
+        return 0
     whose = "simulated operators" if plan.simulated else "people at the hardware"
     title = f"{plan.name}: {len(plan.trials)} trials, {whose}"
     table = Table(title=title, title_justify="left")
     for heading in ("participant", "done", "planned", "void or failed attempts", "next"):
         table.add_column(heading)
-    for person in plan.participants:
-        table.add_row(*_progress_of(plan, person.id, person.state))
+    for person in people:
+        table.add_row(*person.row)
     console.print(table)
     console.print(balance_sentence(plan), highlight=False, soft_wrap=True)
     console.print(f"[bold]{folder}[/]", highlight=False)
@@ -239,11 +278,11 @@ def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPo
     return DaskPool(runner, dask)
 
 
-def _progress_of(plan: Plan, pseudonym: str, state: ParticipantState) -> tuple[str, ...]:
+def _progress_of(plan: Plan, pseudonym: str, state: ParticipantState) -> Progress:
     mine = [trial for trial in plan.trials if trial.participant == pseudonym]
     if state is not ParticipantState.TAKES_PART:
-        return (pseudonym, state.value, "", "", "")
+        return Progress(pseudonym, state.value)
     done = [trial for trial in mine if trial.is_done]
     others = sum(len(trial.attempts) for trial in mine) - len(done)
-    following = next((trial.id for trial in mine if not trial.is_done), "")
-    return (pseudonym, str(len(done)), str(len(mine) - len(done)), str(others), following)
+    following = next((trial.id for trial in mine if not trial.is_done), None)
+    return Progress(pseudonym, state.value, len(done), len(mine) - len(done), others, following)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from fractions import Fraction
 
 import pytest
@@ -14,8 +15,9 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
-from tams_app.console import device_checks
+from tams_app.console import device_checks, doctor
 from tams_app.console.doctor import camera_lines, controller_lines, show_devices
+from tams_app.errors import DeviceError
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime
 
@@ -60,11 +62,50 @@ def test_a_controller_is_listed_with_hand_battery_and_tracking() -> None:
 def test_the_list_is_printed_whatever_is_missing() -> None:
     output = io.StringIO()
     settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
-    assert show_devices(settings, Console(file=output, width=200)) == 0
+    assert show_devices(settings, console=Console(file=output, width=200)) == 0
     lines = output.getvalue().splitlines()
     titles = [line for line in lines if not line.startswith(" ")]
     assert titles == ["Arm", "Controllers", "Cameras"]
     assert lines[1].startswith("  127.0.0.1: No arm answers")
+
+
+def test_a_program_reads_what_was_found_and_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(doctor, "list_cameras", lambda: [LEFT, RIGHT])
+    tracked = ControllerInfo("right", "vive_focus3_controller", "Focus", "S1", 0.5, True, True)
+    monkeypatch.setattr(doctor, "list_controllers", lambda: [tracked])
+    output, views = io.StringIO(), ("eih", "gt", "gs")
+    settings = hardware(
+        arm__host="127.0.0.1",
+        arm__control_port=1,
+        arm__report_port=2,
+        cameras={view: {"serial": "B2" if view == "eih" else "none"} for view in views},
+    )
+    assert show_devices(settings, True, Console(file=output, width=80)) == 0
+    tree = json.loads(output.getvalue())
+    assert tree["arm"]["host"] == "127.0.0.1"
+    assert "No arm answers" in tree["arm"]["problem"]
+    assert [one["serial"] for one in tree["controllers"]["found"]] == ["S1"]
+    assert [(one["serial"], one["view"]) for one in tree["cameras"]] == [
+        ("A1", None),
+        ("B2", "eih"),
+    ]
+    assert tree["cameras"][0]["modes"][0]["rates"] == [30.0]
+
+
+def test_without_steamvr_a_program_reads_why_there_is_no_controller(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse() -> list[ControllerInfo]:
+        raise DeviceError("SteamVR does not run")
+
+    monkeypatch.setattr(doctor, "list_controllers", refuse)
+    output = io.StringIO()
+    settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
+    assert show_devices(settings, True, Console(file=output)) == 0
+    found = json.loads(output.getvalue())["controllers"]
+    assert found == {"found": [], "problem": "SteamVR does not run"}
 
 
 def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -> None:

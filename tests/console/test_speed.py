@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from typing import Any
 
 import pytest
@@ -57,7 +58,9 @@ def test_a_rate_that_was_left_soon_is_no_judgement() -> None:
     assert [one.fps for one in speed.stretches(session((0.0, 30.0), (2.5, 20.0)))] == [20.0]
 
 
-def told(monkeypatch: pytest.MonkeyPatch, log: SessionLog, display: bool) -> tuple[int, str]:
+def told(
+    monkeypatch: pytest.MonkeyPatch, log: SessionLog, display: bool, as_json: bool = False
+) -> tuple[int, str]:
     asked: list[bool] = []
 
     def measured(_config: Config, headless: bool) -> SessionLog:
@@ -68,7 +71,7 @@ def told(monkeypatch: pytest.MonkeyPatch, log: SessionLog, display: bool) -> tup
     monkeypatch.setattr(speed, "has_display", lambda: display)
     output = io.StringIO()
     settings: Any = load_config(None)
-    code = speed.run_speed(settings, Console(file=output, width=200))
+    code = speed.run_speed(settings, as_json, Console(file=output, width=200))
     assert asked == ([True, False] if display else [True])
     return code, output.getvalue()
 
@@ -81,6 +84,34 @@ def test_what_the_machine_holds_is_told_without_and_with_windows(
     for title in ("Without windows", "With windows"):
         assert f"{title}: this machine holds 3 views × 30 frames a second" in text
     assert "control late 0.00 %" in text
+
+
+def test_a_program_reads_each_session_with_the_rates_that_were_tried(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = session((0.0, 30.0))
+    log.captured = [one for one in log.captured if one.view != "gs" or one.index % 5]
+    code, text = told(monkeypatch, log, display=True, as_json=True)
+    tree = json.loads(text)
+    assert code == 1
+    assert (tree["asked_fps"], tree["views"]) == (30, 3)
+    assert [one["windows"] for one in tree["sessions"]] == [False, True]
+    for one in tree["sessions"]:
+        assert one["held_fps"] is None
+        (rate,) = one["rates"]
+        assert (rate["fps"], rate["held"]) == (30.0, False)
+    assert tree["probe"]["starting_fps"] <= 30
+    assert "Without windows: this machine holds" in capsys.readouterr().err
+
+
+def test_where_too_few_frames_came_a_program_reads_no_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log = session((0.0, 30.0))
+    log.captured = []
+    _, text = told(monkeypatch, log, display=False, as_json=True)
+    assert "Infinity" not in text
+    assert json.loads(text)["sessions"][0]["rates"][0]["interval_p95_ms"] is None
 
 
 def test_without_a_display_windows_are_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
 
 import tams_app.study.commands as commands
+from tams_app.cli import _main
 from tams_app.errors import ConfigError, SetupError
 from tams_app.study.commands import (
     forget_participant,
@@ -49,6 +51,26 @@ def test_showing_tells_who_is_how_far(tmp_path: Path) -> None:
         ["P01", "3", "1", "1", "P01-02"],
         ["P02", "3", "1", "0", "P02-03"],
     ]
+
+
+def test_a_program_reads_who_is_how_far(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = make_study(tmp_path, 2, **SMALL)
+    fill_study(study, PlantedRunner(), leave=("P02-03",))
+    forget_participant(tmp_path, "P01", Experimenter(), yes=True)
+    assert _main(["study", "show", str(tmp_path), "--json"]) == 0
+    tree = json.loads(capsys.readouterr().out)
+    assert (tree["trials"], tree["simulated"]) == (4, True)
+    assert "Not counterbalanced" in tree["balance"]
+    gone, here = tree["participants"]
+    assert (gone["participant"], gone["state"], gone["done"]) == ("P01", "forgotten", None)
+    assert here == {
+        "participant": "P02",
+        "state": "takes part",
+        "done": 3,
+        "planned": 1,
+        "void_or_failed": 0,
+        "next": "P02-03",
+    }
 
 
 def test_forgetting_says_what_is_gone_and_what_remains(tmp_path: Path) -> None:
