@@ -1,4 +1,4 @@
-"""The colours of the whole project: one table for views, on the screen and in every figure.
+"""The colours of views and of the uplink: the same on the screen and in every figure.
 
 Okabe and Ito's palette, told apart also with deficient colour vision. Names or markers stand beside
 colours wherever they mean something: colour alone tells nothing.
@@ -15,6 +15,13 @@ SKY = "#56B4E9"
 YELLOW = "#F0E442"
 
 VIEW_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
+
+# Of the uplink as a whole: greys, as no view has one, seen on white and on the window's ground.
+# They are close together: strokes tell one curve from another.
+UPLINK_SENT = "#8C949B"
+UPLINK_BUDGET = "#6A7178"
+CAPACITY_ESTIMATE = "#7B838A"
+EMULATED_CAPACITY = "#727A81"
 
 
 def view_colour(place: int) -> str:

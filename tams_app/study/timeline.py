@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tams_app.palette import view_colour
+from tams_app.palette import (
+    CAPACITY_ESTIMATE,
+    EMULATED_CAPACITY,
+    UPLINK_BUDGET,
+    UPLINK_SENT,
+    view_colour,
+)
 from tams_app.recording import SessionLog
 from tams_app.records import StopRecord
 from tams_app.study.figures import RateCurve, frame_interval_ns, measured_rate
@@ -29,6 +36,8 @@ _HELD: dict[str, tuple[str, str]] = {  # the word, and the strokes behind the cu
     ArmingState.FAULT: ("fault", "xx"),
 }
 _QUALITY_WINDOW_S = 1.0
+
+Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,17 +158,20 @@ def _draw_rates(rates: Sequence[Axes], link: Axes, log: SessionLog, span: Span |
         most_kbps = max(most_kbps, float(kbps.max()), float(curve.kbps.max(initial=0.0)))
         total = _sum(total, curve)
     if total is not None:
-        link.plot(total.t_s, total.kbps / 1000, color="#555555", lw=1.4, label="sent, all views")
+        link.plot(total.t_s, total.kbps / 1000, color=UPLINK_SENT, lw=2.2, label="sent, all views")
     budget_kbps = np.append(targets.budget_kbps, targets.budget_kbps[-1])
-    link.step(t_s, budget_kbps / 1000, where="post", color="black", lw=1, label="budget")
+    step: Style = {"where": "post", "lw": 1}
+    link.step(t_s, budget_kbps / 1000, color=UPLINK_BUDGET, label="budget", **step)
     believed = [one.capacity_kbps for one in sorted(log.allocations, key=lambda one: one.t_ns)]
     estimate = np.array([np.nan if kbps is None else kbps for kbps in (*believed, believed[-1])])
-    link.step(t_s, estimate / 1000, where="post", color="#D55E00", lw=1, ls="--", label="estimate")
+    link.step(
+        t_s, estimate / 1000, color=CAPACITY_ESTIMATE, ls="--", label="capacity estimate", **step
+    )
     if emulated := [one for one in log.capacities if one.capacity_kbps is not None]:
         ends_s = _seconds(log, np.array([*(one.t_ns for one in emulated), span.end_ns]))
         kbps = np.array([one.capacity_kbps for one in (*emulated, emulated[-1])], dtype=float)
         link.step(
-            ends_s, kbps / 1000, where="post", color="#0072B2", lw=1, ls=":", label="emulated"
+            ends_s, kbps / 1000, color=EMULATED_CAPACITY, ls=":", label="emulated capacity", **step
         )
     link.set_ylim(bottom=0)
     return most_kbps

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tams_app import palette
 from tams_app.config import load_config
 from tams_app.console.report import PAGE_NAME, write_summary
 from tams_app.recording import SessionLog, read_log
@@ -163,6 +164,19 @@ def test_all_views_have_one_scale_and_every_phase_its_name_in_the_figure() -> No
     assert len({axis.get_ylim() for axis in rates}) == 1
     most = max(float(np.max(line.get_ydata())) for axis in rates for line in axis.lines)
     assert rates[0].get_ylim()[1] >= most
+
+
+def test_the_uplink_s_row_has_no_colour_of_a_view() -> None:
+    uplink = timeline_figure(Synthetic(6.0).log()).axes[4]
+    handles, labels = uplink.get_legend_handles_labels()
+    drawn = {label: line.get_color() for line, label in zip(handles, labels, strict=True)}
+    assert drawn == {
+        "sent, all views": palette.UPLINK_SENT,
+        "budget": palette.UPLINK_BUDGET,
+        "capacity estimate": palette.CAPACITY_ESTIMATE,
+        "emulated capacity": palette.EMULATED_CAPACITY,
+    }
+    assert not set(drawn.values()) & set(palette.VIEW_COLOURS)
 
 
 def test_a_session_without_video_has_a_figure_too() -> None:

@@ -13,6 +13,7 @@ import foxglove.layouts as sdk
 import numpy as np
 import pytest
 
+from tams_app import palette
 from tams_app.config import load_config
 from tams_app.config.places import CONFIG_DIRECTORY
 from tams_app.recording.writer import DirectRecorder
@@ -137,6 +138,31 @@ def test_each_path_of_a_plot_leads_to_values_in_a_log(path: str, log: Contents) 
     assert found
     if path.startswith(("/rates", "/frames")):
         assert any(isinstance(one, float | int) for one in found), path
+
+
+COLOURED = [one for config in PANELS.values() for one in config.get("paths", ()) if "color" in one]
+UPLINK = {
+    "/rates.capacity_kbps": palette.EMULATED_CAPACITY,
+    "/rates.budget_kbps": palette.UPLINK_BUDGET,
+    "/rates.target_kbps": palette.UPLINK_SENT,
+    "/rates.sent_kbps": palette.UPLINK_SENT,
+    "/rates.queue_ms": palette.UPLINK_SENT,
+    "/rates.loss": palette.UPLINK_SENT,
+}
+
+
+def test_each_series_of_a_view_has_the_colour_of_that_view() -> None:
+    views = load_config(None, {}).video.views
+    found = [(re.search(r'view=="(\w+)"', one["value"]), one["color"]) for one in COLOURED]
+    of_views = [(view[1], colour) for view, colour in found if view]
+    assert {view for view, _ in of_views} == set(views)
+    for view, colour in of_views:
+        assert colour == palette.view_colour(views.index(view)), view
+
+
+def test_each_series_of_the_uplink_has_a_colour_of_the_uplink() -> None:
+    found = {one["value"]: one["color"] for one in COLOURED if "view==" not in one["value"]}
+    assert found == UPLINK
 
 
 def test_what_a_lab_asks_first_is_on_the_screen() -> None:

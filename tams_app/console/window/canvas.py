@@ -99,7 +99,7 @@ def _name(
 def draw_rates(
     cr: Context, width: float, height: float, history: History, views: Sequence[str]
 ) -> None:
-    """Measured rate of each view as a line, its target dashed, the uplink's capacity above."""
+    """Measured rate of each view as a line, its target dashed, the capacity estimate grey."""
     fill(cr, PANEL, 0, 0, width, height)
     scale = width / 540
     left, right, top, bottom = 44 * scale, 44 * scale, 22 * scale, 6 * scale
@@ -132,7 +132,9 @@ def draw_rates(
         label = f"{ceiling * share:.0f}"
         size = 11 * scale
         write(cr, label, left - 5 - width_of(cr, label, size), y + 4 * scale, FAINT, size)
-    _curve(cr, [place_of(point) for point in capacity], FAINT, 1.0 * scale, ())
+    long_dashes = (8 * scale, 4 * scale)
+    points = [place_of(point) for point in capacity]
+    _curve(cr, points, palette.CAPACITY_ESTIMATE, 1.4 * scale, long_dashes)
     ends: list[float] = []
     for colour, name, sent, target in lines:
         _curve(

@@ -150,6 +150,16 @@ def test_the_colours_of_the_views_are_seen_on_the_window_s_ground() -> None:
         assert contrast(one, "#1B2127") >= 3.0  # WCAG 2.1 for graphics
 
 
+def test_the_colours_of_the_uplink_are_greys_seen_on_white_and_on_the_window_s_ground() -> None:
+    greys = (
+        *(palette.UPLINK_SENT, palette.UPLINK_BUDGET),
+        *(palette.CAPACITY_ESTIMATE, palette.EMULATED_CAPACITY),
+    )
+    for grey in greys:
+        assert max(palette.rgb(grey)) - min(palette.rgb(grey)) < 0.1
+        assert min(contrast(grey, "#FFFFFF"), contrast(grey, "#1B2127")) >= 3.0
+
+
 # --- numbers --------------------------------------------------------------------------------------
 
 
