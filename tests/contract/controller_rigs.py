@@ -1,6 +1,6 @@
 """One rig per kind of controller: the simulated hand, here, published by another process and at the
-other end of a link, the keyboard, a gamepad that SDL simulates, and OpenVR's binding over a fake
-runtime.
+other end of a link, the keyboard, a gamepad that SDL simulates, a 3D mouse over a fake hidapi, and
+OpenVR's binding over a fake runtime.
 
 A rig holds a controller whose trigger is pressed and whose hand is never quite still, lets time
 pass, and makes the controller suffer what `SensorFault` names.
@@ -21,6 +21,7 @@ from hw.controller import Controller
 from hw.desk.gamepad import Gamepad, sdl2
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
 from hw.desk.polled import PolledController
+from hw.desk.spacemouse import SpaceMouse
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
 from hw.sim.operator.hand import Button, Hand, HandCommand
@@ -38,6 +39,7 @@ from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.hw.desk.fake_mouse import LEFT, FakeMouse, axes_report, buttons_report
 from tests.hw.desk.virtual_pad import VirtualPad
 from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
@@ -301,6 +303,51 @@ class GamepadRig(ControllerRig):
     def _hold(self) -> None:
         self._pad.plug_in()
         self._pad.move(sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT, 1.0)
+
+
+class SpaceMouseRig(ControllerRig):
+    """The driver over a fake hidapi; real time.
+
+    Each time the mouse is opened its button is pressed anew: no report tells of one held before.
+    """
+
+    faults = frozenset({SensorFault.DISCONNECTED})
+    has_menu = False  # its two buttons have other uses
+    can_be_felt = False
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
+        self._clock = MonotonicClock()
+        self._mouse = FakeMouse()
+        cleaning.enter_context(self._mouse.in_place_of_hidapi())
+        self._held_openings = 0
+        self.controller = self.make_controller()
+
+    def make_controller(self) -> PolledController:
+        config = DeskConfig()
+        device = SpaceMouse(config, self._clock.now_ns)
+        made = PolledController(
+            device, config, HandConfig().rotation, self._clock, lambda level, text: None
+        )
+        self._cleaning.callback(made.close)
+        return made
+
+    def press_menu(self) -> None:
+        raise AssertionError("a 3D mouse has no menu button")
+
+    def inject(self, fault: SensorFault | None) -> None:
+        self._mouse.gone = fault is not None
+
+    def advance(self) -> int:
+        openings = self._mouse.openings
+        if openings != self._held_openings:
+            self._held_openings = openings
+            self._mouse.waiting += [buttons_report(LEFT), axes_report(1, 0, -350, 0)]
+        time.sleep(TICK_NS / NS_PER_S)
+        return self._clock.now_ns()
+
+    def felt(self) -> int:
+        return 0
 
 
 class OpenVrRig(ControllerRig):

@@ -1,5 +1,5 @@
 """What every controller keeps to: the simulated hand, here, from its process and over a link,
-keyboard, gamepad, and OpenVR's.
+keyboard, gamepad, 3D mouse, and OpenVR's.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from tests.contract.controller_rigs import (
     LinkRig,
     OpenVrRig,
     RemoteRig,
+    SpaceMouseRig,
     VirtualControllerRig,
 )
 from tests.hw.sim.operator.faulty_controller import SensorFault
@@ -42,6 +43,7 @@ RIGS: dict[str, type[ControllerRig]] = {
     "link": LinkRig,
     "keyboard": KeyboardRig,
     "gamepad": GamepadRig,
+    "spacemouse": SpaceMouseRig,
     "openvr": OpenVrRig,
 }
 

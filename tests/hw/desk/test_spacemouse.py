@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 
-import hid
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,18 +14,9 @@ from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3
+from tests.hw.desk.fake_mouse import LEFT, RIGHT, FakeMouse, axes_report, buttons_report
 
 pytestmark = pytest.mark.untimed
-
-LEFT, RIGHT = 1, 2
-
-
-def axes_report(kind: int, *axes: int) -> bytes:
-    return bytes((kind,)) + struct.pack(f"<{len(axes)}h", *axes)
-
-
-def buttons_report(buttons: int) -> bytes:
-    return bytes((3, buttons, 0, 0))
 
 
 @pytest.fixture
@@ -96,47 +85,11 @@ def test_whatever_is_reported_stays_within_the_axes(content: list[bytes]) -> Non
         assert all(abs(axis) <= 1.0 for axis in (*asked.linear, *asked.angular))
 
 
-class FakeMouse:
-    """hidapi's device, from the other side of its binding."""
-
-    def __init__(self) -> None:
-        self.waiting: list[bytes] = []
-        self.gone = self.refuses = False
-        self.is_open = False
-
-    def open_path(self, path: bytes) -> None:
-        if self.refuses:
-            raise OSError("open failed")
-        assert path == b"/dev/hidraw7"
-        self.is_open = True
-
-    def set_nonblocking(self, on: bool) -> None:
-        assert on
-
-    def read(self, length: int) -> list[int]:
-        if self.gone:
-            raise OSError("read error")
-        return list(self.waiting.pop(0)) if self.waiting else []
-
-    def close(self) -> None:
-        self.is_open = False
-
-
 @pytest.fixture
-def mouse(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeMouse]:
+def mouse() -> Iterator[FakeMouse]:
     fake = FakeMouse()
-    listed = [
-        {"vendor_id": 0x046D, "product_id": 0xC31C, "product_string": "Keyboard", "path": b"x"},
-        {
-            "vendor_id": 0x256F,
-            "product_id": 0xC635,
-            "product_string": "SpaceMouse Compact",
-            "path": b"/dev/hidraw7",
-        },
-    ]
-    monkeypatch.setattr(hid, "enumerate", lambda: [] if fake.gone else listed)
-    monkeypatch.setattr(hid, "device", lambda: fake)
-    return fake
+    with fake.in_place_of_hidapi():
+        yield fake
 
 
 def test_all_reports_that_wait_are_taken_at_once(mouse: FakeMouse) -> None:
