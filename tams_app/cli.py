@@ -30,6 +30,8 @@ from tams_app.console.options import (
     HeadlessOption,
     JsonOption,
     KeyOption,
+    NetworkOption,
+    OperatorOption,
     OutOption,
     ReferenceOption,
     Ros2Option,
@@ -39,6 +41,7 @@ from tams_app.console.options import (
     StrategyOption,
     arm_overrides,
     check_arm_at_once,
+    network_names,
     with_values,
 )
 from tams_app.console.two_sided_cli import add_two_sided
@@ -139,16 +142,14 @@ def run(
     config: ConfigOption = None,
     sim: SimOption = False,
     strategy: StrategyOption = None,
-    network: Annotated[str | None, typer.Option(help="s1, s2, s3, none or a trace file.")] = None,
+    network: NetworkOption = None,
     budget: BudgetOption = None,
     seconds: SecondsOption = None,
     seed: SeedOption = None,
     fps: FpsOption = None,
     headless: HeadlessOption = False,
     hand: HandOption = None,
-    operator: Annotated[
-        str | None, typer.Option(help="Of the simulated rig: auto, seeing or scripted.")
-    ] = None,
+    operator: OperatorOption = None,
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
@@ -243,12 +244,27 @@ def doctor(
 add_logs(app)
 
 
+def _actions() -> list[str]:
+    from tams_app.video.netem import ACTIONS
+
+    return list(ACTIONS)
+
+
 @app.command()
 def network(
-    name: Annotated[str, typer.Argument(help="A condition of the configuration: s1, s2, s3.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="A condition of the configuration: s1, s2, s3.", autocompletion=network_names
+        ),
+    ],
     interface: Annotated[str, typer.Option(help="The network interface to shape.")],
     action: Annotated[
-        str, typer.Option(help="print, apply, rate (apply the rate only), show or remove.")
+        str,
+        typer.Option(
+            help="print, apply, rate (apply the rate only), show or remove.",
+            autocompletion=_actions,
+        ),
     ] = "print",
     config: ConfigOption = None,
 ) -> None:
@@ -298,10 +314,20 @@ def phases(
         _write(out, labelled)
 
 
+def _phases() -> list[str]:
+    from tams_app.records import Phase
+
+    return [phase.replace("_", "-").capitalize() for phase in Phase]
+
+
 @app.command()
 def allocate(
     phase: Annotated[
-        str, typer.Option(help="Reach, Align, Grasp, Transport, Pre-release or Release.")
+        str,
+        typer.Option(
+            help="Reach, Align, Grasp, Transport, Pre-release or Release.",
+            autocompletion=_phases,
+        ),
     ],
     budget_kbps: Annotated[
         float,

@@ -484,9 +484,31 @@ def test_every_command_has_help_by_both_names(capsys, command):
         ("tams doctor --dev", ["--devices"]),
         ("tams run --strategy ta", ["tams", "tams+"]),
         ("tams operate --hand game", ["gamepad"]),
+        ("tams run --network s", ["s1", "s2", "s3"]),
+        ("tams robot --network no", ["none"]),
+        ("tams run --network config/", []),  # the shell offers files
+        ("tams network s", ["s1", "s2", "s3"]),
+        ("tams network s3 --action r", ["rate", "remove"]),
+        ("tams run --operator s", ["seeing", "scripted"]),
+        ("tams allocate --phase Re", ["Reach", "Release"]),
+        ("tams allocate --phase P", ["Pre-release"]),
+        ("tams log show SESSION --topic /link/", ["/link/hand", "/link/state", "/link/health"]),
+        ("tams log csv SESSION /ph", ["/phase"]),
     ],
 )
 def test_a_shell_completes_commands_options_and_values(words, completions):
+    assert completed(words) == completions
+
+
+def test_a_shell_completes_the_networks_of_the_configuration_that_is_named(tmp_path):
+    own, broken = tmp_path / "own.yaml", tmp_path / "broken.yaml"
+    own.write_text("include: [tams.yaml]\nnetworks: {garage: {rate_kbps: 900}}\n")
+    broken.write_text("networks: [\n")
+    assert completed(f"tams run --config {own} --network g") == ["garage"]
+    assert completed(f"tams run --config {broken} --network s") == []
+
+
+def completed(words):
     program = "import sys; sys.argv = ['tams']; from tams_app.cli import main; main()"
     number = str(len(words.split()) - 1)
     asked = {"_TAMS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": number}
@@ -497,7 +519,8 @@ def test_a_shell_completes_commands_options_and_values(words, completions):
         text=True,
         check=False,
     )
-    assert done.stdout.split() == completions
+    assert done.stderr == ""
+    return done.stdout.split()
 
 
 def test_the_exit_codes_are_in_the_help(capsys):

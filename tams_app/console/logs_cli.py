@@ -17,8 +17,19 @@ from tams_app.errors import ConfigError, LogError
 log_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Look into the logs of sessions."
 )
+
+
+def _topics() -> list[str]:
+    from tams_app.recording.topics import TOPICS
+
+    return [topic.name for topic in TOPICS.values()]
+
+
 SessionArgument = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
-TopicArgument = Annotated[str, typer.Argument(help="Such as /phase; docs/LOG.md has them all.")]
+TopicArgument = Annotated[
+    str,
+    typer.Argument(help="Such as /phase; docs/LOG.md has them all.", autocompletion=_topics),
+]
 
 
 def add_logs(app: typer.Typer) -> None:
@@ -110,7 +121,10 @@ def list_sessions(
 def show(
     session: SessionArgument,
     topic: Annotated[
-        str, typer.Option(help="Print this topic's messages, a JSON object each.")
+        str,
+        typer.Option(
+            help="Print this topic's messages, a JSON object each.", autocompletion=_topics
+        ),
     ] = "",
     as_json: JsonOption = False,
 ) -> None:

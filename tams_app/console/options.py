@@ -8,14 +8,24 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from tams_app.config import Config, HandDevice
+from tams_app.config import Config, HandDevice, OperatorKind, load_config
 from tams_app.config.streaming import BudgetMode
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
 
 FOXGLOVE = "127.0.0.1:8765"
 ROS2 = "0"
 _BARE = {"--foxglove": FOXGLOVE, "--ros2": ROS2}  # what an option without a value stands for
+
+
+def network_names(ctx: typer.Context) -> list[str]:
+    """For the shell: those of the configuration; where none fits, the shell offers files."""
+    try:
+        return list(load_config(ctx.params.get("config")).networks)
+    except TamsError:  # it is named when the command runs
+        return []
+
+
 STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
 
 SimOption = Annotated[bool, typer.Option("--sim", help="The rig's devices, not the config's.")]
@@ -26,6 +36,17 @@ BudgetOption = Annotated[
     str | None,
     typer.Option(
         help="feedback, sender or oracle.", autocompletion=lambda: list(get_args(BudgetMode))
+    ),
+]
+NetworkOption = Annotated[
+    str | None,
+    typer.Option(help="s1, s2, s3, none or a trace file.", autocompletion=network_names),
+]
+OperatorOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Of the simulated rig: auto, seeing or scripted.",
+        autocompletion=lambda: list(get_args(OperatorKind)),
     ),
 ]
 SecondsOption = Annotated[float | None, typer.Option(help="End after this many seconds.")]

@@ -26,6 +26,7 @@ from tams_app.console.options import (
     StrategyOption,
     arm_overrides,
     check_arm_at_once,
+    network_names,
 )
 from tams_app.study.cli import ConfigOption
 
@@ -46,7 +47,11 @@ def robot(
     sim: SimOption = False,
     strategy: StrategyOption = None,
     network: Annotated[
-        str, typer.Option(help="Emulated before the link: s1, s2, s3, none or a trace file.")
+        str,
+        typer.Option(
+            help="Emulated before the link: s1, s2, s3, none or a trace file.",
+            autocompletion=network_names,
+        ),
     ] = "none",
     budget: BudgetOption = None,
     seconds: SecondsOption = None,

@@ -23,6 +23,7 @@ from tams_app.video.networks import resolve_network
 
 Runner = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
 
+ACTIONS = ("print", "apply", "rate", "remove", "show")
 _TIMEOUT_S = 10
 _INTERFACE_NAME = re.compile(r"[^/\s;]{1,15}")  # the kernel's rule, and nothing a shell would split
 _SMALLEST_BURST_BYTES = 3100  # two full Ethernet frames
@@ -181,13 +182,12 @@ def run_network(
     say: Callable[[str], object],
     runner: Runner = run_tc,
 ) -> None:
-    """The command `run_tams.py network`; `action` is print, apply, rate, remove or show.
+    """The command `run_tams.py network`; `action` is one of ACTIONS.
 
     Only apply, rate (the rate alone) and remove change anything. ConfigError, SetupError.
     """
-    actions = ("print", "apply", "rate", "remove", "show")
-    if action not in actions:
-        raise ConfigError(f"--action {action}: choose one of {', '.join(actions)}")
+    if action not in ACTIONS:
+        raise ConfigError(f"--action {action}: choose one of {', '.join(ACTIONS)}")
     network = resolve_network(config, name)
     if action == "show":
         say(show(interface, runner))
