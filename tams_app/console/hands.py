@@ -67,8 +67,8 @@ HANDS = {
         controls=(
             ("left button", _ONLY_HELD),
             ("cap", "moves the hand; in orientation mode: tilts and turns it"),
-            ("right button", "briefly: close / open the gripper, in turn"),
-            ("", f"for more than 0.6 s: {_MODE}"),
+            ("right button", _GRIPPER.format("the left button") + ", in turn"),
+            ("", f"held for 0.6 s or more: {_MODE}"),
         ),
     ),
     SIMULATED: HandWords(
