@@ -27,9 +27,14 @@ class History:
         self.facts: deque[Facts] = deque()
 
     def add(self, facts: Facts) -> None:
-        """Take in newer facts; those of the same moment or an earlier one change nothing."""
-        if self.facts and facts.t_s <= self.facts[-1].t_s:
+        """Take in newer facts; those of the same moment change nothing.
+
+        Where the time goes back, as in a replay, what came later is forgotten.
+        """
+        if self.facts and facts.t_s == self.facts[-1].t_s:
             return
+        while self.facts and self.facts[-1].t_s >= facts.t_s:
+            self.facts.pop()
         self.facts.append(facts)
         while self.facts[0].t_s < facts.t_s - SPAN_S:
             self.facts.popleft()

@@ -343,8 +343,18 @@ def test_facts_of_the_same_moment_count_once() -> None:
     history = History()
     history.add(at(1.0))
     history.add(at(1.0, "ALIGN"))
-    history.add(at(0.5, "ALIGN"))
     assert [facts.phase for facts in history.facts] == ["REACH"]
+
+
+def test_facts_of_an_earlier_moment_make_what_came_later_forgotten() -> None:
+    history = History()
+    for t_s in range(20):
+        history.add(at(float(t_s)))
+    history.add(at(5.0, "ALIGN"))
+    assert [facts.t_s for facts in history.facts] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert history.facts[-1].phase == "ALIGN"
+    history.add(at(-1.0))
+    assert [facts.t_s for facts in history.facts] == [-1.0]
 
 
 def test_stretches_leave_no_gap_between_them() -> None:
