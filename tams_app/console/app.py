@@ -18,8 +18,12 @@ from tams_app.console.headset.session_headset import SessionHeadset, headset_is_
 from tams_app.console.report import report_session
 from tams_app.console.status import StatusLine, WordsOf, status_words
 from tams_app.console.terminal import Presses, TerminalKeys, handled_signals
-from tams_app.console.window.messages import Keys
-from tams_app.console.window.session_face import FacedSession, SessionFace, ShownTrial
+from tams_app.console.window.session_face import (
+    FacedSession,
+    SessionFace,
+    ShownReplay,
+    ShownTrial,
+)
 from tams_app.console.window.session_window import SessionWindow
 from tams_app.console.wishes import Wish, actions_of
 from tams_app.errors import SetupError, SignalledError, TamsError
@@ -108,14 +112,13 @@ def show_session(
     interrupted: Callable[[str], None] = lambda _reason: None,
     limit_s: float | None = None,
     trial: ShownTrial | None = None,
-    replay_keys: Callable[[Keys], None] | None = None,
+    replay: ShownReplay | None = None,
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
     `interrupted` is told of a signal that ends it, by the signal's handler. `limit_s`: from when
     it has started, in place of `seconds`, which count its start. `trial`: of a study; nothing else
-    may be told of its session. `replay_keys`: of a replay, hears of the keys that are held in the
-    window.
+    may be told of its session. `replay`: the session, where it is one.
     """
 
     def end(reason: str) -> None:
@@ -123,7 +126,7 @@ def show_session(
         session.request_end(reason)
 
     with handled_signals(end, session.signals.estop), ExitStack() as stack:
-        faces = _launch_faces(session, stack, trial, replay_keys)
+        faces = _launch_faces(session, stack, trial, replay)
         session.start()
         try:
             _watch(session, console, words_of, limit_s, faces, trial)
@@ -171,7 +174,7 @@ def _launch_faces(
     session: ShownSession,
     stack: ExitStack,
     trial: ShownTrial | None,
-    replay_keys: Callable[[Keys], None] | None,
+    replay: ShownReplay | None,
 ) -> list[SessionFace]:
     """The window where there is a display, unless --headless is given, and the headset.
 
@@ -181,8 +184,8 @@ def _launch_faces(
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
         return []
-    faces: list[SessionFace] = [SessionWindow(session, trial, replay_keys)]
-    if replay_keys is None and headset_is_wanted(session.config):
+    faces: list[SessionFace] = [SessionWindow(session, trial, replay)]
+    if replay is None and headset_is_wanted(session.config):
         faces.append(SessionHeadset(session, trial))
     for face in faces:
         stack.callback(face.close)

@@ -81,9 +81,14 @@ class TerminalKeys:
         """Whether keys are read."""
         return self._before is not None
 
+    @property
+    def readable(self) -> bool:
+        """Whether there is a terminal that `open` could read from."""
+        return os.isatty(self._fd) and not _in_background(self._fd)
+
     def open(self) -> None:
         """Take keys one by one, without echo; what was typed before does not count."""
-        if self.active or not os.isatty(self._fd) or _in_background(self._fd):
+        if self.active or not self.readable:
             return
         self._before = termios.tcgetattr(self._fd)
         atexit.register(self.close)

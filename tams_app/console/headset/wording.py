@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from tams_app.console.window.banner import Look, banner_of
 from tams_app.console.window.figures import trial_texts
-from tams_app.console.window.messages import Facts, Opening
+from tams_app.console.window.messages import Facts
 
 # A headset hides the keyboard, so the controller's menu button comes first.
 _KEYS = {
@@ -29,10 +29,10 @@ class PanelWords:
     note: str  # a trial's time, or what was said last
 
 
-def panel_words(facts: Facts, opening: Opening) -> PanelWords:
+def panel_words(facts: Facts) -> PanelWords:
     """State, phase, why the arm does not move, and what helps."""
-    banner = banner_of(facts, opening.replay)
-    key = banner.key if opening.replay else _KEYS.get(facts.arming, banner.key)
+    banner = banner_of(facts)
+    key = _KEYS.get(facts.arming, banner.key)
     if facts.trial is not None:
         note = " · ".join(trial_texts(facts.trial)[:3])
     else:

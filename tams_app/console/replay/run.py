@@ -13,6 +13,7 @@ from tams_app.console.display import has_display
 from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
+from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, SignalledError, TamsError
 from tams_app.progress import waiting
 from tams_app.recording import read_log
@@ -27,6 +28,7 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
     if not 0.01 <= speed <= FASTEST:
         raise ConfigError(f"--speed: {speed:g} is not between 0.01 and {FASTEST:g}")
     path = session_log(given)
+    headless = headless or not has_display()
     console, signals = Console(), list[str]()
     with tempfile.TemporaryDirectory(prefix="tams-replay-") as folder:
         with waiting("reading the log", console):
@@ -34,17 +36,25 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
             session = ReplaySession(
                 log,
                 PictureFinder(path),
-                _shown_config(logged_config(log, path), headless or not has_display()),
+                _shown_config(logged_config(log, path), headless),
                 Path(folder),
                 speed,
                 MonotonicClock().now_ns,
+                _key_help(headless),
             )
-        show_session(session, console, interrupted=signals.append, replay_keys=session.on_keys)
+        show_session(session, console, interrupted=signals.append, replay=session)
     if session.failure:
         raise TamsError(session.failure)
     if signals:
         raise SignalledError(signals[0])
     return 0
+
+
+def _key_help(headless: bool) -> str:
+    """The keys that work, in brackets."""
+    if not headless:
+        return " (Enter: pause, go on; q: end; in the window also arrows and mouse, F1 lists all)"
+    return " (Enter: pause, go on; q: end)" if TerminalKeys().readable else ""
 
 
 def _shown_config(config: Config, headless: bool) -> Config:

@@ -31,6 +31,7 @@ class Banner:
     look: Look
     sentence: str
     key: str  # what helps
+    button: str = "STOP"  # what a click on it does
 
 
 _DARK, _LIGHT = "#101418", "#FFFFFF"
@@ -74,15 +75,19 @@ _SIMULATED = {  # who watches can do that much
 }
 
 
-def banner_of(facts: Facts, replay: bool = False, hand: str = "openvr") -> Banner:
+def banner_of(facts: Facts, hand: str = "openvr") -> Banner:
     """The state, why the arm does not move, and the key that helps; of a replay that it is one.
 
     hand: what drives the arm, of `HANDS`.
     """
-    if replay:
+    if facts.replay is not None:
         banner = _banner_of(facts, _QUIET)
-        word = f"REPLAY: {banner.look.word}"
-        return replace(banner, look=replace(banner.look, word=word), key="Nothing moves · F1: keys")
+        return replace(
+            banner,
+            look=replace(banner.look, word=f"REPLAY: {banner.look.word}"),
+            key="Nothing moves · F1: keys",
+            button="PLAY" if facts.replay.paused else "PAUSE",
+        )
     if hand == SIMULATED:
         banner = _banner_of(facts, _QUIET | _SIMULATED)
         if facts.arming != "holding":

@@ -1,4 +1,4 @@
-"""The drawings of the window: phases over time, rates over time, the table, the arm from above.
+"""The drawings of the window: rates over time, the table, the arm from above, the hand.
 
 Each takes a cairo context and the size of its place; sizes within are in units that grow with it.
 """
@@ -12,7 +12,7 @@ from typing import Any
 from tams_app import palette
 from tams_app.console.window.banner import look_of
 from tams_app.console.window.figures import HEADINGS, hand_rows, uplink_texts, view_row
-from tams_app.console.window.history import SPAN_S, History, Stretch
+from tams_app.console.window.history import SPAN_S, History
 from tams_app.console.window.messages import Facts, Workspace
 
 GROUND, PANEL = "#101418", "#1B2127"
@@ -52,48 +52,6 @@ def width_of(cr: Context, text: str, size: float = _TEXT_PX, bold: bool = False)
     cr.select_font_face("sans-serif", 0, 1 if bold else 0)
     cr.set_font_size(size)
     return float(cr.text_extents(text).x_advance)
-
-
-def draw_timeline(cr: Context, width: float, height: float, history: History) -> None:
-    """The last minute: a row of phases, below it one of states; now is at the right."""
-    fill(cr, PANEL, 0, 0, width, height)
-    if not history.facts:
-        return
-    now_s = history.facts[-1].t_s
-    scale = height / 46
-    split = height * 0.6
-
-    def x_of(t_s: float) -> float:
-        return width * (1 + (t_s - now_s) / SPAN_S)
-
-    phases = history.phases()
-    for number, stretch in enumerate(phases):
-        x, end = x_of(stretch.begin_s), x_of(stretch.end_s)
-        is_last = number == len(phases) - 1
-        if is_last:  # the name of what is now is always there
-            x = min(x, width - width_of(cr, stretch.what, 14 * scale, bold=True) - 12)
-        fill(cr, "#E4E8EB" if is_last else ("#39434C", "#2B333A")[number % 2], x, 1, end - x, split)
-        _name(cr, stretch, x, end, split - 8 * scale, GROUND if is_last else INK, 14 * scale)
-        fill(cr, FAINT, x, 1, 1, split)
-    for stretch in history.armings():
-        x, end = x_of(stretch.begin_s), x_of(stretch.end_s)
-        look = look_of(stretch.what)
-        fill(cr, look.colour, x, split + 2, max(end - x, 2), height - split - 3)
-        word = Stretch(stretch.begin_s, stretch.end_s, f"{look.sign} {look.word}")
-        _name(cr, word, x, end, height - 4.5 * scale, look.ink, 11 * scale)
-
-
-def _name(
-    cr: Context, stretch: Stretch, x: float, end: float, y: float, colour: str, size: float
-) -> None:
-    """The name within its stretch, at its right end: what is new is there; not if it is too long.
-
-    A stretch that is longer than its name keeps it in sight as it moves to the left.
-    """
-    x = max(x, 0.0)
-    width = width_of(cr, stretch.what, size, bold=True)
-    if end - x >= width + 10:
-        write(cr, stretch.what, x + 5, y, colour, size, bold=True)
 
 
 def draw_rates(

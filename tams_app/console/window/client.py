@@ -16,7 +16,15 @@ import msgspec
 from tams_app.config import Config
 from tams_app.console.hands import hand_of
 from tams_app.console.window.facts_memory import FactsWriter
-from tams_app.console.window.messages import LONGEST, Event, Facts, Keys, Opening, Workspace
+from tams_app.console.window.messages import (
+    LONGEST,
+    Event,
+    Facts,
+    Keys,
+    Opening,
+    Outline,
+    Workspace,
+)
 from tams_app.errors import HelperError, SetupError
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
@@ -78,7 +86,9 @@ class FaceClient:
             self._socket = ours
             self._stack = stack.pop_all()
 
-    def open(self, config: Config, screen: FrameBlock, blind: bool, replay: bool = False) -> None:
+    def open(
+        self, config: Config, screen: FrameBlock, blind: bool, replay: Outline | None = None
+    ) -> None:
         """Let it show the session.
 
         `screen`: where the frames shown are put. `blind`, `replay`: see `Opening`.
@@ -137,7 +147,7 @@ class FaceClient:
         on_event(event)
 
 
-def _opening(config: Config, blind: bool, replay: bool) -> Opening:
+def _opening(config: Config, blind: bool, replay: Outline | None) -> Opening:
     video, limits = config.video, config.limits
     low_x, low_y, low_z = limits.box_min_mm
     return Opening(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tams_app.console.window.messages import Facts, Opening, TrialFacts, ViewFacts
+from tams_app.console.window.messages import Facts, Opening, ReplayFacts, TrialFacts, ViewFacts
 
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
 
@@ -62,6 +62,13 @@ def minutes(t_s: float) -> str:
     """Seconds as minutes and seconds."""
     whole_minutes, seconds = divmod(int(t_s), 60)
     return f"{whole_minutes}:{seconds:02}"
+
+
+def replay_texts(t_s: float, end_s: float, replay: ReplayFacts) -> tuple[str, str]:
+    """Where a replay is in a log of `end_s`, and how it goes."""
+    position, length = (f"{minutes(one)}.{int(10 * one) % 10}" for one in (t_s, end_s))
+    state = ", at the end" if t_s >= end_s else ", paused" if replay.paused else ""
+    return f"{position} / {length}", f"×{replay.speed:g}{state}"
 
 
 def is_old(view: ViewFacts | None, old_ms: float) -> bool:

@@ -4,20 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
-from tams_app.console.window.messages import Facts
+from tams_app.console.window.messages import Facts, Stretch
 
 SPAN_S = 60.0
-
-
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """A time [s] in which something stayed the same."""
-
-    begin_s: float
-    end_s: float
-    what: str
 
 
 class History:
@@ -25,16 +15,21 @@ class History:
 
     def __init__(self) -> None:
         self.facts: deque[Facts] = deque()
+        self._jumps = 0
 
     def add(self, facts: Facts) -> None:
         """Take in newer facts; those of the same moment change nothing.
 
-        Where the time goes back, as in a replay, what came later is forgotten.
+        Where a replay goes back, what came later is forgotten; where it jumps ahead, all is: of
+        the time between nothing is known.
         """
         if self.facts and facts.t_s == self.facts[-1].t_s:
             return
+        if self.facts and facts.t_s > self.facts[-1].t_s and _jumps(facts) != self._jumps:
+            self.facts.clear()
         while self.facts and self.facts[-1].t_s >= facts.t_s:
             self.facts.pop()
+        self._jumps = _jumps(facts)
         self.facts.append(facts)
         while self.facts[0].t_s < facts.t_s - SPAN_S:
             self.facts.popleft()
@@ -62,3 +57,7 @@ class History:
                 begin = facts
         if begin is not None:
             yield Stretch(begin.t_s, self.facts[-1].t_s, what(begin))
+
+
+def _jumps(facts: Facts) -> int:
+    return 0 if facts.replay is None else facts.replay.jumps

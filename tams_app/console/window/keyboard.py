@@ -28,10 +28,11 @@ _TRIAL_HELP = (
     ("X / Backspace", "count a drop / one drop less"),
 )
 _REPLAY_HELP = (
-    ("Enter", "pause, or go on; Space pauses"),
+    ("Enter, Space", "pause, or go on; also the red button"),
     ("Left, Right", "5 s back, 5 s forward"),
     ("Down, Up", "slower, faster"),
     ("Home, End", "to the beginning, to the end"),
+    ("mouse", "click or drag in the bar below the views: go there"),
     ("Q", "end the replay"),
     *_WINDOW_HELP[3:],
 )
@@ -89,7 +90,12 @@ class Keyboard:
         self._free.add(name)
 
 
-def wish_of(name: str, is_new: bool) -> Wish | None:
-    """What a key asks for; an emergency stop counts also where it may be a repeat."""
+def wish_of(name: str, is_new: bool, replay: bool = False) -> Wish | None:
+    """What a key asks for; an emergency stop counts also where it may be a repeat.
+
+    Where nothing moves, as in a replay, there is none: its keys confirm.
+    """
     wish = WISHES.get(name)
+    if replay and wish is Wish.EMERGENCY_STOP:
+        wish = Wish.CONFIRM
     return wish if is_new or wish is Wish.EMERGENCY_STOP else None

@@ -13,7 +13,7 @@ import msgspec
 from tams_app.console.wishes import Wish
 
 BEAT_S = 0.02  # a face tells of itself at least so often
-LONGEST = 4096  # bytes of an `Opening` or an `Event`
+LONGEST = 64 * 1024  # bytes of an `Opening` or an `Event`
 
 
 class Workspace(msgspec.Struct, frozen=True):
@@ -25,13 +25,29 @@ class Workspace(msgspec.Struct, frozen=True):
     radius_max_mm: float
 
 
+class Stretch(msgspec.Struct, frozen=True, array_like=True):
+    """A time [s] in which something stayed the same."""
+
+    begin_s: float
+    end_s: float
+    what: str
+
+
+class Outline(msgspec.Struct, frozen=True):
+    """A whole log: its length, its phases, and its states of the arming table."""
+
+    end_s: float
+    phases: tuple[Stretch, ...]
+    states: tuple[Stretch, ...]
+
+
 class Opening(msgspec.Struct, frozen=True):
     """What a face is opened with: fixed as long as it is open.
 
     The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
-    may be shown that tells the strategy or the network of a trial. hand: of `HANDS`.
-    replay: nothing moves, all of it is from a log. old_ms: the age from which a frame is called
-    old.
+    may be shown that tells the strategy or the network of a trial. hand: of `HANDS`. replay: the
+    log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
+    which a frame is called old.
     """
 
     views: tuple[str, ...]
@@ -41,7 +57,7 @@ class Opening(msgspec.Struct, frozen=True):
     blind: bool
     hand: str
     old_ms: float
-    replay: bool = False
+    replay: Outline | None = None
 
 
 class ViewFacts(msgspec.Struct, frozen=True):
@@ -62,6 +78,14 @@ class TrialFacts(msgspec.Struct, frozen=True):
     passed_s: float | None  # None: not begun
     limit_s: float
     drops: int = 0  # that were counted
+
+
+class ReplayFacts(msgspec.Struct, frozen=True):
+    """How a replay goes; where it is, is the time of its facts."""
+
+    speed: float  # times the real one
+    paused: bool  # or at the end
+    jumps: int = 0  # how often it went elsewhere than on
 
 
 class Said(msgspec.Struct, frozen=True):
@@ -96,6 +120,7 @@ class Facts(msgspec.Struct, frozen=True):
     loss: float | None = None
     asked_fps: float | None = None
     trial: TrialFacts | None = None
+    replay: ReplayFacts | None = None
     said: tuple[Said, ...] = ()
 
 
@@ -104,6 +129,13 @@ class Asked(msgspec.Struct, frozen=True, tag="asked"):
 
     t_ns: int
     wish: Wish
+
+
+class Sought(msgspec.Struct, frozen=True, tag="sought"):
+    """The moment of the log [s] that was clicked or dragged to in a replay."""
+
+    t_ns: int
+    t_s: float
 
 
 class Keys(msgspec.Struct, frozen=True, tag="keys"):
@@ -135,4 +167,4 @@ class Gone(msgspec.Struct, frozen=True, tag="gone"):
     why: str
 
 
-Event: TypeAlias = Asked | Keys | Beat | Gone
+Event: TypeAlias = Asked | Sought | Keys | Beat | Gone

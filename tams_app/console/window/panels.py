@@ -1,23 +1,22 @@
-"""The parts of the window beside the views: banner, numbers and drawings, trial, list of keys."""
+"""The parts of the window beside the views: banner, numbers, trial, time line, list of keys."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tams_app.console.window import canvas
+from tams_app.console.window import canvas, strips
 from tams_app.console.window.banner import Banner
-from tams_app.console.window.figures import trial_texts
+from tams_app.console.window.figures import replay_texts, trial_texts
 from tams_app.console.window.history import History
-from tams_app.console.window.messages import Facts, TrialFacts, Workspace
+from tams_app.console.window.messages import Facts, Outline, TrialFacts, Workspace
 from tams_app.console.window.toolkit import load
 
 
 class BannerPanel:
-    """State, reason, what helps, and the button that stops the arm or, in a replay, pauses."""
+    """State, reason, what helps, and the button that stops the arm or, of a replay, the time."""
 
-    def __init__(self, stop: Callable[[], None], word: str) -> None:
-        """`word`: on the button."""
+    def __init__(self, click: Callable[[], None]) -> None:
         Gtk = load().Gtk
         self.widget = Gtk.Box(spacing=8)
         self.widget.add_css_class("banner")
@@ -28,10 +27,10 @@ class BannerPanel:
         told.append(self._sentence)
         told.append(self._key)
         # never the focus: Space and Enter mean what they mean wherever one clicked before
-        button = Gtk.Button(label=word, focusable=False, focus_on_click=False)
-        button.add_css_class("stop")
-        button.connect("clicked", lambda _button: stop())
-        for part in (self._sign, self._word, told, button):
+        self._button = Gtk.Button(label="STOP", focusable=False, focus_on_click=False)
+        self._button.add_css_class("stop")
+        self._button.connect("clicked", lambda _button: click())
+        for part in (self._sign, self._word, told, self._button):
             self.widget.append(part)
 
     def show(self, banner: Banner) -> None:
@@ -40,6 +39,7 @@ class BannerPanel:
         self._word.set_text(banner.look.word)
         self._sentence.set_text(banner.sentence)
         self._key.set_text(banner.key)
+        self._button.set_label(banner.button)
 
 
 class NumbersPanel:
@@ -123,11 +123,67 @@ class TrialPanel:
             label.set_text(text)
 
 
-def timeline_of(history: History) -> Any:
-    """The drawing of phases and states, over the whole width."""
-    return _area(
-        lambda cr, width, height: canvas.draw_timeline(cr, width, height, history), expands=False
-    )
+class Timeline:
+    """Phases and states of the last minute, over the whole width."""
+
+    def __init__(self, history: History) -> None:
+        self.widget = _area(
+            lambda cr, width, height: strips.draw_timeline(cr, width, height, history),
+            expands=False,
+        )
+
+    def set_height(self, height_px: int) -> None:
+        """The height from now on."""
+        self.widget.set_content_height(height_px)
+
+    def show(self, _facts: Facts) -> None:
+        """Draw anew from the history."""
+        self.widget.queue_draw()
+
+
+class LogBar:
+    """Of a replay, in place of the time line: its place in the whole log, which a click changes."""
+
+    def __init__(self, outline: Outline, seek: Callable[[float], None]) -> None:
+        """`seek` is called with the moment of the log [s] that was clicked or dragged to."""
+        Gtk = load().Gtk
+        self._end_s, self._t_s = outline.end_s, 0.0
+        self._texts = [_label("position"), _label("")]
+        words = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, valign=Gtk.Align.CENTER)
+        words.add_css_class("replay")
+        for label in self._texts:
+            words.append(label)
+        self._area = _area(
+            lambda cr, width, height: strips.draw_log(cr, width, height, outline, self._t_s),
+            expands=False,
+        )
+        self._area.set_cursor_from_name("pointer")
+        drag = Gtk.GestureDrag()
+        drag.connect("drag-begin", lambda _drag, x, _y: seek(self._at(x)))
+        drag.connect(
+            "drag-update", lambda drag, x, _y: seek(self._at(drag.get_start_point().x + x))
+        )
+        self._area.add_controller(drag)
+        self.widget = Gtk.Box(spacing=4)
+        self.widget.append(words)
+        self.widget.append(self._area)
+
+    def set_height(self, height_px: int) -> None:
+        """The height from now on."""
+        self._area.set_content_height(height_px)
+
+    def show(self, facts: Facts) -> None:
+        """Where the replay is."""
+        self._t_s = facts.t_s
+        if facts.replay is not None:
+            texts = replay_texts(facts.t_s, self._end_s, facts.replay)
+            for label, text in zip(self._texts, texts, strict=True):
+                label.set_text(text)
+        self._area.queue_draw()
+
+    def _at(self, x: float) -> float:
+        """The moment [s] at a place in the bar."""
+        return self._end_s * min(max(x / float(self._area.get_width()), 0.0), 1.0)
 
 
 def key_list(keys: Sequence[tuple[str, str]]) -> Any:

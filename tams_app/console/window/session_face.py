@@ -11,7 +11,17 @@ from typing import Any, Protocol
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.console.window.client import Face, FaceClient
-from tams_app.console.window.messages import Event, Facts, Gone, Said, TrialFacts, ViewFacts
+from tams_app.console.window.messages import (
+    Event,
+    Facts,
+    Gone,
+    Keys,
+    Outline,
+    ReplayFacts,
+    Said,
+    TrialFacts,
+    ViewFacts,
+)
 from tams_app.console.wishes import Action, AskedSession, Signals, Wish
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
@@ -64,6 +74,23 @@ class ShownTrial(Protocol):
         """The trial as it stands."""
 
 
+class ShownReplay(Protocol):
+    """A session that is a replay: what is shown of that, and what is asked of it."""
+
+    @property
+    def outline(self) -> Outline:
+        """Its log."""
+
+    def facts(self) -> ReplayFacts:
+        """How it goes."""
+
+    def on_keys(self, keys: Keys) -> None:
+        """All keys that are down, in a thread of the window's."""
+
+    def seek(self, t_s: float) -> None:
+        """Go to that moment of the log [s], in the same thread."""
+
+
 class SessionFace:
     """Launched and opened, it follows the session until it is closed; `refresh` it often.
 
@@ -72,10 +99,14 @@ class SessionFace:
     an emergency stop.
     """
 
-    is_replay = False
-
-    def __init__(self, session: FacedSession, face: Face, trial: ShownTrial | None = None) -> None:
-        self._session, self._trial = session, trial
+    def __init__(
+        self,
+        session: FacedSession,
+        face: Face,
+        trial: ShownTrial | None = None,
+        replay: ShownReplay | None = None,
+    ) -> None:
+        self._session, self._trial, self._replay = session, trial, replay
         self._clock = MonotonicClock()
         self._client = FaceClient(self._clock, face)
         self._name = face.name
@@ -96,7 +127,8 @@ class SessionFace:
     def open(self) -> None:
         """Show it, once the session has started."""
         session = self._session
-        self._client.open(session.config, session.screen, self._trial is not None, self.is_replay)
+        outline = None if self._replay is None else self._replay.outline
+        self._client.open(session.config, session.screen, self._trial is not None, outline)
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
             session.signals.faces.add(lambda: self._client.heard_ns or self._opened_ns)
@@ -152,7 +184,8 @@ class SessionFace:
 
     def _facts(self, snapshot: StatusSnapshot) -> Facts:
         trial = None if self._trial is None else self._trial.facts_of(snapshot)
-        return facts_of(snapshot, tuple(self._said), trial)
+        replay = None if self._replay is None else self._replay.facts()
+        return facts_of(snapshot, tuple(self._said), trial, replay)
 
     def _on_event(self, event: Event) -> None:
         """In a thread of the face's own."""
@@ -167,7 +200,10 @@ class SessionFace:
 
 
 def facts_of(
-    snapshot: StatusSnapshot, said: tuple[Said, ...], trial: TrialFacts | None = None
+    snapshot: StatusSnapshot,
+    said: tuple[Said, ...],
+    trial: TrialFacts | None = None,
+    replay: ReplayFacts | None = None,
 ) -> Facts:
     """The snapshot as a face gets it; in a trial without all that tells what is compared."""
     blind = trial is not None
@@ -194,6 +230,7 @@ def facts_of(
         loss=None if blind else snapshot.loss,
         asked_fps=None if blind else snapshot.asked_fps,
         trial=trial,
+        replay=replay,
         said=said,
     )
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys
 from tams_app.console.window.client import WINDOW
-from tams_app.console.window.messages import Asked, Event, Keys
-from tams_app.console.window.session_face import FacedSession, SessionFace, ShownTrial
+from tams_app.console.window.messages import Asked, Event, Keys, Sought
+from tams_app.console.window.session_face import (
+    FacedSession,
+    SessionFace,
+    ShownReplay,
+    ShownTrial,
+)
 from tams_app.console.wishes import actions_of
 
 _HAND_KEYS = {"Shift_L": DEADMAN, "Shift_R": DEADMAN}
@@ -20,23 +23,21 @@ class SessionWindow(SessionFace):
         self,
         session: FacedSession,
         trial: ShownTrial | None = None,
-        replay_keys: Callable[[Keys], None] | None = None,
+        replay: ShownReplay | None = None,
     ) -> None:
-        """`replay_keys`: the session is a replay, and this hears of all keys that are down, in a
-        thread of the window's.
-        """
-        super().__init__(session, WINDOW, trial)
+        super().__init__(session, WINDOW, trial, replay)
         self._actions = actions_of(session, trial.actions) if trial else actions_of(session)
-        self._replay_keys = replay_keys
-        self.is_replay = replay_keys is not None
 
     def _on_event(self, event: Event) -> None:
         if isinstance(event, Asked):
             if action := self._actions.get(event.wish):
                 action()
+        elif isinstance(event, Sought):
+            if self._replay is not None:
+                self._replay.seek(event.t_s)
         elif isinstance(event, Keys):
-            if self._replay_keys is not None:
-                self._replay_keys(event)
+            if self._replay is not None:
+                self._replay.on_keys(event)
             if self._session.keyboard is not None:
                 self._session.keyboard.feed(held_keys(event))
         else:

@@ -38,6 +38,9 @@ def style_sheet(scale: float) -> str:
         f"font-weight: bold; padding: {px(1)} {px(8)}; }}",
         f".view {{ background: black; border: 2px solid {PANEL}; border-top-width: {px(5)}; }}",
         f".said label {{ font-size: {px(13)}; color: {FAINT}; }}",
+        f".replay {{ min-width: {px(160)}; padding: 0 {px(8)}; }}",
+        f".replay label {{ font-size: {px(14)}; color: {FAINT}; }}",
+        f".replay .position {{ font-size: {px(18)}; font-weight: bold; color: {INK}; }}",
         f".trial {{ background: {PANEL}; padding: {px(16)}; }}",
         f".trial label {{ font-size: {px(20)}; }}",
         f".trial .who {{ font-size: {px(40)}; font-weight: bold; }}",
@@ -45,7 +48,8 @@ def style_sheet(scale: float) -> str:
         f".keys label {{ font-size: {px(18)}; padding: {px(4)} {px(14)}; }}",
         ".keys .name { font-weight: bold; }",
         f"button.stop {{ background: #B00020; color: white; border: 3px solid white; "
-        f"font-size: {px(22)}; font-weight: bold; padding: {px(2)} {px(26)}; }}",
+        f"font-size: {px(22)}; font-weight: bold; "
+        f"padding: {px(2)} {px(26)}; min-width: {px(64)}; }}",
         "button.stop:active { background: #600010; }",
     ]
     for place, colour in enumerate(palette.VIEW_COLOURS):

@@ -11,14 +11,15 @@ from tams_app.console.window.facts_memory import FactsReader
 from tams_app.console.window.figures import view_title
 from tams_app.console.window.history import History
 from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
-from tams_app.console.window.messages import BEAT_S, Asked, Event, Facts, Keys, Opening
+from tams_app.console.window.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Sought
 from tams_app.console.window.pacing import Pacer
 from tams_app.console.window.panels import (
     BannerPanel,
+    LogBar,
     NumbersPanel,
+    Timeline,
     TrialPanel,
     key_list,
-    timeline_of,
 )
 from tams_app.console.window.picture import PicturePlace, texture_of
 from tams_app.console.window.places import Places
@@ -59,7 +60,8 @@ class OperatorWindow:
         self._tell = tell
         self._clock = clock
         self._keyboard = Keyboard()
-        self._key_help = key_help(opening.hand, opening.replay, opening.blind)
+        self._is_replay = opening.replay is not None
+        self._key_help = key_help(opening.hand, self._is_replay, opening.blind)
         self._places = Places(opening.views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self._history = History()
@@ -87,7 +89,7 @@ class OperatorWindow:
 
     def _build(self, size: Size) -> None:
         Gtk, Gdk = self._modules.Gtk, self._modules.Gdk
-        title = f"{TITLE} replay" if self._opening.replay else TITLE
+        title = f"{TITLE} replay" if self._is_replay else TITLE
         self.window = Gtk.Window(title=title, default_width=size.width, default_height=size.height)
         if size.maximised:
             self.window.maximize()
@@ -95,9 +97,8 @@ class OperatorWindow:
         Gtk.StyleContext.add_provider_for_display(
             Gdk.Display.get_default(), self._css, Gtk.STYLE_PROVIDER_PRIORITY_APPLICATION
         )
-        self._banner = BannerPanel(
-            lambda: self._ask(Wish.EMERGENCY_STOP), "PAUSE" if self._opening.replay else "STOP"
-        )
+        click = Wish.CONFIRM if self._is_replay else Wish.EMERGENCY_STOP
+        self._banner = BannerPanel(lambda: self._ask(click))
         self._pictures = [PicturePlace() for _ in self._opening.views]
         panel_kind = TrialPanel if self._opening.blind else None
         workspace, views = self._opening.workspace, self._opening.views
@@ -106,14 +107,18 @@ class OperatorWindow:
             if panel_kind is None
             else panel_kind(workspace, self._history)
         )
-        self._timeline = timeline_of(self._history)
+        self._timeline: Timeline | LogBar = (
+            Timeline(self._history)
+            if self._opening.replay is None
+            else LogBar(self._opening.replay, self._seek)
+        )
         self._said = Gtk.Label(xalign=0.0, ellipsize=3)
         said = Gtk.Box()
         said.add_css_class("said")
         said.append(self._said)
         self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
         self._frame.add_css_class("frame")
-        for part in (self._banner.widget, self._main_part(), self._timeline, said):
+        for part in (self._banner.widget, self._main_part(), self._timeline.widget, said):
             self._frame.append(part)
         self._keys = key_list(self._key_help)
         overlay = Gtk.Overlay(child=self._frame)
@@ -147,7 +152,7 @@ class OperatorWindow:
         if scale != self._scale:
             self._scale = scale
             self._css.load_from_data(style_sheet(scale))
-            self._timeline.set_content_height(round(_TIMELINE_PX * scale))
+            self._timeline.set_height(round(_TIMELINE_PX * scale))
 
     # --- keys -----------------------------------------------------------------------------------
 
@@ -163,7 +168,7 @@ class OperatorWindow:
     def _pressed(self, _keys: Any, value: int, _code: int, _modifiers: Any) -> bool:
         name = self._name(value)
         is_new = self._keyboard.press(name, self._clock.now_ns())
-        if wish := wish_of(name, is_new):
+        if wish := wish_of(name, is_new, self._is_replay):
             self._ask(wish)
         if is_new:
             self._beat()
@@ -200,6 +205,10 @@ class OperatorWindow:
     def _ask(self, wish: Wish) -> None:
         self._tell(Asked(self._clock.now_ns(), wish))
 
+    def _seek(self, t_s: float) -> None:
+        self._tell(Sought(self._clock.now_ns(), t_s))
+        self._figures_ns = 0  # what is sought is shown as soon as it is found
+
     def _beat(self) -> bool:
         keyboard = self._keyboard
         self._tell(Keys(self._clock.now_ns(), keyboard.focused, keyboard.held, self._drawings))
@@ -219,7 +228,7 @@ class OperatorWindow:
     def _take_in(self, facts: Facts, now_ns: int) -> None:
         self._facts = facts
         self._history.add(facts)
-        self._banner.show(banner_of(facts, self._opening.replay, self._opening.hand))
+        self._banner.show(banner_of(facts, self._opening.hand))
         if facts.arming != self._state:
             if self._state:
                 self._frame.remove_css_class(state_class(self._state))
@@ -233,7 +242,7 @@ class OperatorWindow:
             self._figures_ns = now_ns
             self._adapt()
             self._panel.show(facts)
-            self._timeline.queue_draw()
+            self._timeline.show(facts)
             self._said.set_text(facts.said[-1].text if facts.said else "")
 
     def _show_places(self) -> None:

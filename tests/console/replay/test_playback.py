@@ -15,7 +15,7 @@ START_NS, END_NS = 7 * NS_PER_S, 27 * NS_PER_S
 
 
 def played(speed: float = 1.0) -> Playback:
-    return Playback(START_NS, END_NS, speed, 0)
+    return Playback(START_NS, END_NS, speed)
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
@@ -39,6 +39,22 @@ def test_what_passes_while_it_is_paused_is_not_made_up_for() -> None:
     assert playback.step(11 * NS_PER_S) == START_NS + NS_PER_S
 
 
+def test_what_has_passed_before_it_begins_does_not_count() -> None:
+    playback = played()
+    playback.begin(10 * NS_PER_S)
+    assert playback.step(11 * NS_PER_S) == START_NS + NS_PER_S
+
+
+def test_going_elsewhere_is_counted_and_going_on_is_not() -> None:
+    playback = played()
+    playback.step(30 * NS_PER_S)
+    assert playback.jumps == 0
+    playback.toggle()
+    playback.move(NS_PER_S)
+    playback.seek(END_NS)
+    assert playback.jumps == 3
+
+
 def test_speeds_go_up_and_down_within_their_ends() -> None:
     playback = played(3.0)
     playback.faster(1)
@@ -54,6 +70,7 @@ def test_speeds_go_up_and_down_within_their_ends() -> None:
         st.one_of(
             st.tuples(st.just("step"), st.integers(0, 10 * NS_PER_S)),
             st.tuples(st.just("move"), st.integers(-(1 << 62), 1 << 62)),
+            st.tuples(st.just("seek"), st.integers(-(1 << 62), 1 << 62)),
             st.tuples(st.just("faster"), st.integers(-3, 3)),
             st.tuples(st.just("toggle"), st.just(0)),
         )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from contextlib import closing
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +15,17 @@ from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.session import ReplaySession
+from tams_app.console.terminal import TerminalKeys
 from tams_app.console.window.messages import Keys
 from tams_app.recording import read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note, Phase, PhaseChange, ShownFrame
-from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.session.recorders import LOG_NAME
 from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.golden_logs import golden_log
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, header, tick
 
 pytestmark = pytest.mark.untimed
@@ -65,8 +70,9 @@ class Replayed:
         self.put: dict[str, float] = {}
         log = read_log(path)
         self.session = ReplaySession(
-            log, PictureFinder(path), load_config(), tmp_path, speed, lambda: self.now_ns
+            log, PictureFinder(path), load_config(), tmp_path, speed, lambda: self.now_ns, " (keys)"
         )
+        self.session.start()
         self.session.screen.put = (  # type: ignore[method-assign]
             lambda view, _index, _t_ns, image: self.put.update({view: float(image.mean())})
         )
@@ -130,10 +136,50 @@ def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> No
     ]
 
 
+def test_a_confirmation_pauses_and_goes_on_and_an_emergency_stop_pauses(
+    log_path: Path, tmp_path: Path
+) -> None:
+    session = (replayed := Replayed(log_path, tmp_path)).session
+    paused = []
+    for ask in (session.signals.confirm, session.signals.confirm, *2 * [session.signals.estop]):
+        ask()
+        replayed.passes(0.05)
+        paused.append(session.facts().paused)
+    assert paused == [True, False, True, True]
+
+
+def test_it_goes_where_the_bar_is_clicked_and_says_what_was_said_last_there(
+    log_path: Path, tmp_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    session = replayed.session
+    replayed.passes(0.3)
+    session.board.take_notes()
+    for t_s, note in ((3.6, "note 3"), (1.6, "note 1"), (1.8, None), (3.7, "note 3")):
+        session.seek(t_s)
+        replayed.passes(0.05)
+        assert session.snapshot().t_s == pytest.approx(t_s + 0.05)
+        assert all(abs(grey - GREYS[int(t_s)]) < 3 for grey in replayed.put.values())
+        assert session.board.take_notes() == ([] if note is None else [note])
+    assert session.facts().jumps == 4
+
+
+def test_no_picture_of_another_moment_stays_where_there_was_none(
+    log_path: Path, tmp_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    replayed.passes(2.0)
+    assert all(replayed.put[view] > 30 for view in VIEWS)
+    replayed.press("Home")
+    replayed.passes(0.05)
+    assert replayed.put == dict.fromkeys(VIEWS, 0.0)
+
+
 def test_a_key_that_is_held_acts_once(log_path: Path, tmp_path: Path) -> None:
     replayed = Replayed(log_path, tmp_path)
     for _ in range(20):
         replayed.session.on_keys(Keys(0, True, ("Up",)))
+    replayed.passes(0.05)
     assert replayed.session.playback.speed == 2.0
 
 
@@ -159,6 +205,22 @@ def test_before_the_first_record_nothing_is_known() -> None:
     assert (snapshot.arming, snapshot.tcp_mm, snapshot.reason) == ("starting", None, "")
     assert snapshot.loss is None
     assert all(view.target_kbps is None for view in snapshot.views.values())
+
+
+def test_a_replay_without_a_window_ends_with_the_log_and_offers_no_keys_that_nothing_reads(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(golden_log("outage"), tmp_path / LOG_NAME)
+    times_ns = count(0, 50 * NS_PER_MS)  # whatever the machine does meanwhile
+    monkeypatch.setattr(MonotonicClock, "now_ns", lambda _clock: next(times_ns))
+    for readable in (True, False):
+        monkeypatch.setattr(TerminalKeys, "readable", readable)
+        monkeypatch.setattr(TerminalKeys, "open", lambda _keys: None)
+        assert _main(["replay", str(tmp_path), "--headless", "--speed", "50"]) == 0
+        told = capsys.readouterr().out
+        assert ("goes on, 50 times the speed (Enter: pause, go on; q: end)\n" in told) == readable
+        assert "replay: the end, 50 times the speed\n" in told
+        assert "arrows" not in told
 
 
 @pytest.mark.parametrize(

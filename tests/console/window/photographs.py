@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from tams_app import palette
-from tams_app.console.window.banner import LOOKS
+from tams_app.console.window.banner import look_of
 from tams_app.records import Image
 from tests.console.window.facts import FACTS
 
@@ -61,6 +61,6 @@ def width_of(photograph: Image, view: str) -> int:
 
 def banner_is(photograph: Image, arming: str) -> bool:
     """Whether banner and border have the colour of that state, in a window of 1280x720."""
-    colour = LOOKS[arming].colour
+    colour = look_of(arming).colour
     banner = is_colour(photograph[8:78, 300:1100], colour).mean()
     return bool(banner > 0.5 and is_colour(photograph[100:700, :6], colour).mean() > 0.2)

@@ -16,14 +16,15 @@ from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.window.banner import LOOKS, banner_of, look_of
 from tams_app.console.window.figures import (
     hand_rows,
+    replay_texts,
     trial_texts,
     uplink_texts,
     view_row,
     view_title,
 )
-from tams_app.console.window.history import SPAN_S, History, Stretch
+from tams_app.console.window.history import SPAN_S, History
 from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
-from tams_app.console.window.messages import Facts, TrialFacts, ViewFacts
+from tams_app.console.window.messages import Facts, ReplayFacts, Stretch, TrialFacts, ViewFacts
 from tams_app.console.window.places import STAYS_NS, Places
 from tams_app.console.window.style import state_class, style_sheet
 from tams_app.console.wishes import Wish
@@ -112,10 +113,19 @@ def test_once_the_cause_is_gone_the_last_stop_can_still_be_read(arming: str) -> 
 @pytest.mark.parametrize("arming", LOOKS)
 def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> None:
     facts = msgspec.structs.replace(FACTS, arming=arming, reason="stale video")
-    banner = banner_of(facts, replay=True)
+    banner = banner_of(msgspec.structs.replace(facts, replay=ReplayFacts(1.0, False)))
     assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
     assert banner.key == "Nothing moves · F1: keys"
     assert "emergency" not in " ".join(sum(key_help("openvr", replay=True), ()))
+
+
+def test_the_button_says_what_a_click_does() -> None:
+    def button(replay: ReplayFacts | None) -> str:
+        return banner_of(msgspec.structs.replace(FACTS, replay=replay)).button
+
+    assert button(None) == "STOP"
+    assert button(ReplayFacts(1.0, paused=False)) == "PAUSE"
+    assert button(ReplayFacts(1.0, paused=True)) == "PLAY"
 
 
 def test_every_state_has_its_rule_in_the_style_sheet() -> None:
@@ -225,6 +235,12 @@ def test_a_trial_s_card_counts_its_time() -> None:
     assert trial_texts(dropped)[3].startswith("Drops: 2 ")
 
 
+def test_a_replay_tells_where_it_is_in_how_long_a_log_and_how_it_goes() -> None:
+    assert replay_texts(12.46, 127.99, ReplayFacts(2.0, False)) == ("0:12.4 / 2:07.9", "×2")
+    assert replay_texts(0.0, 59.97, ReplayFacts(0.25, True)) == ("0:00.0 / 0:59.9", "×0.25, paused")
+    assert replay_texts(9.0, 9.0, ReplayFacts(1.0, True)) == ("0:09.0 / 0:09.0", "×1, at the end")
+
+
 # --- places ---------------------------------------------------------------------------------------
 
 
@@ -312,6 +328,12 @@ def test_an_emergency_stop_counts_even_where_it_may_be_a_repeat() -> None:
     assert wish_of("z", is_new=True) is None
 
 
+def test_in_a_replay_the_keys_that_stop_an_arm_pause_or_go_on_once_for_each_press() -> None:
+    for name in ("space", "Escape", "Return"):
+        assert wish_of(name, is_new=True, replay=True) is Wish.CONFIRM
+        assert wish_of(name, is_new=False, replay=True) is None
+
+
 # --- the last minute ------------------------------------------------------------------------------
 
 
@@ -355,6 +377,21 @@ def test_facts_of_an_earlier_moment_make_what_came_later_forgotten() -> None:
     assert history.facts[-1].phase == "ALIGN"
     history.add(at(-1.0))
     assert [facts.t_s for facts in history.facts] == [-1.0]
+
+
+def test_where_a_replay_jumps_ahead_what_was_before_is_forgotten() -> None:
+    history = History()
+
+    def go_to(t_s: float, jumps: int) -> list[float]:
+        history.add(msgspec.structs.replace(at(t_s), replay=ReplayFacts(1.0, False, jumps)))
+        return [facts.t_s for facts in history.facts]
+
+    assert go_to(1.0, 0) == [1.0]
+    assert go_to(2.0, 0) == [1.0, 2.0]
+    assert go_to(20.0, 1) == [20.0]
+    assert go_to(21.0, 1) == [20.0, 21.0]
+    assert go_to(20.5, 2) == [20.0, 20.5]
+    assert go_to(20.6, 2) == [20.0, 20.5, 20.6]
 
 
 def test_stretches_leave_no_gap_between_them() -> None:
