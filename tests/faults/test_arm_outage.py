@@ -53,13 +53,17 @@ def served_model(cleaning: ExitStack, host: str) -> tuple[TappedModel, Controlle
 
 
 def moving_arm(cleaning: ExitStack, config: ArmConfig) -> Lite6:
-    """An arm under way: every command so far was acknowledged."""
+    """An arm under way: its last commands were acknowledged."""
     arm = Lite6(config, MonotonicClock())
     cleaning.callback(arm.close)
     arm.connect()
     arm.enable(ServoMode.VELOCITY)
     sent = arm.link().sent
     while arm.link().sent < sent + 20:
+        if arm.link().failure:  # two replies were late by the machine's load: nothing is sent then
+            arm.clear_errors()
+            arm.enable(ServoMode.VELOCITY)
+            sent = arm.link().sent
         arm.send_twist(ACROSS)
         time.sleep(SENDING_PERIOD_S)
     return arm
@@ -183,10 +187,11 @@ def test_a_lost_command_connection_is_reset_so_that_nothing_it_holds_can_follow(
     cleaning.callback(relay.close)
     config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
     arm = moving_arm(cleaning, config)
+    resets = relay.resets
     relay.hold()
     send_until_lost(arm)
     assert arm.link().fault is LinkFault.LOST
-    until(lambda: relay.resets == 1)
+    until(lambda: relay.resets > resets)
     relay.pass_on()
     until(lambda: model.state == State.STOPPED)
 
@@ -199,11 +204,12 @@ def test_a_command_unanswered_when_the_arm_is_stopped_is_taken_back_too(
     cleaning.callback(relay.close)
     config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
     arm = moving_arm(cleaning, config)
+    resets = relay.resets
     relay.hold()
     sent = arm.link().sent
     until(lambda: arm.send_twist(ACROSS) or arm.link().sent > sent)  # type: ignore[func-returns-value]
     arm.stop()
-    until(lambda: relay.resets == 1)
+    until(lambda: relay.resets > resets)
     assert arm.link().fault is LinkFault.LOST
     relay.pass_on()
     until(lambda: model.state == State.STOPPED)
