@@ -5,6 +5,7 @@ The guard is the real process, against the controller on TCP, beside the real dr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,46 +18,74 @@ from tests.faults.wired_bench import MakeBench, WiredBench
 pytestmark = [pytest.mark.timed, pytest.mark.usefixtures("real_time")]
 
 TIMEOUT_MS = 100.0
+EXCUSED_S = 0.04  # of a held-up loop: with a stall of 50 ms it is nearly the guard's time
+ATTEMPTS = 5
 
 
 @pytest.fixture(params=["velocity", "pose"])
+def servo(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
 def guarded(
-    request: pytest.FixtureRequest, real_time: None, tmp_path: Path, make_bench: MakeBench
-) -> WiredBench:
-    """An arm that moves under a guard which stops it after 100 ms of silence."""
-    bench = make_bench(request.param, folder=tmp_path)
-    bench.add_guard(TIMEOUT_MS)
-    bench.engage_and_move()
-    return bench
+    make_bench: MakeBench, servo: str, folder: Path, promise: Callable[[WiredBench], None]
+) -> None:
+    """The promise of an arm that moves under a guard which stops it after 100 ms of silence.
+
+    On another bench if it is broken where the machine's own stall may have been the silence.
+    """
+    for attempt in range(ATTEMPTS):
+        each = folder / str(attempt)
+        each.mkdir()
+        bench = make_bench(servo, folder=each)
+        bench.add_guard(TIMEOUT_MS)
+        bench.run_ticks(1)
+        bench.longest_gap_s = 0.0  # without the guard's start
+        try:
+            bench.engage_and_move()
+            promise(bench)
+            return
+        except AssertionError:
+            if bench.longest_gap_s < EXCUSED_S or attempt == ATTEMPTS - 1:
+                raise
+        bench.close()
 
 
 def stops_between(bench: WiredBench, first: int, after: int) -> list[Request]:
     return [each for each in bench.requests(first) if each.is_stop and each.tick < after]
 
 
-def test_a_short_stall_of_the_control_loop_changes_nothing(guarded: WiredBench) -> None:
-    bench = guarded
-    since = bench.next
-    bench.stall(0.050)
-    bench.run_ticks(20)
-    assert {output.arming for output in bench.outputs[since:]} == {ArmingState.ENGAGED}
-    assert stops_between(bench, since - 1, bench.next) == []
+def test_a_short_stall_of_the_control_loop_changes_nothing(
+    make_bench: MakeBench, servo: str, tmp_path: Path
+) -> None:
+    def promise(bench: WiredBench) -> None:
+        since = bench.next
+        bench.stall(0.050)
+        bench.run_ticks(20)
+        assert {output.arming for output in bench.outputs[since:]} == {ArmingState.ENGAGED}
+        assert stops_between(bench, since - 1, bench.next) == []
+
+    guarded(make_bench, servo, tmp_path, promise)
 
 
 @pytest.mark.parametrize("stall_ms", [200, 1000])
 def test_the_guard_stops_the_arm_of_a_stalled_loop_which_then_knows_why(
-    guarded: WiredBench, stall_ms: int
+    make_bench: MakeBench, servo: str, tmp_path: Path, stall_ms: int
 ) -> None:
-    bench = guarded
-    connections = {each.connection for each in bench.requests(0)}
-    seen = bench.next
-    bench.stall(stall_ms / 1000)
-    stop = stops_between(bench, seen - 1, seen)[0]
-    assert stop.connection not in connections, "the guard has one of its own"
-    assert stop.connection not in moving_connections(bench)
-    position = bench.position
-    bench.run_ticks(1)
-    assert abs(bench.positions[-1] - position).max() < 1e-9, "at rest before the loop went on"
-    is_stopped(bench, seen, Reason.GUARD_STOPPED)
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.GUARD_STOPPED)
+    def promise(bench: WiredBench) -> None:
+        connections = {each.connection for each in bench.requests(0)}
+        seen = bench.next
+        bench.stall(stall_ms / 1000)
+        bench.until(lambda: stops_between(bench, seen - 1, seen) != [])
+        bench.until(lambda: not bench.model.moving)  # at rest before the loop goes on
+        stop = stops_between(bench, seen - 1, seen)[0]
+        assert stop.connection not in connections, "the guard has one of its own"
+        assert stop.connection not in moving_connections(bench)
+        position = bench.position
+        bench.run_ticks(1)
+        assert abs(bench.positions[-1] - position).max() < 1e-9
+        is_stopped(bench, seen, Reason.GUARD_STOPPED)
+        recovers_from_fault(bench)
+        is_logged(bench, Reason.GUARD_STOPPED)
+
+    guarded(make_bench, servo, tmp_path, promise)

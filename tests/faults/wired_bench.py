@@ -103,7 +103,8 @@ class WiredBench(Bench):
             self._began_s = time.monotonic()
             self._began_ns = 0
             self.guarding: Guarding | None = None
-            self.longest_gap_s = 0.0  # of real time between two ticks
+            self.longest_gap_s = 0.0  # of real time between two ticks, beyond what `stall` took
+            self._stalled_s = 0.0  # since the last tick
             self.reachable = True  # set to False where no stop can reach the controller
             self.in_step = True  # set to False where replies are to be late
             self._fell_silent = False
@@ -134,20 +135,21 @@ class WiredBench(Bench):
         guarding.wait_ready()
         self.guarding = guarding
 
-    def stall(self, seconds: float) -> float:
-        """Let time pass without a tick; how long it really took."""
-        began_s = time.monotonic()
-        while (elapsed_s := time.monotonic() - began_s) < seconds:
+    def stall(self, seconds: float) -> None:
+        """Let time pass without a tick."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
             time.sleep(PERIOD_S / 2)
             self._tick_clock.advance(PERIOD_NS // 2)
-        return elapsed_s
+        self._stalled_s += seconds
 
     def _let_pass(self, duration_ns: int) -> None:
         due_s = self._began_s + duration_ns / NS_PER_S
         time.sleep(max(0.0, due_s - time.monotonic()))
         began_s = time.monotonic()
-        self.longest_gap_s = max(self.longest_gap_s, began_s - self._began_s)
-        self._began_s = began_s
+        gap_s = began_s - self._began_s - self._stalled_s
+        self.longest_gap_s = max(self.longest_gap_s, gap_s)
+        self._began_s, self._stalled_s = began_s, 0.0
         self._tick_clock.advance(duration_ns)
         self._began_ns = self.clock.now_ns()
 
