@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import resource
 import signal
+import time
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 
 import psutil
@@ -22,6 +24,7 @@ from tests.faults.braking import TICKS_TO_REST
 
 ATTEMPTS = 10
 STOPPED_S = 2.0  # a frame is too old after one
+HELD_S = 0.5  # longer than it takes to come to rest
 
 pytestmark = [
     pytest.mark.timed,
@@ -51,19 +54,24 @@ def first_tick(log: SessionLog, arming: ArmingState, reason: str) -> int:
     )
 
 
-def came_to_rest(ticks: list[Tick]) -> bool:
-    """Whether the commands came to zero within the stop time and stayed there while it held."""
-    held = []
-    for tick in ticks:
-        if tick.arming != ArmingState.HOLDING:
-            break
-        held.append(tick)
-    stop_ns = ticks[0].started_ns + (TICKS_TO_REST + 1) * 8_333_334
-    return all(tick.twist.is_zero for tick in held if tick.started_ns > stop_ns)
+def came_to_rest(log: SessionLog, reason: str) -> bool:
+    """Whether in each hold for `reason` that outlasts the stop time the commands stay zero then.
+
+    At least one does; a short one may have come before, by the machine's load.
+    """
+
+    def holds(tick: Tick) -> bool:
+        return tick.arming == ArmingState.HOLDING and tick.reason.startswith(reason)
+
+    later = []
+    for held in (list(ticks) for holding, ticks in groupby(log.ticks, holds) if holding):
+        stop_ns = held[0].started_ns + (TICKS_TO_REST + 1) * 8_333_334
+        later += [tick for tick in held if tick.started_ns > stop_ns]
+    return bool(later) and all(tick.twist.is_zero for tick in later)
 
 
-def holds_while_stopped(application: Application, helper: psutil.Process) -> None:
-    """Stop `helper` until the arm holds, and let it go on.
+def holds_while_stopped(application: Application, helper: psutil.Process) -> int:
+    """Stop `helper` until the arm has held for a while; how many lines there were as it went on.
 
     The operator may just have let go of the trigger, and then there is nothing to hold: try again.
     """
@@ -73,9 +81,12 @@ def holds_while_stopped(application: Application, helper: psutil.Process) -> Non
         before = len(application.lines)
         helper.suspend()
         held = application.says_within(STOPPED_S, "holding, stale video", before)
+        if held:
+            time.sleep(HELD_S)
+        after = len(application.lines)
         helper.resume()
         if held:
-            return
+            return after
     raise AssertionError(f"the arm never held: {application.lines}")
 
 
@@ -83,11 +94,10 @@ def holds_while_stopped(application: Application, helper: psutil.Process) -> Non
 def test_a_stopped_source_of_frames_holds_the_arm_and_it_goes_on_when_they_are_back(
     application: Application, witness: Witness, name: str
 ) -> None:
-    holds_while_stopped(application, application.helper(name))
-    application.says("engaged", len(application.lines))
+    after = holds_while_stopped(application, application.helper(name))
+    application.says("engaged", after)
     log = application.interrupted()
-    holding = first_tick(log, ArmingState.HOLDING, Reason.STALE_VIDEO.label)
-    assert came_to_rest(log.ticks[holding:])
+    assert came_to_rest(log, Reason.STALE_VIDEO.label)
     assert any(stop.reason == Reason.STALE_VIDEO.label for stop in log.stops)
 
 
@@ -138,6 +148,7 @@ def test_an_operator_who_sees_does_nothing_without_video_and_goes_on_with_it(
         witness = application.engaged()
         relay = application.helper("relay")
         relay.suspend()
+        time.sleep(STOPPED_S)  # a pause before the last frame is too old is none for its age
         until(lambda: not witness.moves(), "the arm to come to rest")
         witness.stands(5.0)
         before = len(application.lines)
