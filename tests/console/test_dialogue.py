@@ -34,22 +34,27 @@ class Screen(io.StringIO):
         return written
 
 
+class Keys(TerminalKeys):
+    """The operator types `answer` right after what was typed before is forgotten."""
+
+    def __init__(self, operator: int, terminal: int) -> None:
+        super().__init__(terminal)
+        self._operator = operator
+        self.answer = b""
+
+    def discard(self) -> None:
+        super().discard()
+        os.write(self._operator, self.answer)
+
+
 class Bench:
     def __init__(self) -> None:
         self.operator, self.terminal = pty.openpty()
         self.screen = Screen()
-        self.keys = TerminalKeys(self.terminal)
+        self.keys = Keys(self.operator, self.terminal)
         self.keys.open()
         self.dialogue = Dialogue(self.keys, Console(file=self.screen, width=100))
         self.dialogue.start()
-
-    def presses_when_asked(self, keys: bytes) -> None:
-        def press(text: str) -> None:
-            if "Really" in text:
-                # once the question was read, which is when what was typed before is forgotten
-                threading.Timer(0.5, os.write, (self.operator, keys)).start()
-
-        self.screen.on_text = press
 
     def close(self) -> None:
         self.screen.open.set()
@@ -78,13 +83,13 @@ def bench() -> Iterator[Bench]:
     ],
 )
 def test_enter_and_nothing_else_confirms(bench: Bench, keys: bytes, confirmed: bool) -> None:
-    bench.presses_when_asked(keys)
+    bench.keys.answer = keys
     assert bench.dialogue.confirms("Really?") is confirmed
 
 
 def test_what_was_pressed_before_the_question_does_not_answer_it(bench: Bench) -> None:
     os.write(bench.operator, b"\r\r\r")
-    bench.presses_when_asked(b"n")
+    bench.keys.answer = b"n"
     assert not bench.dialogue.confirms("Really?")
 
 

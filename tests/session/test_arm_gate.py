@@ -1,6 +1,5 @@
 """Enabling and clearing outside the control loop, and the stops that outdate them."""
 
-import threading
 
 import numpy as np
 import pytest
@@ -58,27 +57,9 @@ def gate(arm, notes):
     return ArmGate(arm, ServoMode.VELOCITY, BOUNDARY, lambda level, text: notes.append(text))
 
 
-def run_queued(gate):
-    """Run what is queued, in this thread."""
-    stop = threading.Event()
-    original = gate.carry_out
-
-    def once(request, stops):
-        original(request, stops)
-        stop.set()
-
-    gate.carry_out = once
-    timer = threading.Timer(0.3, stop.set)
-    timer.start()
-    gate.run(stop)
-    timer.cancel()
-    timer.join()
-    gate.carry_out = original
-
-
 def test_enabling_makes_the_arm_ready_until_it_is_stopped(gate, arm):
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert gate.ready
     gate.stop()
     assert not gate.ready
@@ -88,7 +69,7 @@ def test_enabling_makes_the_arm_ready_until_it_is_stopped(gate, arm):
 def test_a_stop_outdates_an_enable_that_was_queued_before_it(gate, arm):
     gate.request(Request.ENABLE)
     gate.stop()
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["stop"]
     assert not gate.ready
 
@@ -96,7 +77,7 @@ def test_a_stop_outdates_an_enable_that_was_queued_before_it(gate, arm):
 def test_a_stop_while_enabling_is_repeated_and_leaves_the_arm_not_ready(gate, arm):
     arm.during = gate.stop
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["enable", "stop", "stop"]
     assert not gate.ready
 
@@ -104,17 +85,17 @@ def test_a_stop_while_enabling_is_repeated_and_leaves_the_arm_not_ready(gate, ar
 def test_a_second_enable_is_left_out_while_the_first_waits(gate, arm):
     gate.request(Request.ENABLE)
     gate.request(Request.ENABLE)
-    run_queued(gate)
-    run_queued(gate)
+    gate.serve()
+    gate.serve()
     assert arm.calls == ["enable"]
 
 
 def test_after_a_stop_the_arm_can_be_enabled_again(gate, arm):
     gate.request(Request.ENABLE)
     gate.stop()
-    run_queued(gate)
+    gate.serve()
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert gate.ready
 
 
@@ -124,21 +105,21 @@ def test_an_arm_that_refuses_is_noted_and_not_ready(gate, arm, notes):
 
     arm.during = refuse
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert notes == ["the brakes stay on"]
     assert not gate.ready
     arm.during = lambda: None
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert gate.ready
 
 
 def test_clearing_errors_is_carried_out(gate, arm):
     gate.request(Request.CLEAR_ERRORS)
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["clear"]
     gate.request(Request.CLEAR_ERRORS)
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["clear", "clear"]
 
 
@@ -146,7 +127,7 @@ def test_clearing_that_hangs_is_asked_for_once_and_keeps_no_enable_out(gate, arm
     for _ in range(10):
         gate.request(Request.CLEAR_ERRORS)
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["clear", "enable"]
     assert gate.ready
 
@@ -156,7 +137,7 @@ def test_a_request_that_found_no_room_can_be_made_again(gate, arm, monkeypatch):
         full.setattr(BoundedQueue, "put", lambda queue, item: False)
         gate.request(Request.ENABLE)
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert gate.ready
 
 
@@ -167,10 +148,10 @@ def test_clearing_that_failed_can_be_asked_for_again(gate, arm, notes):
 
     clear, arm.clear_errors = arm.clear_errors, refuse
     gate.request(Request.CLEAR_ERRORS)
-    run_queued(gate)
+    gate.serve()
     arm.clear_errors = clear
     gate.request(Request.CLEAR_ERRORS)
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["refused", "clear"]
     assert notes[0] == "the emergency stop is pressed"
 
@@ -178,19 +159,19 @@ def test_clearing_that_failed_can_be_asked_for_again(gate, arm, notes):
 def test_an_arm_outside_the_workspace_is_not_enabled_until_it_is_inside(gate, arm, notes):
     arm.tcp_m = (0.2, 0.0, 0.118)
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert (arm.calls, gate.ready) == ([], False)
     assert notes == [
         "the TCP is at (200, 0, 118) mm, outside the workspace: run `run_tams.py home` first"
     ]
     arm.tcp_m = (0.3, 0.0, 0.118)
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert (arm.calls, gate.ready) == (["enable"], True)
 
 
 def test_an_arm_without_a_report_is_enabled_and_held_by_the_loop(gate, arm):
     arm.tcp_m = None
     gate.request(Request.ENABLE)
-    run_queued(gate)
+    gate.serve()
     assert arm.calls == ["enable"]

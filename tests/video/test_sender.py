@@ -99,9 +99,11 @@ def test_an_encoder_is_behind_its_camera_until_it_has_taken_the_last_frame() -> 
     with stream() as joined:
         assert joined.sender.behind_ns == 0
         earlier_ns = joined.capture_ns - 20 * NS_PER_MS
+        behind_ns = []
         for index in range(20):
             joined.sender.push(replace(frame(index), capture_ns=earlier_ns + index * NS_PER_MS))
-        assert joined.sender.behind_ns > 0
+            behind_ns.append(joined.sender.behind_ns)
+        assert max(behind_ns) > 0
         assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [19])
         assert joined.sender.behind_ns == 0
         joined.sender.set_target_kbps(40.0)

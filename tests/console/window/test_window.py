@@ -70,13 +70,18 @@ def test_the_primary_view_gets_the_large_place_with_its_own_picture(
 def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> None:
     time.sleep(1.0)  # after the focus
     window.events.clear()
+
+    def held() -> list[tuple[str, ...]]:
+        return [event.held for event in window.events if isinstance(event, Keys)]
+
     window.screen.xdotool("keydown", "Return")
+    assert wait_for(lambda: ("Return",) in held())
     time.sleep(1.5)  # the server repeats it after 0.66 s
-    held = [event.held for event in window.events if isinstance(event, Keys)]
+    since = held()[held().index(("Return",)) :]
     window.screen.xdotool("keyup", "Return")
     assert wait_for(lambda: window.client.keys is not None and window.client.keys.held == ())
     assert window.wishes() == [Wish.CONFIRM]
-    assert set(held[held.index(("Return",)) :]) == {("Return",)}  # while it repeats it stays held
+    assert set(since) == {("Return",)}  # while it repeats it stays held
     window.screen.xdotool("key", "Return")
     assert wait_for(lambda: window.wishes() == [Wish.CONFIRM, Wish.CONFIRM])
 

@@ -53,6 +53,10 @@ def until(
     return sample
 
 
+def is_old(sample: ControllerSample) -> bool:
+    return CLOCK.now_ns() - sample.pose_ns > 200 * NS_PER_MS
+
+
 def test_a_sample_is_there_as_soon_as_it_is_started(controller):
     before_ns = CLOCK.now_ns()
     controller.start()
@@ -66,9 +70,7 @@ def test_a_runtime_that_hangs_holds_nothing_up_and_lets_the_times_grow_old(contr
     fake.press("trigger")
     until(controller, lambda sample: sample.trigger == 1.0)
     fake.hang()
-    time.sleep(0.02)
-    first = controller.sample(CLOCK.now_ns())
-    until(controller, lambda s: CLOCK.now_ns() - s.pose_ns > 200 * NS_PER_MS)
+    first = until(controller, is_old)
     for haptic in list(Haptic) * 20:
         controller.pulse(haptic)
     assert controller.sample(CLOCK.now_ns()) is first
@@ -89,7 +91,7 @@ def test_a_runtime_that_hangs_at_the_start_is_a_device_error(controller, fake, m
 def test_what_a_hung_runtime_answers_after_the_close_is_not_taken(controller, fake, monkeypatch):
     controller.start()
     fake.hang()
-    time.sleep(0.05)
+    until(controller, is_old)  # the thread waits for the runtime
     monkeypatch.setattr(openvr_controller.Worker.stop, "__defaults__", (0.1,))
     with pytest.raises(TamsError, match="openvr-poll"):
         controller.close()
