@@ -10,7 +10,7 @@ import numpy as np
 
 from tams_app.recording import SessionLog
 from tams_app.records import Tick, Vector
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 REST_M_S = 0.001
@@ -68,6 +68,18 @@ def outage(log: SessionLog, from_ns: int) -> Outage:
         float(before_m_s) * 1000.0,
         travel_m * 1000.0,
     )
+
+
+def losses(log: SessionLog, from_ns: int, to_ns: int) -> list[int]:
+    """When [ns], between these times, an arm that was in no fault lost the link."""
+    return [
+        after.started_ns
+        for before, after in pairwise(log.ticks)
+        if from_ns < after.started_ns < to_ns
+        and before.arming != ArmingState.FAULT
+        and after.arming == ArmingState.FAULT
+        and after.reason.startswith(Reason.LINK_LOST.label)
+    ]
 
 
 def stood_ms(log: SessionLog, from_ns: int, to_ns: int) -> float:

@@ -1,6 +1,5 @@
 """Enabling and clearing outside the control loop, and the stops that outdate them."""
 
-
 import numpy as np
 import pytest
 
