@@ -31,3 +31,11 @@ class LinkConfig(Section):
         if self.max_age_ms is not None:
             return self.max_age_ms
         return 2.0 * (self.latency_ms + self.jitter_ms) + _SPARE_MS
+
+    @property
+    def stopped_after_ms(self) -> float:
+        """Who has heard nothing of the robot's side for so long knows that its arm was stopped.
+
+        The last echo counts for `longest_age_ms`, then the link is lost.
+        """
+        return self.longest_age_ms + self.lost_after_ms

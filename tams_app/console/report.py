@@ -21,7 +21,7 @@ from tams_app.summary.joined import (
     in_order,
     joined,
     on_robots_clock,
-    summarise_both,
+    summarise_joined,
 )
 from tams_app.summary.summarise import save_summary
 from tams_app.summary.summarise import write_summary as save_summary_of
@@ -66,12 +66,13 @@ def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
     robot, operator = in_order(*logs)
     of_robot, of_operator = folders if operator is logs[1] else reversed(folders)
     offsets = clock_offsets(robot, operator)
-    summary = summarise_both(robot, operator)
+    both = joined(robot, operator, offsets)
+    summary = summarise_joined(robot, operator, offsets, both)
     save_summary_of(summary, of_robot)
     pictures = on_robots_clock(
         read_pictures(of_operator / LOG_NAME), robot.header, operator.header, offsets
     )
-    _draw(joined(robot, operator, offsets), summary, pictures, of_robot)
+    _draw(both, summary, pictures, of_robot)
     return summary, of_robot
 
 

@@ -37,6 +37,7 @@ class Welcome(msgspec.Struct, frozen=True):
     repair: its `RepairRule`, as a mapping of its fields.
     hand_rotation: its `HandConfig.rotation`: a device on a desk moves the hand in the arm's frame.
     workspace: of its `LimitsConfig`, what bounds the space that the operator is shown.
+    stopped_after_ms: `LinkConfig.stopped_after_ms` there.
     """
 
     protocol: int
@@ -52,6 +53,7 @@ class Welcome(msgspec.Struct, frozen=True):
     repair: dict[str, object]
     hand_rotation: tuple[Floats3, Floats3, Floats3]
     workspace: dict[str, object]
+    stopped_after_ms: float
 
 
 class HandMessage(msgspec.Struct, frozen=True, array_like=True):

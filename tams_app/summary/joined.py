@@ -118,9 +118,15 @@ def summarise_both(first: SessionLog, second: SessionLog) -> dict[str, Any]:
     """As `summarise`, with the frames as they were shown, and `link`; LogError if not a pair."""
     robot, operator = in_order(first, second)
     offsets = clock_offsets(robot, operator)
-    summary = summarise(joined(robot, operator, offsets))
+    return summarise_joined(robot, operator, offsets, joined(robot, operator, offsets))
+
+
+def summarise_joined(
+    robot: SessionLog, operator: SessionLog, offsets: ClockOffsets, both: SessionLog
+) -> dict[str, Any]:
+    """`summarise_both`, of what `clock_offsets` and `joined` have made of the two logs."""
     return {
-        **summary,
+        **summarise(both),
         "complete": robot.complete and operator.complete,
         "link": link_figures(robot, operator, offsets),
     }

@@ -48,6 +48,7 @@ welcomes = st.builds(
     repair=settings_of_video,
     hand_rotation=st.tuples(*[st.tuples(NUMBER, NUMBER, NUMBER)] * 3),
     workspace=settings_of_video,
+    stopped_after_ms=NUMBER,
 )
 hands = st.builds(
     HandMessage,

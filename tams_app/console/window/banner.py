@@ -65,6 +65,11 @@ def look_of(arming: str) -> Look:
     return LOOKS.get(arming, _OTHER)
 
 
+_SIMULATED_KEYS = {  # by state, and whether something has stopped the arm before
+    ("fault", True): "Enter: first clears, then arms",
+    ("disarmed", True): "Enter arms it: the simulated operator does so only once",
+    ("holding", True): "The simulated operator goes on · Space: emergency stop",
+}
 _SIMULATED = {  # who watches can do that much
     "disarmed": ("The arm does not move.", "The simulated operator arms it soon"),
     "ready": ("The arm waits.", "The simulated operator moves it · Space: emergency stop"),
@@ -90,9 +95,8 @@ def banner_of(facts: Facts, hand: str = "openvr") -> Banner:
         )
     if hand == SIMULATED:
         banner = _banner_of(facts, _QUIET | _SIMULATED)
-        if facts.arming != "holding":
-            return banner
-        return replace(banner, key="The simulated operator goes on · Space: emergency stop")
+        key = _SIMULATED_KEYS.get((facts.arming, bool(facts.reason)), banner.key)
+        return replace(banner, key=key)
     banner, words = _banner_of(facts, _QUIET), HANDS[hand]
 
     def in_words(text: str) -> str:

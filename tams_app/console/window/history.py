@@ -24,6 +24,7 @@ class History:
         the time between nothing is known.
         """
         if self.facts and facts.t_s == self.facts[-1].t_s:
+            self._jumps = _jumps(facts)
             return
         if self.facts and facts.t_s > self.facts[-1].t_s and _jumps(facts) != self._jumps:
             self.facts.clear()

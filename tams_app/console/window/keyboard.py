@@ -16,9 +16,8 @@ WISHES = {
     "BackSpace": Wish.NO_DROP,
     "p": Wish.PLACED,
 }
+_STOP_HELP = (("Space, Esc", "emergency stop; also the red button"),)
 _WINDOW_HELP = (
-    ("Space, Esc", "emergency stop; also the red button"),
-    ("Enter", "confirm: arm the arm, clear a fault (release the trigger first)"),
     ("Q", "end the session; the arm stops first"),
     ("F1", "show or hide this list"),
     ("F11", "whole screen, or a window again"),
@@ -34,7 +33,7 @@ _REPLAY_HELP = (
     ("Home, End", "to the beginning, to the end"),
     ("mouse", "click or drag in the bar below the views: go there"),
     ("Q", "end the replay"),
-    *_WINDOW_HELP[3:],
+    *_WINDOW_HELP[1:],
 )
 
 
@@ -43,7 +42,8 @@ def key_help(hand: str, replay: bool = False, trial: bool = False) -> tuple[tupl
     if replay:
         return _REPLAY_HELP
     of_trial = _TRIAL_HELP if trial else ()
-    return _WINDOW_HELP + of_trial + HANDS[hand].controls
+    confirm = f"confirm: arm the arm, clear a fault (release {HANDS[hand].deadman} first)"
+    return (*_STOP_HELP, ("Enter", confirm), *_WINDOW_HELP, *of_trial, *HANDS[hand].controls)
 
 
 class Keyboard:

@@ -33,6 +33,7 @@ from tams_app.video.frame_ring import FrameReader
 
 TITLE = "TAMS"
 LOOK_MS = 8  # for new frames
+_NOT_LOOKING_NS = 200 * NS_PER_MS
 _FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
 _TIMELINE_PX, _GAP_PX = 48, 4
 
@@ -67,6 +68,7 @@ class OperatorWindow:
         self._history = History()
         self._drawings = 0
         self._figures_ns = 0
+        self._looked_ns = clock.now_ns()
         self._state = ""
         self._scale = 0.0
         self._build(size)
@@ -210,6 +212,8 @@ class OperatorWindow:
         self._figures_ns = 0  # what is sought is shown as soon as it is found
 
     def _beat(self) -> bool:
+        if self._clock.now_ns() - self._looked_ns > _NOT_LOOKING_NS:
+            return True  # old pictures stay: to the session that is no sign of life
         keyboard = self._keyboard
         self._tell(Keys(self._clock.now_ns(), keyboard.focused, keyboard.held, self._drawings))
         return True
@@ -223,6 +227,7 @@ class OperatorWindow:
         if self._pacer.may_draw(now_ns) and self._take_frames():
             self._drawings += 1
             self._pacer.drawn(now_ns, time.process_time_ns())
+        self._looked_ns = self._clock.now_ns()
         return True
 
     def _take_in(self, facts: Facts, now_ns: int) -> None:

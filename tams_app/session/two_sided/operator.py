@@ -40,7 +40,6 @@ from tams_app.video.repair import RepairRule
 _CALL_POLL_NS = 50 * NS_PER_MS
 _REFUSED_NS = NS_PER_S
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
-_SILENT_NS = 3 * NS_PER_S // 10
 _FACE_SILENT_NS = 3 * NS_PER_S // 10
 _STOP_TOLD_S = 0.1
 _GREETING = encode(Greeting(PROTOCOL, __version__))
@@ -238,12 +237,12 @@ class OperatorSession(Ending):
             self.end(f"the robot's side: {state.ended}")
         elif event.left:
             self.end("the robot's side has ended the session")
-        silent = state is None or self._clock.now_ns() - self._link.state_heard_ns > _SILENT_NS
+        silent = self._hears_nothing()
         if silent and not self._silent:
             self.note(
                 "warning",
-                "nothing is heard of the robot, which stops by itself: release the trigger; "
-                "calling again",
+                "nothing is heard of the robot, whose arm stops by itself: release the trigger, "
+                "and wait until the link is back",
             )
         if event.busy and not self._busy:
             self.note("warning", "another operator is connected: waiting until they leave")
@@ -263,7 +262,7 @@ class OperatorSession(Ending):
 
     def snapshot(self) -> StatusSnapshot:
         """What the console shows at this moment."""
-        state, video, now_ns = self._link.state, self._video, self._clock.now_ns()
+        state, video = self._link.state, self._video
         unknown: tuple[float | None, ...] = (None,) * len(self.config.video.views)
         targets, sent = (
             (unknown, unknown) if state is None else (state.target_kbps, state.sent_kbps)
@@ -278,10 +277,9 @@ class OperatorSession(Ending):
             )
             for view, target, sent_kbps in zip(self.config.video.views, targets, sent, strict=False)
         }
-        lost = state is None or now_ns - self._link.state_heard_ns > _SILENT_NS
         return StatusSnapshot(
             t_s=self.elapsed_s(),
-            arming="link lost" if lost or state is None else state.arming,
+            arming="link lost" if state is None or self._hears_nothing() else state.arming,
             deadman=state is not None and state.deadman,
             pressed=pressed_buttons(self._link.sample),
             orientation_mode=state is not None and state.orientation_mode,
@@ -314,6 +312,13 @@ class OperatorSession(Ending):
             self._stack.close()
         except (TamsError, OSError) as failure:
             self.failure = self.failure or str(failure)
+
+    def _hears_nothing(self) -> bool:
+        """Of the robot's side, for so long that its arm was stopped."""
+        if self._link.state is None or self._welcome is None:
+            return True
+        silent_ms = (self._clock.now_ns() - self._link.state_heard_ns) / NS_PER_MS
+        return silent_ms > self._welcome.stopped_after_ms
 
     # --- called by the parts --------------------------------------------------------------------
 

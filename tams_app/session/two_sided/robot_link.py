@@ -125,6 +125,7 @@ class RobotLink(Listener):
             repair=asdict(rule),
             hand_rotation=config.hand.rotation,
             workspace=workspace_of(config),
+            stopped_after_ms=config.link.stopped_after_ms,
         )
         self._gateway = gateway = self._make_gateway(encode(welcome))
         gateway.launch()

@@ -54,10 +54,13 @@ def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand:
 
 
 @pytest.mark.parametrize("arming", STATES)
-def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str) -> None:
-    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, reason=""), hand=SIMULATED)
+@pytest.mark.parametrize("stops", ["before the first stop", "after one"])
+def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stops: str) -> None:
+    is_stopped = arming in ("holding", "fault")
+    reason = "" if stops == "before the first stop" and not is_stopped else "emergency stop"
+    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, reason=reason), hand=SIMULATED)
     assert "your hand" not in banner.sentence
-    if arming == "fault":  # the simulated operator does not confirm
+    if arming == "fault" or (arming == "disarmed" and reason):  # confirmed by a person only
         assert banner.key.startswith("Enter")
     else:
         assert "simulated operator" in f"{banner.sentence} {banner.key}"
