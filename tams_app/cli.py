@@ -6,8 +6,6 @@ the small tools answer at once.
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,12 +39,11 @@ from tams_app.console.options import (
     StrategyOption,
     arm_overrides,
     check_arm_at_once,
-    network_names,
     with_values,
 )
+from tams_app.console.tools_cli import add_tools
 from tams_app.console.two_sided_cli import add_two_sided
 from tams_app.errors import ConfigError, SetupError, TamsError
-from tams_app.policy.allocation import make_strategy
 from tams_app.study.cli import ConfigOption, study_app
 
 if TYPE_CHECKING:
@@ -61,20 +58,6 @@ app = typer.Typer(
 )
 
 app.add_typer(calibrate, name="calibrate")
-
-MAX_KBPS = 1e9
-
-
-def _kbps(text: str) -> float:
-    """The argument of an option that takes a rate."""
-    try:
-        rate = float(text)
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not a number") from None
-    if not 0 <= rate <= MAX_KBPS:
-        name = "NaN" if math.isnan(rate) else "infinity" if math.isinf(rate) else text
-        raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0f} kbit/s")
-    return rate
 
 
 def main() -> None:
@@ -242,126 +225,7 @@ def doctor(
 
 
 add_logs(app)
-
-
-def _actions() -> list[str]:
-    from tams_app.video.netem import ACTIONS
-
-    return list(ACTIONS)
-
-
-@app.command()
-def network(
-    name: Annotated[
-        str,
-        typer.Argument(
-            help="A condition of the configuration: s1, s2, s3.", autocompletion=network_names
-        ),
-    ],
-    interface: Annotated[str, typer.Option(help="The network interface to shape.")],
-    action: Annotated[
-        str,
-        typer.Option(
-            help="print, apply, rate (apply the rate only), show or remove.",
-            autocompletion=_actions,
-        ),
-    ] = "print",
-    config: ConfigOption = None,
-) -> None:
-    """Emulate a network condition on an interface with `tc`.
-
-    With `robot` the video crosses that interface. With `run` it stays on loopback, and
-    `run --network` emulates its link.
-    """
-    from tams_app.video.netem import run_network
-
-    run_network(load_config(config), name, interface, action, typer.echo)
-
-
-@app.command()
-def phases(
-    file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
-    out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
-    no_smoothing: Annotated[
-        bool, typer.Option("--no-smoothing", help="The speeds are smoothed already.")
-    ] = False,
-    v_eps_mm_s: Annotated[float | None, typer.Option()] = None,
-    vz_min_mm_s: Annotated[float | None, typer.Option()] = None,
-    align_dwell_s: Annotated[float | None, typer.Option()] = None,
-    pre_release_dwell_s: Annotated[float | None, typer.Option()] = None,
-    config: ConfigOption = None,
-) -> None:
-    """Algorithm 1 over a table: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed)."""
-    from tams_app.policy.offline import label_phases
-    from tams_app.policy.phases import PhaseParameters
-
-    settings = load_config(
-        config,
-        {
-            "policy.phases.v_eps_mm_s": v_eps_mm_s,
-            "policy.phases.vz_min_mm_s": vz_min_mm_s,
-            "policy.phases.align_dwell_s": align_dwell_s,
-            "policy.phases.pre_release_dwell_s": pre_release_dwell_s,
-        },
-    ).policy.phases
-    if out is not None and out.exists() and file.exists() and out.samefile(file):
-        raise ConfigError(f"--out: {out} is the table that is read: give another file")
-    smoothing_s = None if no_smoothing else settings.smoothing_ms / 1000
-    labelled = label_phases(_read(file), str(file), PhaseParameters.of(settings), smoothing_s)
-    if out is None:
-        typer.echo(labelled, nl=False)
-    else:
-        _write(out, labelled)
-
-
-def _phases() -> list[str]:
-    from tams_app.records import Phase
-
-    return [phase.replace("_", "-").capitalize() for phase in Phase]
-
-
-@app.command()
-def allocate(
-    phase: Annotated[
-        str,
-        typer.Option(
-            help="Reach, Align, Grasp, Transport, Pre-release or Release.",
-            autocompletion=_phases,
-        ),
-    ],
-    budget_kbps: Annotated[
-        float,
-        typer.Option(parser=_kbps, metavar="KBPS", help="B, after the safety factor."),
-    ],
-    floor_kbps: Annotated[
-        float | None,
-        typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
-    ] = None,
-    strategy: StrategyOption = None,
-    as_json: JsonOption = False,
-    config: ConfigOption = None,
-) -> None:
-    """The targets that a strategy gives each view while a phase begins."""
-    from tams_app.records import Phase
-
-    settings = load_config(config, {"policy.allocation.floor_kbps": floor_kbps})
-    name = phase.strip().upper().replace("-", "_").replace(" ", "_")
-    if name not in Phase.__members__:
-        raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")
-    chosen = make_strategy(strategy or settings.strategy, settings.policy)
-    floor = settings.policy.allocation.floor_kbps
-    targets = chosen.targets(Phase[name], budget_kbps)
-    if budget_kbps < len(targets) * floor:
-        typer.echo(
-            f"tams: note: {budget_kbps:g} kbit/s are less than the floor of {floor:g} kbit/s for "
-            f"each of {len(targets)} views: the floor is not kept",
-            err=True,
-        )
-    if as_json:
-        typer.echo(json.dumps(targets))
-    else:
-        for view, kbps in targets.items():
-            typer.echo(f"{view}  {kbps} kbit/s")
+add_tools(app)
 
 
 def _simulated_trials(settings: Config) -> TrialRunner:
@@ -379,19 +243,3 @@ def _trials_with_people(settings: Config) -> TrialRunner:
 
 
 app.add_typer(study_app(_simulated_trials, _trials_with_people), name="study")
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not UTF-8 text") from error
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
