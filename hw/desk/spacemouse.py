@@ -1,7 +1,7 @@
 """A 3D mouse (3Dconnexion SpaceMouse) as a controller, through hidapi.
 
-Its cap moves and turns the hand, the left button is the deadman; the right one, pressed briefly,
-closes and opens the gripper in turn, pressed for longer changes the mode.
+Its cap moves and turns the hand, the left button is the deadman; the right one, pressed briefly
+meanwhile, closes and opens the gripper in turn, pressed for longer changes the mode.
 
 Reports, all numbers little-endian: 1: x (right), y (towards the person), z (down) as int16, in
 wireless models followed by the three turns; 2: the turns about the same axes; 3: a bit for each
@@ -84,7 +84,7 @@ class Reports:
             return
         if now_ns - since_ns >= _LONG_NS:
             self._acts = "mode"
-        else:
+        elif self._left:  # else the gripper stays as it is
             self._closes = not self._closes
             self._acts = "close" if self._closes else "open"
         self._acts_until_ns = now_ns + _PULSE_NS

@@ -66,6 +66,15 @@ def test_brief_presses_of_the_right_button_close_and_open_in_turn(reports: Repor
     assert done == [close, opens, close]
 
 
+def test_a_brief_press_without_the_deadman_does_not_count(reports: Reports) -> None:
+    reports.take(buttons_report(RIGHT), 0)
+    reports.take(buttons_report(0), 100 * NS_PER_MS)
+    assert not reports.deflection(110 * NS_PER_MS).a
+    reports.take(buttons_report(LEFT | RIGHT), 200 * NS_PER_MS)
+    reports.take(buttons_report(LEFT), 300 * NS_PER_MS)
+    assert reports.deflection(310 * NS_PER_MS).a
+
+
 def test_a_long_press_of_the_right_button_changes_the_mode_once(reports: Reports) -> None:
     reports.take(buttons_report(RIGHT), 0)
     reports.take(buttons_report(RIGHT), 500 * NS_PER_MS)  # it is told again while it is held
