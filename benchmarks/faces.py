@@ -56,9 +56,11 @@ def measure(face: str, options: list[str]) -> Cost:
     """One session with that face."""
     with TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
         folder = Path(name)
+        logs = folder / "logs"
+        logs.mkdir()
         screen = virtual_screen(folder, patch) if face == "window" else nullcontext()
         with screen, viewer() if face == "foxglove" else nullcontext():
-            run = run_session(folder, *FACES[face], *options, headless=face != "window")
+            run = run_session(logs, *FACES[face], *options, headless=face != "window")
     summary = run.summary
     return Cost(
         100 * summary["control"]["late_fraction"],
