@@ -130,6 +130,17 @@ def test_what_the_link_did_is_told():
     assert link["ignored"]["robot"] == {"not authentic": 7}
 
 
+def test_samples_of_a_controller_that_has_told_no_pose_yet_have_no_age():
+    _, robot, operator = pair(2.0, -HOUR_NS)
+    usual = summarise_both(robot, operator)["link"]
+    before = robot.hands_heard[: len(robot.hands_heard) // 10]
+    robot.hands_heard[: len(before)] = [replace(one, pose_ns=0) for one in before]
+    link = summarise_both(robot, operator)["link"]
+    assert link["samples"] == usual["samples"]
+    for figure in ("sample_age_ms", "command_latency_ms"):
+        assert link[figure]["p99"] == pytest.approx(usual[figure]["p99"], abs=2.0)
+
+
 def test_a_log_that_was_cut_off_makes_the_summary_incomplete():
     _, robot, operator = pair()
     assert summarise_both(robot, operator)["complete"]

@@ -136,6 +136,7 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
     """What the link did; times between the two sides are right to within `uncertainty_ms`."""
     heard = robot.hands_heard
     counted = [one for one in heard if not one.refusal]
+    posed = _posed(robot)
     refused: dict[str, int] = {}
     for one in heard:
         if one.refusal:
@@ -146,7 +147,7 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
         "uncertainty_ms": round(offsets.uncertainty_ns / NS_PER_MS, 3),
         "samples": {"heard": len(heard), "counted": len(counted), "refused": refused},
         "sample_age_ms": _ages_ms(
-            [one.pose_ns for one in counted], [one.t_ns for one in counted], offsets
+            [one.pose_ns for one in posed], [one.t_ns for one in posed], offsets
         ),
         "command_latency_ms": _command_latency_ms(robot, offsets),
         "state_age_ms": _state_ages_ms(operator, offsets),
@@ -165,6 +166,11 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
     }
 
 
+def _posed(robot: SessionLog) -> list[HandHeard]:
+    """The samples that counted, once the controller has told where it is."""
+    return [one for one in robot.hands_heard if not one.refusal and one.pose_ns]
+
+
 def _ages_ms(made_ns: list[int], at_ns: list[int], offsets: ClockOffsets) -> dict[str, Any]:
     """From when it was made at the operator's side until a time of the robot's."""
     if not made_ns:
@@ -175,13 +181,13 @@ def _ages_ms(made_ns: list[int], at_ns: list[int], offsets: ClockOffsets) -> dic
 
 def _command_latency_ms(robot: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
     """From the pose of the hand to the end of the first tick that had it."""
-    counted = [one for one in robot.hands_heard if not one.refusal]
+    posed = _posed(robot)
     started = np.array([tick.started_ns for tick in robot.ticks], dtype=np.int64)
     finished = np.array([tick.finished_ns for tick in robot.ticks], dtype=np.int64)
-    tick = np.searchsorted(started, [one.t_ns for one in counted])
+    tick = np.searchsorted(started, [one.t_ns for one in posed])
     acted = [
         (one.pose_ns, int(finished[number]))
-        for one, number in zip(counted, tick.tolist(), strict=True)
+        for one, number in zip(posed, tick.tolist(), strict=True)
         if number < len(finished)
     ]
     return _ages_ms([one[0] for one in acted], [one[1] for one in acted], offsets)
