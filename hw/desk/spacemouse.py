@@ -84,9 +84,11 @@ class Reports:
             return
         if now_ns - since_ns >= _LONG_NS:
             self._acts = "mode"
-        elif self._left:  # else the gripper stays as it is
+        elif self._left:
             self._closes = not self._closes
             self._acts = "close" if self._closes else "open"
+        else:
+            self._acts = ""  # the gripper stays as it is
         self._acts_until_ns = now_ns + _PULSE_NS
 
 

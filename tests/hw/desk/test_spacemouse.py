@@ -66,13 +66,19 @@ def test_brief_presses_of_the_right_button_close_and_open_in_turn(reports: Repor
     assert done == [close, opens, close]
 
 
-def test_a_brief_press_without_the_deadman_does_not_count(reports: Reports) -> None:
+def test_a_brief_press_without_the_deadman_does_nothing_and_does_not_count(
+    reports: Reports,
+) -> None:
     reports.take(buttons_report(RIGHT), 0)
-    reports.take(buttons_report(0), 100 * NS_PER_MS)
-    assert not reports.deflection(110 * NS_PER_MS).a
-    reports.take(buttons_report(LEFT | RIGHT), 200 * NS_PER_MS)
-    reports.take(buttons_report(LEFT), 300 * NS_PER_MS)
-    assert reports.deflection(310 * NS_PER_MS).a
+    reports.take(buttons_report(0), NS_PER_S)  # a long one, which has changed the mode
+    for now_ns in (2 * NS_PER_S, 3 * NS_PER_S):
+        reports.take(buttons_report(RIGHT), now_ns)
+        reports.take(buttons_report(0), now_ns + 100 * NS_PER_MS)
+        asked = reports.deflection(now_ns + 110 * NS_PER_MS)
+        assert (asked.grip, asked.a, asked.b) == (False, False, False)
+    reports.take(buttons_report(LEFT | RIGHT), 4 * NS_PER_S)
+    reports.take(buttons_report(LEFT), 4 * NS_PER_S + 100 * NS_PER_MS)
+    assert reports.deflection(4 * NS_PER_S + 110 * NS_PER_MS).a
 
 
 def test_a_long_press_of_the_right_button_changes_the_mode_once(reports: Reports) -> None:
