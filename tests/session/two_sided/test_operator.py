@@ -18,10 +18,10 @@ from tams_app.config import Config, load_config
 from tams_app.errors import TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
-from tams_app.link.messages import PROTOCOL, Welcome, encode
+from tams_app.link.messages import PROTOCOL, Welcome, decode, encode
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.two_sided.operator import OperatorSession
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
 
 pytestmark = pytest.mark.waiting
@@ -95,6 +95,19 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
     assert (session._shown_now(), session._shown_now()) == ((101,), (101,))
     heard_ns = clock.now_ns()
     assert session._shown_now() == (102,)
+
+
+def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm(
+    endpoint: Endpoint, tmp_path: Path
+) -> None:
+    clock = VirtualClock()
+    session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
+    link: Any = SimpleNamespace(state=object(), state_heard_ns=clock.now_ns())
+    session._link, session._welcome = link, decode(welcome(stopped_after_ms=350.0), Welcome)
+    clock.advance_ns(340 * NS_PER_MS)
+    assert not session._hears_nothing()
+    clock.advance_ns(20 * NS_PER_MS)
+    assert session._hears_nothing()
 
 
 def start(

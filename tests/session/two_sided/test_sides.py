@@ -29,7 +29,7 @@ from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.two_sided.welcome import follow
 from tams_app.session.uplink_meter import UplinkFigures
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
 from tests.session.test_parts import output
@@ -212,7 +212,8 @@ def test_the_menu_button_stops_nothing_where_the_arm_is_not_armed_or_it_went_dow
 def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
     sides = Sides()
     sides.run(1.0)
-    sides.robot.on_output(0, replace(output(ArmingState.FAULT), detail="d" * 400), None)
+    fault = output(ArmingState.FAULT, Reason.ARM_ERROR)
+    sides.robot.on_output(0, replace(fault, detail="d" * 400), None)
     for _ in range(3):
         sides.robot.note("ü" * 400)
     sides.run(0.01)
