@@ -18,9 +18,6 @@ check: $(READY)
 # Beside others no test's library starts threads of its own.
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 LP_NUM_THREADS=1
 SIDE_BY_SIDE := --dist loadfile --no-loadscope-reorder
-# Only what keeps time gets a second chance; the run fails if more than 1 % of the tests needed one.
-TIMED := --reruns 2 --reruns-delay 1
-
 # A change is judged by the same examples of every law on every machine; `make explore` draws new ones.
 LAWS := --hypothesis-profile=steady
 
@@ -31,7 +28,7 @@ ifdef ARGS
 else
 	$(ALONE) $(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "untimed and not verify" -n logical $(SIDE_BY_SIDE)
 	$(ALONE) $(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "waiting and not verify" -n 3 $(SIDE_BY_SIDE)
-	$(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "timed and not verify" $(TIMED)
+	$(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "timed and not verify"
 	$(PY) -m coverage run -m pytest $(LAWS) tests/teleop -m "not verify" -n logical
 	$(PY) -m coverage combine --quiet
 	$(PY) -m coverage report --skip-covered --fail-under=100
@@ -43,7 +40,7 @@ endif
 verify: $(READY) installed
 	$(ALONE) $(PY) -m pytest $(LAWS) -m "verify and untimed" -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(ALONE) $(PY) -m pytest $(LAWS) -m "verify and waiting" -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
-	$(PY) -m pytest $(LAWS) -m "verify and timed" $(TIMED) || [ $$? -eq 5 ]
+	$(PY) -m pytest $(LAWS) -m "verify and timed" || [ $$? -eq 5 ]
 	$(ALONE) $(PY) -m pytest $(LAWS) benchmarks/tests
 
 # `pip install .` into an empty environment, and a simulated session from a folder of its own.

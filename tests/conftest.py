@@ -8,7 +8,8 @@ import pytest
 from hypothesis import settings
 
 from tests.real_time import require_real_time
-from tests.rerun_budget import RerunBudget
+from tests.second_chance import SecondChances
+from tests.standstills import Standstills
 
 settings.register_profile("unhurried", deadline=None)  # a busy machine breaks no promise
 settings.load_profile("unhurried")
@@ -21,7 +22,7 @@ GROUPS = ("untimed", "waiting", "timed")
 
 
 def pytest_configure(config):
-    config.pluginmanager.register(RerunBudget())
+    config.pluginmanager.register(SecondChances(Standstills()))
     # A run in a shell's background ignores Ctrl-C, and so would every process that tests interrupt.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -28,6 +28,7 @@ HELPERS = {
 }
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(180),
 ]

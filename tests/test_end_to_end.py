@@ -17,7 +17,11 @@ from tests.faults.applications import PATIENT, configuration_file
 from tests.real_time import require_real_time
 from tests.spoken import spoken
 
-pytestmark = [pytest.mark.timed, pytest.mark.timeout(180)]
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
+    pytest.mark.timeout(180),
+]
 
 
 def command(out, *options):

@@ -34,7 +34,8 @@ from tams_app.session import homing
 from tams_app.units import NS_PER_S
 from tests.faults.wire import TappedModel
 
-pytestmark = pytest.mark.timed
+# Half of the shortest limit here, 400 ms without a beat.
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=200)]
 
 WITHIN_S = 20.0  # generous: the machine may be busy
 READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])

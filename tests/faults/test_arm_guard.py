@@ -24,7 +24,8 @@ from tests.faults.promises import (
 )
 from tests.faults.wired_bench import SIDEWAYS, MakeBench, WiredBench
 
-pytestmark = pytest.mark.timed
+# The guard is silent after 200 ms; the machine may stand still in several parts.
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=60)]
 
 PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
 KILLED_TICKS = 2  # the first beat is refused, the next tick hears of it

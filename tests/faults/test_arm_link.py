@@ -21,7 +21,8 @@ from tests.faults.promises import (
 )
 from tests.faults.wired_bench import REPLY_TIMEOUT_S, SIDEWAYS, MakeBench, WiredBench
 
-pytestmark = pytest.mark.timed
+# A third of the time in which a reply must come here.
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 STALE_TICKS = 13  # 100 ms, and the tick that sees it
 SILENT_TICKS = 121  # 1 s, and the tick that sees it

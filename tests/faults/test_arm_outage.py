@@ -27,7 +27,11 @@ from tams_app.runtime.clock import MonotonicClock
 from tests.faults.wire import TappedModel
 from tests.tcp_relay import TcpRelay
 
-pytestmark = [pytest.mark.timed, pytest.mark.usefixtures("real_time")]
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
+    pytest.mark.usefixtures("real_time"),
+]
 
 WITHIN_S = 20.0  # generous: the machine may be busy
 SENDING_PERIOD_S = 1 / 120

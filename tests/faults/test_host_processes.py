@@ -28,6 +28,7 @@ HELD_S = 0.5  # longer than it takes to come to rest
 
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.verify,
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(300),

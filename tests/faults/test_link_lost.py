@@ -20,7 +20,11 @@ from tests.faults.two_sides import HOST, HandSide, RobotSide
 from tests.impaired_link import Conditions, ImpairedLink
 from tests.real_time import require_real_time
 
-pytestmark = [pytest.mark.timed, pytest.mark.timeout(200)]
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
+    pytest.mark.timeout(200),
+]
 
 LOST_AFTER_MS = load_config().link.lost_after_ms
 REST_MS = 100.0  # from full speed, measured by benchmarks/link

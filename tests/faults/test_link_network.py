@@ -28,6 +28,7 @@ from tests.impaired_link import Conditions, ImpairedLink
 
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.verify,
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(200),

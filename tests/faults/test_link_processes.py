@@ -21,6 +21,7 @@ from tests.faults.two_sides import HandSide, OperateSide, RobotSide
 
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.verify,
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(300),

@@ -22,7 +22,12 @@ from tests.faults.chain import Chain, StreamedBench, until
 from tests.faults.promises import is_logged, recovers_from_hold
 from tests.faults.test_video_freeze import HOLD_NS, expected_scale
 
-pytestmark = [pytest.mark.timed, pytest.mark.verify, pytest.mark.usefixtures("real_time")]
+pytestmark = [
+    pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=100),  # a frame's age has 500 ms
+    pytest.mark.verify,
+    pytest.mark.usefixtures("real_time"),
+]
 
 PRIMARY = "gt"  # in the phase REACH, in which the arm stays
 S2 = load_config().networks[NETWORK]

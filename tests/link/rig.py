@@ -50,7 +50,7 @@ def spoilt(datagram: bytes, draw: random.Random) -> bytes:
         case 2:
             changed += draw.randbytes(draw.randint(1, 40))
         case _:
-            at = draw.randrange(1, len(changed))
+            at = draw.randrange(min(1, len(changed) - 1), len(changed))  # its kind stays
             changed[at:] = draw.randbytes(len(changed) - at)
     return datagram[:-1] if changed == datagram else bytes(changed)
 

@@ -29,6 +29,7 @@ from tests.session.hardware_station import (
 
 pytestmark = [
     pytest.mark.timed,
+    pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(300),
 ]
