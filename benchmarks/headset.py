@@ -31,6 +31,7 @@ from tams_app.console.window.messages import Beat, Event, Said
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.hands import HANDS
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.faked_process import BLIND
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
@@ -108,7 +109,7 @@ def picture(path: Path) -> None:
         views=old,
         arming="holding",
         reason="stale video",
-        advice=what_to_do("stale video"),
+        advice=what_to_do("stale video", "stale video", HANDS["openvr"]),
         said=(Said(12.4, "stopped: stale video"),),
     )
     with pytest.MonkeyPatch.context() as patch, headset(patch) as measured:

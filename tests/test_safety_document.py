@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tams_app.teleop import safety
+from tams_app.teleop.hands import HANDS
 from tams_app.teleop.safety import CLEARABLE, ArmingState, Reason
 from tests.teleop.arming_table import ARROWS
 
@@ -89,9 +90,16 @@ def test_the_pairs_of_states_are_those_of_the_arrows():
 
 def test_every_reason_is_in_the_table_as_the_code_has_it():
     header, *rows = tables(section("Every reason"))[0]
-    assert header == ["reason", "severity", "what the operator does"]
+    assert header == ["reason", "severity", "while its cause lasts", "once it is gone"]
+    hand = HANDS["openvr"]
     assert rows == [
-        [reason.label, "fault" if reason.is_fault else "hold", reason.sentence] for reason in Reason
+        [
+            reason.label,
+            "fault" if reason.is_fault else "hold",
+            reason.sentence(hand),
+            "the same" if reason.left == reason.lasting else reason.sentence(hand, lasts=False),
+        ]
+        for reason in Reason
     ]
 
 

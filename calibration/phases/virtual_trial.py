@@ -22,6 +22,7 @@ from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ, ArmingObserver, TrialObserver
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS, repeat
+from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_S
 from tams_app.video.virtual_time.event_queue import EventQueue
 
@@ -97,7 +98,7 @@ class VideolessTrial(Listener):
 
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
-        arming = ArmingObserver(signals, _say_nothing, arm_at_once=False)
+        arming = ArmingObserver(signals, _say_nothing, lambda: SIMULATED, arm_at_once=False)
         return ControlLoop(
             config,
             self._clock,

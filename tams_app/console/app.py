@@ -13,7 +13,6 @@ from rich.console import Console
 
 from tams_app.config import Config
 from tams_app.console.display import has_display
-from tams_app.console.hands import HANDS, hand_of
 from tams_app.console.headset.session_headset import SessionHeadset, headset_is_wanted
 from tams_app.console.report import report_session
 from tams_app.console.status import StatusLine, WordsOf, status_words
@@ -34,6 +33,7 @@ from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
 from tams_app.session.status import StatusBoard
 from tams_app.session.viewing import check_viewers
+from tams_app.teleop.hands import HANDS, hand_of
 
 POLL_S = 0.05
 

@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Self, TypeAlias
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
 from tams_app.session.status import StatusSnapshot, ViewStatus
+from tams_app.teleop.advice import advice
+from tams_app.teleop.hands import words_of_hand
 
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 5.0  # where the output is no terminal
@@ -23,17 +25,21 @@ _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """A snapshot in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere."""
+    """A snapshot in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere.
+
+    why: on a terminal below `live`, why the arm does not move, and what to do.
+    """
 
     live: str
     plain: str
+    why: str = ""
 
 
 WordsOf: TypeAlias = Callable[[StatusSnapshot], Words]
 
 
 def status_words(snapshot: StatusSnapshot) -> Words:
-    """The arm, the views, the link, and in full the last reason if there is one."""
+    """The arm, the views, the link, and in full why the arm does not move."""
     full = [
         arm_line(snapshot),
         "   ".join(_view(name, view, snapshot.asked_fps) for name, view in snapshot.views.items()),
@@ -41,7 +47,7 @@ def status_words(snapshot: StatusSnapshot) -> Words:
         f"queue {_whole(snapshot.queue_ms)} ms{_ssim(snapshot)}",
         *reason_parts(snapshot),
     ]
-    return Words(fitting(_parts(snapshot)), SEPARATOR.join(full))
+    return Words(fitting(_parts(snapshot)), SEPARATOR.join(full), "".join(reason_parts(snapshot)))
 
 
 def fitting(parts: Iterable[str]) -> str:
@@ -78,7 +84,8 @@ def _parts(snapshot: StatusSnapshot) -> list[str]:
 
 def arm_line(snapshot: StatusSnapshot) -> str:
     """Time, arming, phase, what the hand holds, and where the arm is."""
-    deadman = "trigger held" if snapshot.deadman else "trigger up"
+    held = words_of_hand(snapshot.hand).deadman.removeprefix("the ")
+    deadman = f"{held} {'held' if snapshot.deadman else 'up'}"
     mode = "orientation" if snapshot.orientation_mode else "translation"
     return (
         f"{minutes(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  "
@@ -88,8 +95,10 @@ def arm_line(snapshot: StatusSnapshot) -> str:
 
 
 def reason_parts(snapshot: StatusSnapshot) -> list[str]:
-    """Why the arm stopped last; none if it has not."""
-    return [f"last stop: {snapshot.reason}"] if snapshot.reason else []
+    """Why the arm does not move and what to do, or why it stopped last; none if it has not."""
+    if snapshot.reason:
+        return [advice(snapshot.reason, snapshot.lasting, words_of_hand(snapshot.hand))]
+    return [f"last stop: {snapshot.last_stop}"] if snapshot.last_stop else []
 
 
 def minutes(t_s: float) -> str:
@@ -145,7 +154,8 @@ class StatusLine:
         text.highlight_words(
             [snapshot.arming.upper()], _STYLES.get(snapshot.arming.upper(), "bold")
         )
-        self._live.update(text, refresh=True)
+        why = [Text(words.why)] if words.why else []
+        self._live.update(Group(text, *why), refresh=True)
 
     def say(self, sentence: str, t_s: float) -> None:
         """Print a sentence above the line, with when it was said."""

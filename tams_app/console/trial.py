@@ -121,8 +121,9 @@ class LiveTrial:
     def words(self, snapshot: StatusSnapshot) -> Words:
         """For the terminal."""
         time = self._time(snapshot)
-        full = [arm_line(snapshot), time, *reason_parts(snapshot)]
-        return Words(fitting([*arm_parts(snapshot), time]), SEPARATOR.join(full))
+        why = reason_parts(snapshot)
+        full = [arm_line(snapshot), time, *why]
+        return Words(fitting([*arm_parts(snapshot), time]), SEPARATOR.join(full), "".join(why))
 
     def facts_of(self, snapshot: StatusSnapshot) -> TrialFacts:
         """For the window."""

@@ -15,7 +15,7 @@ from tams_app.vectors import Floats3
 
 HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
-PROTOCOL = 1
+PROTOCOL = 2
 
 
 class MessageError(TamsError):
@@ -70,6 +70,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     stops: how often they have asked for an emergency stop.
     menu_presses: how often the menu button has gone down; `menu` may have come and gone unheard.
     noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
+    hand: what the operator drives with, of `teleop.hands.HANDS`.
     """
 
     operator: int
@@ -92,6 +93,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     stops: int = 0
     noted: int = 0
     menu_presses: int = 0
+    hand: str = ""
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):
@@ -102,7 +104,8 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     sent_kbps: by view, None while it is not known; link_kbps: all views; queue_ms, loss: what the
         packets meet on their way, of which the robot's side is told (`UplinkFigures`).
     primary_view: the one that matters in `phase`.
-    reason: why the arm holds or is in fault, "" otherwise, as it is logged.
+    reason: why the arm holds or is in fault, "" otherwise, as it is logged; lasting: label of what
+        of it is still there, "" if its cause is gone; last_stop: label of the last recorded stop.
     haptics: how many pulses there have been; haptic: the last of them.
     first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
     confirms, stops: those of the last `HandMessage`.
@@ -139,6 +142,8 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     notes: tuple[str, ...]
     ended: str
     failed: bool
+    lasting: str
+    last_stop: str
 
 
 Message = TypeVar("Message", Greeting, Welcome, HandMessage, StateMessage)

@@ -59,6 +59,7 @@ _DESCRIPTIONS = {
     "skipped": "control periods left out since the start",
     "arming": "state of the arming table: DISARMED, READY, ENGAGED, HOLDING or FAULT",
     "reason": "why the arm holds or is in fault; empty: it does not",
+    "lasting": "label of the reason whose cause is still there; empty: gone; null: not recorded",
     "PhaseChange.reason": "the line of Algorithm 1 that decided",
     "CameraRates.reason": "why the cameras are asked for another rate; empty: they are not",
     "StopRecord.reason": "what stopped the arm",

@@ -45,6 +45,7 @@ class Tick:
     gripper: bool | None = None  # told to close (True) or open (False) by this tick
     stop: bool = False  # this tick told the arm to stop
     inputs: TickInputs | None = None  # None: the log is of schema 3 or older
+    lasting: str | None = None  # what of `reason` is still there, "" nothing; None: not recorded
 
 
 @dataclass(frozen=True, slots=True)

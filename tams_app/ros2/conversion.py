@@ -13,7 +13,7 @@ from typing import Any
 
 from cyclonedds.idl import IdlStruct
 
-from tams_app.recording import Header
+from tams_app.recording import Facts, Header
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import (
     ArmState,
@@ -33,6 +33,7 @@ from tams_app.telemetry.motion import MOTION_HZ, joint_angles
 from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, thing_frames
+from tams_app.teleop.hands import HAND_FACT, words_of
 
 BASE_LINK = "base_link"
 DIAGNOSTICS_HZ = 1.0
@@ -68,7 +69,8 @@ class Conversion:
         self._reported_ns: int | None = None
         self._frames_pace = Pace(MOTION_HZ)
         self._diagnostics_pace = Pace(DIAGNOSTICS_HZ)
-        self._told = ("", "")
+        self._told: tuple[str, str, str | None] = ("", "", "")
+        self._hand = words_of({})
         self._on: dict[type, Callable[[Any], Iterator[Sent]]] = {
             Tick: self._on_tick,
             SceneTruth: self._on_truth,
@@ -78,6 +80,7 @@ class Conversion:
             Note: self._on_line,
             StopRecord: self._on_line,
             OutcomeGiven: self._on_line,
+            Facts: self._on_facts,
         }
 
     def opening(self) -> Iterator[Sent]:
@@ -91,6 +94,11 @@ class Conversion:
         on_record = self._on.get(type(record))
         return iter(()) if on_record is None else on_record(record)
 
+    def _on_facts(self, facts: Facts) -> Iterator[Sent]:
+        if HAND_FACT in facts.values:
+            self._hand = words_of(facts.values)
+        return iter(())
+
     def _on_tick(self, tick: Tick) -> Iterator[Sent]:
         wall_ns = tick.started_ns + self._offset_ns
         linear, angular = (
@@ -101,11 +109,11 @@ class Conversion:
         if tick.arm is not None and tick.arm.received_ns != self._reported_ns:
             self._reported_ns = tick.arm.received_ns
             yield from self._on_arm(tick.arm)
-        told = (tick.arming, tick.reason)
+        told = (tick.arming, tick.reason, tick.lasting)
         due = self._diagnostics_pace.is_due(tick.started_ns)
         if due or told != self._told:
             self._told = told
-            yield self._diagnostics(wall_ns, arm_status(tick, self._hardware))
+            yield self._diagnostics(wall_ns, arm_status(tick, self._hardware, self._hand))
 
     def _on_arm(self, arm: ArmState) -> Iterator[Sent]:
         wall_ns = arm.received_ns + self._offset_ns

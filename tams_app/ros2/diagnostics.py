@@ -6,6 +6,7 @@ from tams_app.records import Tick
 from tams_app.ros2.messages import DiagnosticStatus, KeyValue
 from tams_app.telemetry.lines import Line
 from tams_app.teleop.advice import advice
+from tams_app.teleop.hands import HandWords
 from tams_app.teleop.safety import ArmingState
 
 OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/msg/DiagnosticStatus
@@ -16,9 +17,11 @@ _LINE_LEVELS = {"info": OK, "warning": WARN}
 _GRIPPER = {None: "unknown", False: "open", True: "closed"}
 
 
-def arm_status(tick: Tick, hardware: str) -> DiagnosticStatus:
+def arm_status(tick: Tick, hardware: str, hand: HandWords) -> DiagnosticStatus:
     """A hold is a warning, a fault an error; the message says what the operator does about it."""
-    told = f"{tick.arming}, {advice(tick.reason)}" if tick.reason else tick.arming
+    told = tick.arming
+    if tick.reason:
+        told += f", {advice(tick.reason, tick.lasting, hand)}"
     gripper = None if tick.arm is None else tick.arm.gripper_closed
     values = {
         "arming": tick.arming,

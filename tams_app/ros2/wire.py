@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from tams_app.recording.codec import Codec
-from tams_app.recording.topics import TOPICS, FrameSent, Header, OutcomeGiven
+from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeGiven
 from tams_app.records import EncodedFrame, Note, PhaseChange, SceneTruth, StopRecord, Tick
 from tams_app.telemetry.rates import Rates
 
@@ -15,7 +15,9 @@ EMERGENCY_STOP = "/tams/emergency_stop"  # the one topic that we hear
 LONGEST_BYTES = 1 << 20  # of a datagram; a socket's own limit may be lower
 STOP = b"stop"  # what comes back: somewhere in ROS the emergency stop was asked for
 
-_LOGGED = (Header, Tick, SceneTruth, PhaseChange, Note, StopRecord, OutcomeGiven, FrameSent)
+_LOGGED = (
+    *(Header, Facts, Tick, SceneTruth, PhaseChange, Note, StopRecord, OutcomeGiven, FrameSent),
+)
 _CODECS: dict[type, Codec[Any]] = {one: TOPICS[one].codec for one in _LOGGED}
 _CODECS[Rates] = Codec(Rates)
 _BY_NAME = {one.__name__: codec for one, codec in _CODECS.items()}

@@ -232,7 +232,13 @@ def tick_of(
             told.estop,
             tuple(fault.label for fault in told.faults),
         ),
+        lasting=lasting_label(output),
     )
+
+
+def lasting_label(output: TeleopOutput) -> str:
+    """Of the reason whose cause is still there; "": it is gone."""
+    return "" if output.lasting is None else output.lasting.label
 
 
 def describe(output: TeleopOutput) -> str:

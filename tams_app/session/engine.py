@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from tams_app.config import Config
-from tams_app.records import Phase, PhaseChange
+from tams_app.records import Phase, PhaseChange, StopRecord
 from tams_app.runtime.clock import Clock
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.devices import ConnectedDevices
@@ -14,6 +14,7 @@ from tams_app.session.observers import ArmingObserver, StopWatch, TrialObserver
 from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
+from tams_app.teleop.hands import HAND_FACT, hand_of
 
 VIDEO_DELAY_FACT = "video_delay_ns"
 
@@ -36,22 +37,26 @@ class Engine:
         signals: Signals,
         ended: Callable[[], None],
         listeners: Sequence[Listener] = (),
+        hand: Callable[[], str] | None = None,
         arm_at_once: bool = False,
         limited: Callable[[], bool] = lambda: True,
         placed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`ended` is told that the trial is over; `listeners` hear everything last. `limited` and
-        `placed`: see `TrialObserver`.
+        """`ended` is told that the trial is over; `listeners` hear everything last. `hand`: what
+        drives the arm now, of `HANDS`; None: what the configuration says. `limited` and `placed`:
+        see `TrialObserver`.
         """
+        self._hand = hand or (lambda: hand_of(config))
         self._clock = clock
         self._log = log
         self._video = video
-        self.stops = StopWatch(log.record)
+        self._recorded = (log, *listeners)
+        self.stops = StopWatch(self._on_stop)
         self.trial = TrialObserver(
             config.trial, clock, devices.arm, devices.truth, log.record, ended, limited, placed
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
-        arming = ArmingObserver(signals, log.note, arm_at_once)
+        arming = ArmingObserver(signals, log.note, self._hand, arm_at_once)
         guard = () if devices.guard is None else (devices.guard,)
         self.control = ControlLoop(
             config,
@@ -65,9 +70,14 @@ class Engine:
             (*guard, arming, self.trial, self.stops, log, self.policy, *listeners),
         )
 
+    def _on_stop(self, stop: StopRecord) -> None:
+        for listener in self._recorded:
+            listener.on_stop(stop)
+
     def begin(self, scheduler: str) -> None:
         """Log the start; `scheduler` says what runs the control loop."""
         self._log.fact("scheduler", scheduler)
+        self._log.fact(HAND_FACT, self._hand())
         self._log.fact("encoder", self._video.codecs.encoder.element)
         self._log.fact("decoder", self._video.codecs.decoder.element)
         self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))

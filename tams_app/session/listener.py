@@ -9,6 +9,7 @@ from tams_app.records import (
     ArmState,
     PacketRecord,
     PhaseChange,
+    StopRecord,
     Tick,
     UplinkSummary,
 )
@@ -34,6 +35,9 @@ class Listener:
 
     def on_tick(self, tick: Tick) -> None:
         """The whole tick as it is logged."""
+
+    def on_stop(self, stop: StopRecord) -> None:
+        """A stop that was not the operator's own release is over, and recorded."""
 
     def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
         """Receivers have told of packets, for the next allocation; all of it in sums."""

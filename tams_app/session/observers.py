@@ -10,11 +10,12 @@ from tams_app.config import TrialConfig
 from tams_app.records import ArmState, Outcome, SceneTruth, StopRecord
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session import build
-from tams_app.session.control import Signals, describe
+from tams_app.session.control import Signals, describe, lasting_label
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.study.trial import TrialJudge
-from tams_app.teleop.advice import advice
+from tams_app.teleop.advice import advice, refusal
+from tams_app.teleop.hands import HANDS
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
@@ -33,9 +34,13 @@ class ArmingObserver(Listener):
     `arm_at_once` confirms in the operator's place, once a second until the arm was armed once.
     """
 
-    def __init__(self, signals: Signals, note: Note, arm_at_once: bool) -> None:
+    def __init__(
+        self, signals: Signals, note: Note, hand: Callable[[], str], arm_at_once: bool
+    ) -> None:
+        """`hand`: what drives the arm now, of `HANDS`."""
         self._signals = signals
         self._note = note
+        self._hand = hand
         self._confirms = arm_at_once
         self._confirmed_ns: int | None = None
         self._arming = ArmingState.DISARMED
@@ -44,8 +49,9 @@ class ArmingObserver(Listener):
         if output.arming is not self._arming:
             self._arming = output.arming
             self._note_arming(output)
-        if output.refusal and not self._confirms:
-            self._note("warning", f"not confirmed: {output.refusal}")
+        if output.refusal is not None and not self._confirms:
+            why = refusal(output.refusal.in_the_way, HANDS[self._hand()])
+            self._note("warning", f"not confirmed: {why}")
         self._confirm(now_ns)
 
     def _confirm(self, now_ns: int) -> None:
@@ -59,7 +65,8 @@ class ArmingObserver(Listener):
         if output.reason is None:
             self._note("info", output.arming.value)
         else:
-            self._note("warning", f"{output.arming.value}, {advice(describe(output))}")
+            told = advice(describe(output), lasting_label(output), HANDS[self._hand()])
+            self._note("warning", f"{output.arming.value}, {told}")
 
 
 class StopWatch(Listener):

@@ -23,6 +23,7 @@ from tams_app.records import (
     Note,
     PacketRecord,
     PhaseChange,
+    StopRecord,
     SystemSample,
     Tick,
     UplinkSummary,
@@ -84,6 +85,9 @@ class SessionRecords(Listener):
 
     def on_tick(self, tick: Tick) -> None:
         self._log.record(tick)
+
+    def on_stop(self, stop: StopRecord) -> None:
+        self._log.record(stop)
 
     def on_allocation(self, allocation: Allocation) -> None:
         self._log.record(allocation)

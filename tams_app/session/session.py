@@ -39,6 +39,7 @@ from tams_app.session.quality import LiveQuality
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Capture, Senders, Uplink
+from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS
 from tams_app.video.codec_choice import choose_codecs
@@ -143,6 +144,7 @@ class Session(Ending):
             self.signals,
             lambda: self.end("the trial is over"),
             (self.board, self._rates, *self._listeners()),
+            self._hand,
             self._arm_at_once,
             self._trial_is_limited,
             lambda: self.note("info", "the block is placed: go on, or press q to end the session"),
@@ -202,6 +204,10 @@ class Session(Ending):
 
     def _make_controller(self) -> Controller:
         return self._devices.make_controller(self.note)
+
+    def _hand(self) -> str:
+        """What drives the arm now, of `HANDS`."""
+        return hand_of(self.config)
 
     def _listeners(self) -> tuple[Listener, ...]:
         """More of them."""
@@ -307,7 +313,9 @@ class Session(Ending):
         """What the console shows at this moment."""
         now_ns, video = self._clock.now_ns(), self._video
         given_fps = self._rates.given_fps
-        snapshot = self.board.snapshot(now_ns, self.elapsed_s(), video, video.capacity, given_fps)
+        snapshot = self.board.snapshot(
+            now_ns, self.elapsed_s(), video, video.capacity, given_fps, self._hand()
+        )
         primary = self._weights.primary_view(self.board.phase)
         live_ssim = self._quality.recent_live(primary, now_ns)
         return replace(

@@ -14,15 +14,15 @@ from tams_app.records import (
     PacketRecord,
     Phase,
     PhaseChange,
+    StopRecord,
     Tick,
     UplinkSummary,
     Vector,
 )
-from tams_app.session.control import ShownVideo, describe
+from tams_app.session.control import ShownVideo, describe, lasting_label
 from tams_app.session.listener import Listener
 from tams_app.session.uplink_meter import WINDOW_NS, UplinkFigures, UplinkMeter
 from tams_app.teleop.records import TeleopOutput
-from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS
 
 GRIP_SHOWN_ABOVE = 0.5
@@ -41,7 +41,12 @@ class ViewStatus:
 
 @dataclass(frozen=True, slots=True)
 class StatusSnapshot:
-    """What the session knows at one moment; `reason` is why the arm held or stopped last."""
+    """What the session knows at one moment.
+
+    reason: why the arm does not move, "" if nothing holds it, as it is logged. lasting: label of
+    what of it is still there; "": its cause is gone; None: not known. last_stop: label of the last
+    stop of the recorded list, "" before the first. hand: what drives the arm, of `HANDS`.
+    """
 
     t_s: float
     arming: str
@@ -50,6 +55,9 @@ class StatusSnapshot:
     orientation_mode: bool
     phase: str
     reason: str
+    lasting: str | None
+    last_stop: str
+    hand: str
     tcp_mm: tuple[float, float, float] | None  # in the arm's base frame
     gripper_closed: bool | None  # None: not known
     views: Mapping[str, ViewStatus]
@@ -74,7 +82,7 @@ class StatusBoard(Listener):
         self._output: TeleopOutput | None = None
         self._arm: ArmState | None = None
         self._sample: ControllerSample | None = None
-        self._reason = ""
+        self._last_stop = ""
         self._uplink = UplinkMeter(views)
         self._notes: deque[str] = deque(maxlen=50)
 
@@ -83,8 +91,9 @@ class StatusBoard(Listener):
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self._output, self._arm = output, arm
-        if output.reason is not None and output.arming is not ArmingState.DISARMED:
-            self._reason = describe(output)
+
+    def on_stop(self, stop: StopRecord) -> None:
+        self._last_stop = stop.reason
 
     def on_tick(self, tick: Tick) -> None:
         self._sample = tick.controller
@@ -121,8 +130,9 @@ class StatusBoard(Listener):
         video: ShownVideo,
         capacity: Capacity,
         given_fps: Mapping[str, float],
+        hand: str,
     ) -> StatusSnapshot:
-        """Everything at this moment."""
+        """Everything at this moment; `hand`: what drives the arm, of `HANDS`."""
         uplink = self._uplink.figures(now_ns)
         targets = self._allocation.target_kbps if self._allocation else {}
         ages = {view: video.age_ns(view, now_ns) for view in self._views}
@@ -134,7 +144,10 @@ class StatusBoard(Listener):
             pressed=pressed_buttons(self._sample),
             orientation_mode=output.orientation_mode if output else False,
             phase=self.phase.value,
-            reason=self._reason,
+            reason=describe(output) if output else "",
+            lasting=lasting_label(output) if output else "",
+            last_stop=self._last_stop,
+            hand=hand,
             tcp_mm=None if arm is None else _mm(arm.tcp.position),
             gripper_closed=None if arm is None else arm.gripper_closed,
             views={

@@ -20,6 +20,7 @@ from tams_app.recording.pictures import ShownPicture
 from tams_app.study.pages import page_environment
 from tams_app.study.timeline import Stretch, phase_stretches, stops_of, timeline_figure
 from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _TEMPLATE_NAME = "session.html.j2"
@@ -81,12 +82,13 @@ def session_page(
 
 def stop_rows(log: SessionLog) -> list[Stop]:
     """Each stop with what to do about it, numbered as in the figure."""
+    hand = words_of(log.facts)
     return [
         Stop(
             number,
             t_s,
             stop.reason,
-            what_to_do(stop.reason),
+            what_to_do(stop.reason, stop.reason, hand),
             None if stop.stopped_ns is None else (stop.stopped_ns - stop.visible_ns) / NS_PER_MS,
         )
         for number, (t_s, stop) in enumerate(stops_of(log), start=1)

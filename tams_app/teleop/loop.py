@@ -7,7 +7,7 @@ from tams_app.records import Activity, Haptic, Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.clutch import Buttons, Clutch
 from tams_app.teleop.drive import Drive
-from tams_app.teleop.records import ArmModel, TeleopInput, TeleopOutput
+from tams_app.teleop.records import ArmModel, Refusal, TeleopInput, TeleopOutput
 from tams_app.teleop.safety import (
     Arming,
     ArmingEvents,
@@ -73,7 +73,7 @@ class Teleop:
             )
         )
         counts = request is not Request.NONE or self._arming.state is not before
-        refusal = self._in_the_way() if confirm and not counts else ""
+        refusal = self._refusal() if confirm and not counts else None
         scale = self._watch.video_scale(tick.video_age_ns)
         try:
             self._move(tick, buttons, before, holds, scale, interval_s)
@@ -153,7 +153,7 @@ class Teleop:
         faults: tuple[Reason, ...],
         request: Request,
         scale: float,
-        refusal: str,
+        refusal: Refusal | None,
     ) -> TeleopOutput:
         state = self._arming.state
         twist, pose = None, None
@@ -180,18 +180,16 @@ class Teleop:
             braking=self._drive.braking,
             haptic=_haptic(before, state),
             refusal=refusal,
+            lasting=self._arming.lasting,
         )
 
-    def _in_the_way(self) -> str:
-        """What keeps a confirmation from counting; "" where there is nothing to confirm."""
+    def _refusal(self) -> Refusal | None:
+        """What keeps a confirmation from counting; None where there is nothing to confirm."""
         arming = self._arming
         if arming.state.is_armed:
-            return ""
+            return None
         in_fault = arming.state is ArmingState.FAULT
-        blocked_by = arming.blocked_by if in_fault else arming.reason
-        if blocked_by is not None:
-            return f"{blocked_by.label}. {blocked_by.sentence}"
-        return "release the trigger first."
+        return Refusal(arming.blocked_by if in_fault else arming.reason)
 
     def _must_stop(
         self, tick: TeleopInput, before: ArmingState, faults: tuple[Reason, ...]

@@ -39,6 +39,13 @@ class TeleopInput:
 
 
 @dataclass(frozen=True, slots=True)
+class Refusal:
+    """A confirmation that does not count; `in_the_way`: None if only the deadman is held."""
+
+    in_the_way: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
 class TeleopOutput:
     """One tick's commands and what to show; at most one of `twist` and `pose` is set."""
 
@@ -55,4 +62,5 @@ class TeleopOutput:
     speed_scale: float  # 1 unless stale video or a singularity slows the arm
     braking: bool  # the stop profile is in force, not the motion profile
     haptic: Haptic | None
-    refusal: str = ""  # why this tick's confirmation does not count
+    refusal: Refusal | None = None  # of this tick's confirmation
+    lasting: Reason | None = None  # `reason`, or what came besides; None: its cause is gone

@@ -14,7 +14,7 @@ There is no other arrow. A confirmation in DISARMED asks the session to enable t
 ten seconds; one in FAULT asks it to clear the arm's errors and holds for three seconds, unless a
 fault comes that clearing cannot take away. A fault keeps its first reason; `blocked_by` tells what
 must be gone before a confirmation counts. While DISARMED, READY or HOLDING, `reason` tells what is
-in the way.
+in the way. `lasting` is what of them is still there.
 """
 
 from __future__ import annotations
@@ -93,10 +93,17 @@ class Arming:
         self.state = ArmingState.DISARMED
         self.reason: Reason | None = None
         self.blocked_by: Reason | None = None
+        self.lasting: Reason | None = None
         self._consent_until_ns: int | None = None
 
     def step(self, events: ArmingEvents) -> Request:
         """Take the arrow that `events` ask for, if the table has one."""
+        request = self._step(events)
+        is_there = self.reason in (*events.faults, *events.holds)
+        self.lasting = self.reason if is_there else self.blocked_by
+        return request
+
+    def _step(self, events: ArmingEvents) -> Request:
         if events.faults and self.state is not ArmingState.FAULT:
             self.trip(events.faults[0])
             return Request.NONE
@@ -113,6 +120,7 @@ class Arming:
         """Fault now; an earlier fault keeps its reason."""
         if self.state is not ArmingState.FAULT:
             self._enter(ArmingState.FAULT, reason)
+            self.lasting = reason
         self._consent_until_ns = None
 
     def _disarmed(self, events: ArmingEvents) -> Request:

@@ -15,13 +15,13 @@ from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
-from tams_app.console.hands import hand_of
 from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.control import Signals
 from tams_app.session.status import StatusBoard
+from tams_app.teleop.hands import hand_of
 
 pytestmark = pytest.mark.waiting
 

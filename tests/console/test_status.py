@@ -21,6 +21,9 @@ SNAPSHOT = StatusSnapshot(
     orientation_mode=False,
     phase="ALIGN",
     reason="",
+    lasting="",
+    last_stop="",
+    hand="openvr",
     tcp_mm=(350.2, -1.4, 180.0),
     gripper_closed=None,
     views={"eih": ViewStatus(3000, 2950.4, 81.6, 14.9), "gt": ViewStatus(None, None, None)},
@@ -87,9 +90,31 @@ def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:
     output = io.StringIO()
     with StatusLine(Console(file=output, width=80)) as line:
         line.update(replace(SNAPSHOT, reason=reason, arming="holding", deadman=False))
-    assert f"last stop: {reason}" in output.getvalue()
+    assert f"{reason}." in output.getvalue()
     assert "HOLDING" in output.getvalue()
     assert "trigger up" in output.getvalue()
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_what_is_left_to_do_is_told_in_the_words_of_the_hand(is_terminal: bool) -> None:
+    held = replace(SNAPSHOT, arming="holding", reason="stale video", hand="keyboard")
+    for lasting, told in (
+        ("stale video", "wait until it is back, then release Shift."),
+        ("", "stale video. The video is back: release Shift."),
+    ):
+        output = io.StringIO()
+        with StatusLine(Console(file=output, width=200, force_terminal=is_terminal)) as line:
+            line.update(replace(held, lasting=lasting))
+        assert told in output.getvalue()
+        assert ("Shift held" in output.getvalue()) is not is_terminal
+
+
+def test_the_last_stop_is_the_one_that_was_recorded() -> None:
+    waiting = replace(SNAPSHOT, arming="ready", last_stop="stale video")
+    assert status_words(waiting).plain.endswith("last stop: stale video")
+    in_the_way = status_words(replace(waiting, reason="pose frozen", lasting="pose frozen"))
+    assert "last stop" not in in_the_way.plain
+    assert "The hand's pose does not change" in in_the_way.plain
 
 
 def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:

@@ -204,7 +204,9 @@ def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -
     trial.words(replace(SNAPSHOT, arming="engaged", t_s=10.0))
     ready = trial.words(replace(SNAPSHOT, arming="ready", t_s=31.5))
     assert ready.live.endswith("trial: 0:21.5 of 2:00.0")
-    late = replace(SNAPSHOT, arming="holding", phase="PRE_RELEASE", t_s=730.0, reason="stale video")
+    late = replace(
+        SNAPSHOT, arming="holding", phase="PRE_RELEASE", t_s=730.0, last_stop="stale video"
+    )
     over = trial.words(late)
     assert over.live.endswith("of 2:00.0: over, end it with q")
     assert len(over.live) <= COLUMNS

@@ -66,7 +66,7 @@ def stands(bench: Bench, ticks: int | None = None) -> None:
 
 def recovers_from_hold(bench: Bench, reason: Reason) -> None:
     """As the sentence says: the cause gone, release the trigger; then everything works again."""
-    assert "release" in reason.sentence
+    assert "{release}" in reason.lasting
     bench.run(0.3)
     assert bench.outputs[-1].arming is ArmingState.HOLDING, "held until the trigger is released"
     stands(bench)
@@ -79,7 +79,7 @@ def recovers_from_fault(bench: Bench, cause_gone: Callable[[], object] = lambda:
     """As the sentence says: the cause gone, release the trigger, confirm; then arm it anew."""
     reason = bench.outputs[-1].reason
     assert reason is not None
-    assert "confirm" in reason.sentence
+    assert "confirm" in reason.lasting
     cause_gone()
     bench.signals.confirm()
     bench.run_ticks(3)

@@ -82,7 +82,7 @@ def test_a_guard_that_hangs_stops_the_arm_which_may_go_on_once_it_answers(
 
 def stays(bench: WiredBench) -> None:
     """The sentence asks for a new session: nothing else ends this fault."""
-    assert "start the session again" in Reason.GUARD_LOST.sentence
+    assert "start the session again" in Reason.GUARD_LOST.lasting
     bench.hand.trigger = 0.0
     bench.run_ticks(3)
     bench.signals.confirm()

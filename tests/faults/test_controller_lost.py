@@ -88,7 +88,7 @@ def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
     bench.hand.trigger = 1.0
     bench.run(3.5)  # a confirmation given too early does not count any more
     is_stopped(bench, lost, reason)
-    if "start the session again" not in reason.sentence:
+    if "start the session again" not in reason.lasting:
         recovers_from_fault(bench)
     is_logged(bench, reason)
 

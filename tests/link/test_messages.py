@@ -71,6 +71,7 @@ hands = st.builds(
     confirmed_ns=NS,
     stops=COUNT,
     menu_presses=COUNT,
+    hand=TEXT,
 )
 states = st.builds(
     StateMessage,
@@ -101,6 +102,8 @@ states = st.builds(
     notes=st.lists(TEXT, max_size=4).map(tuple),
     ended=TEXT,
     failed=st.booleans(),
+    lasting=TEXT,
+    last_stop=TEXT,
 )
 
 HAND = HandMessage(
@@ -228,11 +231,12 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
-    short = decode(msgspec.msgpack.encode(fields(HAND)[:-5]), HandMessage)
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-6]), HandMessage)
     asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.menu_presses
     assert asked == (0, 0, 0, 0, 0)
+    assert short.hand == ""
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(fields(HAND)[:-6]), HandMessage)
+        decode(msgspec.msgpack.encode(fields(HAND)[:-7]), HandMessage)
 
 
 @pytest.mark.parametrize("depth", [100, 10_000])

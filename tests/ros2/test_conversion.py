@@ -14,6 +14,7 @@ from tams_app.ros2 import topics
 from tams_app.ros2.conversion import RATES, Conversion, Sent
 from tams_app.rotation import Rotation
 from tams_app.session.viewing import scene_of_header
+from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.ros2.records import T_NS, frame, full_header, one_of_each, rates, truth
@@ -178,7 +179,7 @@ def test_diagnostics_say_why_the_arm_does_not_move_and_what_helps(
     assert status.message.startswith(arming)
     if reason:
         (known,) = [one for one in Reason if one.label == reason]
-        assert status.message == f"{arming}, {reason}. {known.sentence}"
+        assert status.message == f"{arming}, {reason}. {known.sentence(HANDS['openvr'])}"
     values = {one.key: one.value for one in status.values}
     assert (values["arming"], values["reason"]) == (arming, reason)
     assert (values["phase"], values["gripper"]) == ("REACH", "unknown")

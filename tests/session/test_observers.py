@@ -13,11 +13,15 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import Signals
 from tams_app.session.observers import ArmingObserver, TrialObserver
+from tams_app.teleop.hands import HANDS
+from tams_app.teleop.records import Refusal
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
 from tests.session.test_parts import output
 
 pytestmark = pytest.mark.untimed
+
+WORDS = HANDS["openvr"]
 
 
 @pytest.fixture
@@ -25,11 +29,11 @@ def notes():
     return []
 
 
-def observer(notes, arm_at_once=False):
+def observer(notes, arm_at_once=False, hand="openvr"):
     def note(level, text):
         notes.append(text)
 
-    return ArmingObserver(Signals(), note, arm_at_once)
+    return ArmingObserver(Signals(), note, lambda: hand, arm_at_once)
 
 
 @pytest.mark.parametrize(
@@ -38,9 +42,9 @@ def observer(notes, arm_at_once=False):
         (
             Reason.ARM_ERROR,
             "C31 (collision)",
-            f"fault, arm error: C31 (collision). {Reason.ARM_ERROR.sentence}",
+            f"fault, arm error: C31 (collision). {Reason.ARM_ERROR.sentence(WORDS)}",
         ),
-        (Reason.GUARD_LOST, "", f"fault, guard lost. {Reason.GUARD_LOST.sentence}"),
+        (Reason.GUARD_LOST, "", f"fault, guard lost. {Reason.GUARD_LOST.sentence(WORDS)}"),
         (
             Reason.ARM_LINK_LOST,
             "The reports ended; check power and cable, then confirm.",
@@ -55,7 +59,7 @@ def observer(notes, arm_at_once=False):
     ],
 )
 def test_a_fault_says_once_what_happened_and_what_to_do(notes, reason, detail, told):
-    fault = replace(output(ArmingState.FAULT, reason), detail=detail)
+    fault = replace(output(ArmingState.FAULT, reason), detail=detail, lasting=reason)
     watching = observer(notes)
     for tick in range(3):
         watching.on_output(tick, fault, None)
@@ -63,15 +67,36 @@ def test_a_fault_says_once_what_happened_and_what_to_do(notes, reason, detail, t
 
 
 def test_a_confirmation_that_does_not_count_is_answered_every_time(notes):
-    refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
+    refused = replace(output(ArmingState.DISARMED), refusal=Refusal(None))
     watching = observer(notes)
-    for tick in (refused, replace(refused, refusal=""), refused):
+    for tick in (refused, replace(refused, refusal=None), refused):
         watching.on_output(0, tick, None)
     assert notes == ["not confirmed: release the trigger first."] * 2
 
 
+@pytest.mark.parametrize(
+    ("hand", "deadman"), [("keyboard", "Shift"), ("gamepad", "the right trigger")]
+)
+def test_what_is_noted_has_the_words_of_the_hand_in_use(notes, hand, deadman):
+    held = replace(output(ArmingState.HOLDING, Reason.STALE_VIDEO), lasting=Reason.STALE_VIDEO)
+    watching = observer(notes, hand=hand)
+    watching.on_output(0, held, None)
+    watching.on_output(1, replace(held, arming=ArmingState.FAULT, refusal=Refusal(None)), None)
+    assert notes[0].endswith(f"wait until it is back, then release {deadman}.")
+    assert notes[2] == f"not confirmed: release {deadman} first."
+
+
+def test_a_confirmation_names_what_is_in_its_way(notes):
+    refused = replace(output(ArmingState.DISARMED), refusal=Refusal(Reason.CONTROLLER_STANDBY))
+    observer(notes, hand="keyboard").on_output(0, refused, None)
+    assert notes == [
+        "not confirmed: controller standby. Click into the window that takes the keys, "
+        "then release Shift."
+    ]
+
+
 def test_a_refusal_without_a_confirmation_is_not_noted(notes):
-    refused = replace(output(ArmingState.DISARMED), refusal="release the trigger first.")
+    refused = replace(output(ArmingState.DISARMED), refusal=Refusal(None))
     observer(notes, arm_at_once=True).on_output(0, refused, None)
     assert notes == []
 

@@ -32,7 +32,7 @@ class NoFrames:
 
 
 def snapshot(board):
-    return board.snapshot(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {"gt": 14.0})
+    return board.snapshot(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {"gt": 14.0}, "openvr")
 
 
 @pytest.mark.parametrize(

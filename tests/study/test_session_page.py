@@ -25,6 +25,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
 from tams_app.study.session_page import stills_of
 from tams_app.study.timeline import held_stretches, phase_stretches, timeline_figure
+from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -95,8 +96,8 @@ def test_the_page_needs_no_other_file(page: str) -> None:
 
 def test_each_stop_is_told_with_its_time_and_what_to_do(page: str) -> None:
     text = unescape(page)
-    assert Reason.STALE_VIDEO.sentence in text
-    assert Reason.ARM_ERROR.sentence in text
+    assert Reason.STALE_VIDEO.sentence(HANDS["openvr"]) in text
+    assert Reason.ARM_ERROR.sentence(HANDS["openvr"]) in text
     assert "arm error: C31 (&lt;collision&gt;)" in page
     rows = [re.sub(r"<[^>]+>", " ", row).split() for row in page.split("<tr>")]
     (stale,) = (row for row in rows if row[2:4] == ["stale", "video"])

@@ -2,32 +2,54 @@
 
 import pytest
 
-from tams_app.teleop.advice import advice, what_to_do
+from tams_app.teleop.advice import advice, refusal, what_to_do
+from tams_app.teleop.hands import HANDS, words_of, words_of_hand
 from tams_app.teleop.reasons import Reason
 
 pytestmark = pytest.mark.untimed
 
+OPENVR, KEYBOARD = HANDS["openvr"], HANDS["keyboard"]
 
+
+@pytest.mark.parametrize("hand", HANDS.values(), ids=HANDS)
 @pytest.mark.parametrize("reason", Reason)
-def test_every_reason_has_its_sentence(reason):
-    assert what_to_do(reason.label) == reason.sentence
-    assert what_to_do(f"{reason.label}: eih, 1.2 s old") == reason.sentence
+def test_every_reason_has_a_sentence_while_it_lasts_and_one_once_it_is_gone(reason, hand):
+    for told in (reason.label, f"{reason.label}: eih, 1.2 s old"):
+        assert what_to_do(told, reason.label, hand) == reason.sentence(hand)
+        assert what_to_do(told, "", hand) == reason.sentence(hand, lasts=False)
+
+
+def test_what_is_back_need_not_be_waited_for():
+    assert "wait until it is back" in what_to_do("stale video", "stale video", KEYBOARD)
+    assert what_to_do("stale video", "", KEYBOARD) == "The video is back: release Shift."
+
+
+def test_a_log_that_does_not_tell_what_lasts_has_the_whole_sentence():
+    assert what_to_do("stale video", None, OPENVR) == Reason.STALE_VIDEO.sentence(OPENVR)
+
+
+def test_another_cause_that_is_still_there_comes_before_what_is_left():
+    told = "emergency stop: and guard blind"
+    assert what_to_do(told, "guard blind", OPENVR) == Reason.GUARD_BLIND.sentence(OPENVR)
 
 
 def test_a_detail_that_is_a_sentence_needs_only_how_to_go_on():
-    assert what_to_do("arm refuses: Free the joint.") == "Release the trigger, then confirm."
-    assert what_to_do("arm refuses: Free the joint, then confirm.") == ""
+    def does(told):
+        return what_to_do(told, "arm refuses", OPENVR)
+
+    assert does("arm refuses: Free the joint.") == "Release the trigger, then confirm."
+    assert does("arm refuses: Free the joint, then confirm.") == ""
 
 
 def test_words_that_are_no_reason_have_no_advice():
-    assert what_to_do("") == ""
-    assert what_to_do("something else: entirely") == ""
+    assert what_to_do("", "", OPENVR) == ""
+    assert what_to_do("something else: entirely", "", OPENVR) == ""
 
 
 @pytest.mark.parametrize(
     ("told", "said"),
     [
-        ("emergency stop", f"emergency stop. {Reason.EMERGENCY_STOP.sentence}"),
+        ("emergency stop", f"emergency stop. {Reason.EMERGENCY_STOP.sentence(OPENVR)}"),
         (
             "arm refuses: Free the joint.",
             "arm refuses: Free the joint. Release the trigger, then confirm.",
@@ -36,4 +58,16 @@ def test_words_that_are_no_reason_have_no_advice():
     ],
 )
 def test_what_happened_is_told_with_what_to_do(told, said):
-    assert advice(told) == said
+    assert advice(told, told.partition(":")[0], OPENVR) == said
+
+
+def test_a_refused_confirmation_says_what_is_in_its_way():
+    assert refusal(None, KEYBOARD) == "release Shift first."
+    standby = Reason.CONTROLLER_STANDBY
+    assert refusal(standby, KEYBOARD) == f"controller standby. {standby.sentence(KEYBOARD)}"
+
+
+def test_a_log_tells_which_hand_drove_and_an_older_one_reads_as_a_tracked_one():
+    assert words_of({"hand": "keyboard"}) is KEYBOARD
+    assert words_of({}) is words_of({"hand": "a glove"}) is OPENVR
+    assert words_of_hand("keyboard") is KEYBOARD

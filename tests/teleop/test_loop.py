@@ -16,6 +16,7 @@ from tams_app.records import (
     LinkFault,
     ServoMode,
 )
+from tams_app.teleop.records import Refusal
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tests.teleop.rig import (
     PERIOD_NS,
@@ -218,32 +219,32 @@ def test_a_confirmation_that_does_not_count_is_told_what_is_in_the_way(bench: Be
     bench.run(3)
     bench.hand.trigger = 1.0
     held = bench.tick(confirm=True)
-    assert (held.arming, held.refusal) == (DISARMED, "release the trigger first.")
+    assert (held.arming, held.refusal) == (DISARMED, Refusal(None))
     bench.hand.trigger = 0.0
     bench.hand.status = ControllerStatus.STANDBY
     stale = bench.tick(confirm=True)
-    assert stale.refusal == f"controller standby. {Reason.CONTROLLER_STANDBY.sentence}"
+    assert stale.refusal == Refusal(Reason.CONTROLLER_STANDBY)
     bench.hand.status = ControllerStatus.OK
     bench.run(2)
     lost = (Reason.GUARD_BLIND,)
     bench.tick(faults=lost)
     refused = bench.tick(faults=lost, confirm=True)
-    assert refused.refusal == f"guard blind. {Reason.GUARD_BLIND.sentence}"
-    assert bench.tick(faults=lost).refusal == "", "told once"
+    assert refused.refusal == Refusal(Reason.GUARD_BLIND)
+    assert bench.tick(faults=lost).refusal is None, "told once"
     bench.hand.trigger = 1.0
     bench.run(2)
-    assert bench.tick(confirm=True).refusal == "release the trigger first."
+    assert bench.tick(confirm=True).refusal == Refusal(None)
 
 
 def test_a_confirmation_that_counts_is_told_nothing(bench: Bench) -> None:
     bench.run(3)
-    assert bench.tick(confirm=True).refusal == ""
+    assert bench.tick(confirm=True).refusal is None
     bench.arm_ready = True
     bench.tick()
     ready = bench.tick(confirm=True)
-    assert (ready.arming, ready.refusal) == (READY, ""), "nothing to confirm"
+    assert (ready.arming, ready.refusal) == (READY, None), "nothing to confirm"
     bench.tick(estop=True)
-    assert bench.tick(confirm=True).refusal == ""
+    assert bench.tick(confirm=True).refusal is None
 
 
 def test_a_fault_that_still_holds_is_not_named_twice(engaged: Bench) -> None:

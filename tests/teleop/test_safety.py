@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from tams_app.teleop.hands import HANDS
 from tams_app.teleop.safety import (
     CLEAR_CONSENT_NS,
     CLEARABLE,
@@ -337,15 +338,39 @@ def test_holding_names_its_cause_and_ready_names_what_is_in_the_way() -> None:
     assert (arming.state, arming.reason) == (READY, Reason.ARM_STATE_STALE)
 
 
+@pytest.mark.parametrize("lasts", [True, False], ids=["lasting", "left"])
 @pytest.mark.parametrize("reason", list(Reason))
-def test_every_reason_tells_the_operator_what_to_do(reason: Reason) -> None:
+@pytest.mark.parametrize("hand", HANDS)
+def test_every_reason_tells_the_operator_what_to_do(hand: str, reason: Reason, lasts: bool) -> None:
     assert reason.label
     assert len(reason.label) <= 24
-    assert reason.sentence.endswith(".")
-    assert len(reason.sentence) > 20
-    releases = ("release the trigger", "trigger released", "confirm", "start the session again")
-    assert any(word in reason.sentence for word in releases)
-    assert ("confirm" in reason.sentence or "session" in reason.sentence) == reason.is_fault
+    words = HANDS[hand]
+    sentence = reason.sentence(words, lasts)
+    assert sentence.endswith(".")
+    assert len(sentence) > 15
+    assert sentence[0].isupper()
+    steps = (words.release, "start the session again")
+    assert any(step in sentence or step.capitalize() in sentence for step in steps)
+    assert ("confirm" in sentence or "session" in sentence) == reason.is_fault
+    if not lasts and reason.left != reason.lasting:
+        assert "wait" not in sentence.replace(words.release, "")
+
+
+@pytest.mark.parametrize("lasts", [True, False], ids=["lasting", "left"])
+@pytest.mark.parametrize("reason", list(Reason))
+def test_no_hand_is_told_of_what_belongs_to_another(reason: Reason, lasts: bool) -> None:
+    tracked = {  # reasons that only a tracked controller has
+        *(Reason.RUNTIME_QUIT, Reason.ROLE_SWAPPED, Reason.TRACKING_FRAME_CHANGED),
+        *(Reason.DASHBOARD_OPEN, Reason.TRACKING_LOST, Reason.HAND_TOO_FAST),
+    }
+    if reason not in tracked:
+        for hand in ("keyboard", "gamepad", "spacemouse"):
+            sentence = reason.sentence(HANDS[hand], lasts)
+            for word in ("the trigger", "headset", "SteamVR", "track"):
+                assert word not in sentence, hand
+    for hand in HANDS:
+        if hand != "keyboard":
+            assert "keys" not in reason.sentence(HANDS[hand], lasts)
 
 
 def test_labels_are_distinct() -> None:

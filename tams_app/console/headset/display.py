@@ -96,7 +96,7 @@ class HeadsetDisplay:
             title = view_title(view, view_facts, view == facts.primary_view, opening)
             if cell.tell(title, is_old(view_facts, opening.old_ms)):
                 self._dirty.add(view)
-        words = panel_words(facts)
+        words = panel_words(facts, opening.hand)
         if words != self._words:
             self._words = words
             self._texture.put(

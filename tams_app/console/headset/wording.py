@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from tams_app.console.window.banner import Look, banner_of
 from tams_app.console.window.figures import trial_texts
 from tams_app.console.window.messages import Facts
+from tams_app.teleop.hands import HANDS
 
-# A headset hides the keyboard, so the controller's menu button comes first.
+# A headset hides the keyboard, so the button that confirms comes first.
 _KEYS = {
-    "disarmed": "Release the trigger, hold the menu button 1 s (or press Enter) to arm",
-    "engaged": "Release the trigger to stop · click the menu button: emergency stop",
-    "holding": "Release the trigger · click the menu button: emergency stop",
-    "fault": "Release the trigger, hold the menu button 1 s to clear, again to arm",
-    "link lost": "Wait for the link, release the trigger, hold the menu button 1 s",
+    "disarmed": "{release}, hold {confirm} 1 s (or press Enter) to arm",
+    "ready": "Press and hold {deadman} to move it",
+    "engaged": "{release} to stop · click {confirm}: emergency stop",
+    "holding": "{release} · click {confirm}: emergency stop",
+    "fault": "{release}, hold {confirm} 1 s to clear, again to arm",
+    "link lost": "Wait for the link, {release}, hold {confirm} 1 s",
 }
 
 
@@ -29,10 +31,10 @@ class PanelWords:
     note: str  # a trial's time, or what was said last
 
 
-def panel_words(facts: Facts) -> PanelWords:
-    """State, phase, why the arm does not move, and what helps."""
-    banner = banner_of(facts)
-    key = _KEYS.get(facts.arming, banner.key)
+def panel_words(facts: Facts, hand: str) -> PanelWords:
+    """State, phase, why the arm does not move, and what helps; `hand`: of `HANDS`."""
+    banner, words = banner_of(facts, hand), HANDS[hand]
+    key = words.told(_KEYS[facts.arming]) if words.confirm and facts.arming in _KEYS else banner.key
     if facts.trial is not None:
         note = " · ".join(trial_texts(facts.trial)[:3])
     else:

@@ -13,7 +13,7 @@ from tams_app.records import Note, PacketKind
 from tams_app.session.status import StatusSnapshot, ViewStatus, finite, pressed_buttons
 from tams_app.session.uplink_meter import WINDOW_NS
 from tams_app.summary.tables import FrameTable, Integers, PacketTable, known_packets
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.hands import HAND_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 T = TypeVar("T")
@@ -34,8 +34,8 @@ class Moments:
         packets = PacketTable.of(log, sorted(known_packets(log), key=lambda one: one.entered_ns))
         self._packets = packets
         self._weights = WeightMatrix(log.header.weights) if log.header.weights else None
-        self._reasons = _reasons(log)
-        self._reason_ns = _times([t_ns for t_ns, _ in self._reasons])
+        self._stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
+        self._stop_ns = _times([stop.visible_ns for stop in self._stops])
 
     def at(self, t_ns: int) -> StatusSnapshot:
         """As the console had it at `t_ns`."""
@@ -45,7 +45,7 @@ class Moments:
         change = _last(log.phases, self._phase_ns, t_ns)
         capacity = _last(log.capacities, self._capacity_ns, t_ns)
         rates = _last(log.rates, self._rates_ns, t_ns)
-        reason = _last(self._reasons, self._reason_ns, t_ns)
+        stop = _last(self._stops, self._stop_ns, t_ns)
         arm = None if tick is None else tick.arm
         since, until = np.searchsorted(self._packets.entered_ns, (t_ns - WINDOW_NS, t_ns))
         recent = slice(int(since), int(until))
@@ -59,7 +59,10 @@ class Moments:
             pressed=pressed_buttons(None if tick is None else tick.controller),
             orientation_mode=tick is not None and tick.orientation_mode,
             phase="" if change is None else change.phase.value,
-            reason="" if reason is None else reason[1],
+            reason="" if tick is None else tick.reason,
+            lasting="" if tick is None else tick.lasting,
+            last_stop="" if stop is None else stop.reason,
+            hand=log.facts.get(HAND_FACT, ""),
             tcp_mm=None if arm is None else (x, y, z),
             gripper_closed=None if arm is None else arm.gripper_closed,
             views={
@@ -110,16 +113,6 @@ class Moments:
         packets = self._packets
         media = packets.kind[recent] == PacketKind.MEDIA.value
         return float(1.0 - packets.delivered[recent][media].mean()) if media.any() else None
-
-
-def _reasons(log: SessionLog) -> list[tuple[int, str]]:
-    """When the reason to hold or stop changed, as the live line keeps it: the last one stays."""
-    found: list[tuple[int, str]] = []
-    for tick in log.ticks:
-        holds = tick.reason and tick.arming != ArmingState.DISARMED
-        if holds and (not found or found[-1][1] != tick.reason):
-            found.append((tick.started_ns, tick.reason))
-    return found
 
 
 def _times(values: Sequence[int]) -> Integers:

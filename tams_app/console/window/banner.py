@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from tams_app import palette
-from tams_app.console.hands import HANDS, SIMULATED
 from tams_app.console.window.messages import Facts
+from tams_app.teleop.hands import HANDS, SIMULATED, HandWords
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +45,16 @@ LOOKS = {
 }
 _OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
 
-_QUIET = {  # sentence and what helps, where nothing is wrong
-    "disarmed": ("The arm does not move.", "Release the trigger, then press Enter to arm it"),
-    "ready": ("The arm waits.", "Press and hold the trigger to move it"),
+_QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.told` takes them
+    "disarmed": ("The arm does not move.", "{release}, then press Enter to arm it"),
+    "ready": ("The arm waits.", "Press and hold {deadman} to move it"),
     "engaged": (
         "The arm follows your hand.",
-        "Release the trigger to stop · Space: emergency stop",
+        "{release} to stop · Space: emergency stop",
     ),
     "link lost": (
         "Nothing is heard of the robot, which stops by itself.",
-        "Wait until the link is back, release the trigger, then Enter",
+        "Wait until the link is back, {release}, then Enter",
     ),
 }
 _STARTING = ("The session starts.", "F1 lists all keys")
@@ -77,6 +77,7 @@ _SIMULATED = {  # who watches can do that much
         "The simulated operator drives.",
         "Space: emergency stop · to drive yourself: --hand keyboard",
     ),
+    "link lost": (_QUIET["link lost"][0], "Wait until the link is back, then Enter"),
 }
 
 
@@ -85,8 +86,9 @@ def banner_of(facts: Facts, hand: str = "openvr") -> Banner:
 
     hand: what drives the arm, of `HANDS`.
     """
+    words = HANDS[hand]
     if facts.replay is not None:
-        banner = _banner_of(facts, _QUIET)
+        banner = _banner_of(facts, _QUIET, words)
         return replace(
             banner,
             look=replace(banner.look, word=f"REPLAY: {banner.look.word}"),
@@ -94,29 +96,27 @@ def banner_of(facts: Facts, hand: str = "openvr") -> Banner:
             button="PLAY" if facts.replay.paused else "PAUSE",
         )
     if hand == SIMULATED:
-        banner = _banner_of(facts, _QUIET | _SIMULATED)
-        key = _SIMULATED_KEYS.get((facts.arming, bool(facts.reason)), banner.key)
-        return replace(banner, key=key)
-    banner, words = _banner_of(facts, _QUIET), HANDS[hand]
-
-    def in_words(text: str) -> str:
-        return text.replace("the trigger", words.deadman)
-
+        banner = _banner_of(facts, _QUIET | _SIMULATED, words)
+        has_stopped = bool(facts.reason or facts.last_stop)
+        return replace(banner, key=_SIMULATED_KEYS.get((facts.arming, has_stopped), banner.key))
+    banner = _banner_of(facts, _QUIET, words)
     moves = words.moves if facts.arming == "ready" else ""
-    return Banner(banner.look, in_words(banner.sentence), in_words(banner.key) + moves)
+    return replace(banner, key=banner.key + moves)
 
 
-def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]]) -> Banner:
+def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWords) -> Banner:
     look = look_of(facts.arming)
     if facts.arming == "holding":
-        return Banner(look, _told(facts), "Release the trigger · Space: emergency stop")
+        return Banner(look, _told(facts), words.told("{release} · Space: emergency stop"))
     if facts.arming == "fault":
-        return Banner(
-            look, _told(facts), "Enter, with the trigger released: first clears, then arms"
-        )
-    sentence, key = quiet.get(facts.arming, _STARTING)
-    if facts.reason and facts.arming in ("ready", "engaged", "disarmed"):
-        sentence = f"{sentence} Last stop: {facts.reason}."
+        key = words.told("Enter, with {deadman} released: first clears, then arms")
+        return Banner(look, _told(facts), key)
+    sentence, key = map(words.told, quiet.get(facts.arming, _STARTING))
+    if facts.arming in ("ready", "engaged", "disarmed"):
+        if facts.reason:  # nothing has stopped: it is in the way of going on
+            sentence = f"{sentence} {_told(facts)}"
+        elif facts.last_stop:
+            sentence = f"{sentence} Last stop: {facts.last_stop}."
     return Banner(look, sentence, key)
 
 

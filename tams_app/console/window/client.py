@@ -14,7 +14,6 @@ from typing import Any
 import msgspec
 
 from tams_app.config import Config
-from tams_app.console.hands import hand_of
 from tams_app.console.window.facts_memory import FactsWriter
 from tams_app.console.window.messages import (
     LONGEST,
@@ -28,6 +27,7 @@ from tams_app.console.window.messages import (
 from tams_app.errors import HelperError, SetupError
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+from tams_app.teleop.hands import hand_of
 from tams_app.video.frame_ring import FrameBlock
 
 _POLL_S = 0.2

@@ -49,7 +49,7 @@ def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
     """Who does which trial, and how much of its time has passed."""
     limit = minutes(trial.limit_s)
     if trial.passed_s is None:
-        time = f"Not begun: it begins with the trigger. {limit} allowed"
+        time = f"Not begun: it begins when the arm first follows. {limit} allowed"
     elif trial.passed_s < trial.limit_s:
         time = f"{minutes(trial.passed_s)} of {limit}"
     else:

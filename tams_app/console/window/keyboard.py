@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from tams_app.console.hands import HANDS
 from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.wishes import Wish
+from tams_app.teleop.hands import HANDS
 
 WISHES = {
     "Return": Wish.CONFIRM,

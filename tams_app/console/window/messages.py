@@ -98,13 +98,15 @@ class Said(msgspec.Struct, frozen=True):
 class Facts(msgspec.Struct, frozen=True):
     """What the session knows at one moment, and what it said last.
 
-    arming: the state's word. reason: why the arm held or stopped last; advice: what to do about it.
+    arming: the state's word. reason: why the arm does not move, "" if nothing holds it; advice:
+    what to do about it now. last_stop: the reason of the last stop, "" before the first.
     """
 
     t_s: float
     arming: str
     reason: str
     advice: str
+    last_stop: str
     deadman: bool
     pressed: tuple[str, ...]
     orientation_mode: bool

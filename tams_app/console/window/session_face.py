@@ -28,6 +28,7 @@ from tams_app.runtime.worker import Worker
 from tams_app.session.faces import Faces
 from tams_app.session.status import StatusSnapshot, ViewStatus
 from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import FrameBlock
 
@@ -211,7 +212,8 @@ def facts_of(
         t_s=snapshot.t_s,
         arming=snapshot.arming,
         reason=snapshot.reason,
-        advice=what_to_do(snapshot.reason),
+        advice=what_to_do(snapshot.reason, snapshot.lasting, words_of_hand(snapshot.hand)),
+        last_stop=snapshot.last_stop,
         deadman=snapshot.deadman,
         pressed=snapshot.pressed,
         orientation_mode=snapshot.orientation_mode,

@@ -32,6 +32,7 @@ from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
 from tams_app.session.two_sided.welcome import follow, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
+from tams_app.teleop.hands import HAND_FACT, hand_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -109,6 +110,7 @@ class OperatorSession(Ending):
         identity = secrets.randbits(63)
         self._log.fact(SESSION_FACT, welcome.session)
         self._log.fact(OPERATOR_FACT, str(identity))
+        self._log.fact(HAND_FACT, hand_of(self.config))
         self._link = OperatorLink(
             self._clock,
             gateway,
@@ -116,7 +118,7 @@ class OperatorSession(Ending):
             self._log,
             self._shown_now,
             identity,
-            simulated=self.config.operator_is_simulated,
+            hand_of(self.config),
         )
         self._start_video(welcome)
         hand = Worker("hand", self._hand_thread, self._on_worker_failure)
@@ -285,6 +287,9 @@ class OperatorSession(Ending):
             orientation_mode=state is not None and state.orientation_mode,
             phase="" if state is None else state.phase,
             reason="" if state is None else state.reason,
+            lasting="" if state is None else state.lasting,
+            last_stop="" if state is None else state.last_stop,
+            hand=hand_of(self.config),
             tcp_mm=None if state is None else state.tcp_mm,
             gripper_closed=None if state is None else state.gripper_closed,
             views=views,

@@ -27,6 +27,7 @@ from tams_app.records import (
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session.faces import Faces
 from tams_app.session.recorders import SessionRecords
+from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_S
 
 _HEALTH_NS = NS_PER_S // 10
@@ -73,12 +74,12 @@ class OperatorLink:
         log: SessionRecords,
         shown: Callable[[], tuple[int | None, ...]],
         identity: int,
-        simulated: bool,
+        hand: str,
     ) -> None:
         """`shown`: RTP timestamps of the frames on the screen, in the order of the views.
 
-        `identity`: a random number, another one for each application. `simulated`: whether no
-        person holds the controller.
+        `identity`: a random number, another one for each application. `hand`: what the operator
+        drives with, of `HANDS`.
         """
         self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
         self.controller: Controller | None = None  # once it is started
@@ -86,7 +87,7 @@ class OperatorLink:
         self.sample = _AWAY
         self.state_heard_ns = 0
         self._session = 0
-        self._identity, self._simulated = identity, simulated
+        self._identity, self._driven_with = identity, hand
         self._menu_presses = 0
         self._haptics: int | None = None
         self._noted: int | None = None
@@ -171,7 +172,7 @@ class OperatorLink:
             numbers = (x, y, z, *pose.rotation)
         return HandMessage(
             operator=self._identity,
-            simulated=self._simulated,
+            simulated=self._driven_with == SIMULATED,
             sent_ns=self._clock.now_ns(),
             echo_ns=0 if state is None else state.sent_ns,
             echo_heard_ns=self.state_heard_ns,
@@ -190,6 +191,7 @@ class OperatorLink:
             stops=requests.stops,
             noted=self._noted or 0,
             menu_presses=self._menu_presses,
+            hand=self._driven_with,
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

@@ -85,6 +85,9 @@ class RobotSession(Session):
     def _trial_is_limited(self) -> bool:
         return self.link is None or self.link.operator_is_simulated
 
+    def _hand(self) -> str:
+        return super()._hand() if self.link is None else self.link.hand
+
     def _listeners(self) -> tuple[Listener, ...]:
         return () if self.link is None else (self.link,)
 

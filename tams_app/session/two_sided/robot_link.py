@@ -27,7 +27,7 @@ from tams_app.link.messages import (
 )
 from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MESSAGE_OVERHEAD_BYTES
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Allocation, ArmState, HandHeard, Haptic, LinkHealth, Tick
+from tams_app.records import Allocation, ArmState, HandHeard, Haptic, LinkHealth, StopRecord, Tick
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals, describe
@@ -37,6 +37,7 @@ from tams_app.session.status import finite
 from tams_app.session.two_sided.welcome import workspace_of
 from tams_app.session.uplink_meter import UplinkFigures
 from tams_app.summary.joined import SESSION_FACT
+from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
 from tams_app.teleop.records import TeleopOutput
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
@@ -89,6 +90,8 @@ class RobotLink(Listener):
         self._figures = UplinkFigures(dict.fromkeys(self._views))
         self._allocation: Allocation | None = None
         self._output: TeleopOutput | None = None
+        self._last_stop = ""
+        self.hand = hand_of(config)  # what drives the arm, of `HANDS`
         self._haptics, self._haptic = 0, ""
         self._notes: tuple[int, tuple[str, ...]] = (0, ())
         self._notes_lock = threading.Lock()
@@ -210,6 +213,9 @@ class RobotLink(Listener):
         if message.simulated and not self._config.rig.enabled:
             self._tell_once("a simulated operator moves no real arm: its samples are left out")
             return
+        if message.hand != self.hand and message.hand in HANDS:
+            self.hand = message.hand
+            self._log.fact(HAND_FACT, message.hand)
         refusal = self.controller.take(message, heard_ns)
         bound_ns = age_bound_ns(heard_ns, message.echo_ns)
         self._offset.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
@@ -265,6 +271,9 @@ class RobotLink(Listener):
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self._output = output
 
+    def on_stop(self, stop: StopRecord) -> None:
+        self._last_stop = stop.reason
+
     def on_tick(self, tick: Tick) -> None:
         now_ns = tick.started_ns
         if now_ns >= self._state_due_ns and self._gateway is not None:
@@ -313,6 +322,8 @@ class RobotLink(Listener):
             notes=new,
             ended="",
             failed=False,
+            lasting=tick.lasting or "",
+            last_stop=self._last_stop,
         )
 
     def _telling(self, state: StateMessage, reason: str, failed: bool) -> StateMessage:

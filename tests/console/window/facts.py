@@ -7,6 +7,7 @@ FACTS = Facts(
     arming="engaged",
     reason="",
     advice="",
+    last_stop="",
     deadman=True,
     pressed=("A",),
     orientation_mode=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
 
@@ -11,7 +12,6 @@ import pytest
 
 from tams_app import palette
 from tams_app.config import HandDevice
-from tams_app.console.hands import HANDS, SIMULATED
 from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.window.banner import LOOKS, banner_of, look_of
 from tams_app.console.window.figures import (
@@ -26,9 +26,12 @@ from tams_app.console.window.history import SPAN_S, History
 from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
 from tams_app.console.window.messages import Facts, ReplayFacts, Stretch, TrialFacts, ViewFacts
 from tams_app.console.window.places import STAYS_NS, Places
+from tams_app.console.window.session_face import facts_of
 from tams_app.console.window.style import state_class, style_sheet
 from tams_app.console.wishes import Wish
+from tams_app.teleop.hands import HANDS, SIMULATED
 from tams_app.teleop.safety import ArmingState
+from tests.console.played_session import SNAPSHOT
 from tests.console.window.facts import FACTS, OPENING
 
 pytestmark = pytest.mark.untimed
@@ -43,13 +46,13 @@ STATES = ("disarmed", "ready", "engaged", "holding", "fault")
 @pytest.mark.parametrize("arming", STATES)
 @pytest.mark.parametrize("hand", sorted(set(HANDS) - {SIMULATED}))
 def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand: str) -> None:
-    facts = msgspec.structs.replace(
-        FACTS, arming=arming, reason="arm reply late", advice="Wait, then release the trigger."
+    snapshot = replace(
+        SNAPSHOT, arming=arming, reason="arm reply late", lasting="arm reply late", hand=hand
     )
-    told = banner_of(facts, hand=hand)
-    words = f"{told.sentence} {told.key}"
-    assert HANDS[hand].deadman in words
-    others = {one.deadman for one in HANDS.values()} - {HANDS[hand].deadman}
+    told = banner_of(facts_of(snapshot, ()), hand=hand)
+    words = f"{told.sentence} {told.key}".lower()
+    assert HANDS[hand].deadman.lower() in words
+    others = {one.deadman.lower() for one in HANDS.values()} - {HANDS[hand].deadman.lower()}
     assert not any(other in words for other in others)
 
 
@@ -58,7 +61,10 @@ def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand:
 def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stops: str) -> None:
     is_stopped = arming in ("holding", "fault")
     reason = "" if stops == "before the first stop" and not is_stopped else "emergency stop"
-    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, reason=reason), hand=SIMULATED)
+    shown = msgspec.structs.replace(
+        FACTS, arming=arming, reason=reason if is_stopped else "", last_stop=reason
+    )
+    banner = banner_of(shown, hand=SIMULATED)
     assert "your hand" not in banner.sentence
     if arming == "fault" or (arming == "disarmed" and reason):  # confirmed by a person only
         assert banner.key.startswith("Enter")
@@ -106,11 +112,31 @@ def test_a_hold_ends_with_the_trigger_and_says_so() -> None:
 
 @pytest.mark.parametrize("arming", ["ready", "engaged", "disarmed"])
 def test_once_the_cause_is_gone_the_last_stop_can_still_be_read(arming: str) -> None:
-    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, reason="stale video"))
+    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, last_stop="stale video"))
     assert banner.look.word == arming.upper()
     assert "Last stop: stale video." in banner.sentence
     assert "trigger" in banner.key
     assert "Last stop" not in banner_of(msgspec.structs.replace(FACTS, arming=arming)).sentence
+
+
+@pytest.mark.parametrize("arming", ["ready", "disarmed"])
+def test_what_is_in_the_way_is_told_and_not_called_a_stop(arming: str) -> None:
+    snapshot = replace(
+        SNAPSHOT, arming=arming, reason="pose frozen", lasting="pose frozen", last_stop=""
+    )
+    banner = banner_of(facts_of(snapshot, ()))
+    assert "Pose frozen. The hand's pose does not change: check SteamVR" in banner.sentence
+    assert "Last stop" not in banner.sentence
+
+
+def test_what_had_to_be_waited_for_is_not_once_it_is_back() -> None:
+    snapshot = replace(SNAPSHOT, arming="holding", reason="stale video", hand="keyboard")
+
+    def sentence(lasting: str) -> str:
+        return banner_of(facts_of(replace(snapshot, lasting=lasting), ()), "keyboard").sentence
+
+    assert "wait until it is back, then release Shift" in sentence("stale video")
+    assert sentence("") == "Stale video. The video is back: release Shift."
 
 
 @pytest.mark.parametrize("arming", LOOKS)
@@ -229,7 +255,7 @@ def test_in_a_trial_a_picture_tells_its_name_alone() -> None:
 
 def test_a_trial_s_card_counts_its_time() -> None:
     trial = TrialFacts("P07", "trial 3 of 9", None, 120.0)
-    assert trial_texts(trial)[2] == "Not begun: it begins with the trigger. 2:00 allowed"
+    assert trial_texts(trial)[2] == "Not begun: it begins when the arm first follows. 2:00 allowed"
     begun = msgspec.structs.replace(trial, passed_s=71.9)
     assert trial_texts(begun)[2] == "1:11 of 2:00"
     over = msgspec.structs.replace(trial, passed_s=120.0)

@@ -105,7 +105,7 @@ class Sides:
             self.operator_log,
             lambda: tuple(self.shown.values()),
             identity=4711,
-            simulated=True,
+            hand="sim",
         )
         self.hand = self.operator.controller = HeldController()
         self.sample: ControllerSample | None = None
@@ -376,7 +376,7 @@ def test_the_welcome_says_what_receivers_must_know():
 def test_the_robots_side_knows_whether_a_person_holds_the_controller(simulated: bool):
     sides = Sides()
     assert sides.robot.operator_is_simulated, "until it is known"
-    sides.operator._simulated = simulated
+    sides.operator._driven_with = "sim" if simulated else "openvr"
     sides.run(0.5)
     assert sides.robot.operator_is_simulated is simulated
 

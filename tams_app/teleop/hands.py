@@ -1,0 +1,145 @@
+"""What drives the arm, in the words in which the operator is told what to do; data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tams_app.config import Config
+
+
+@dataclass(frozen=True, slots=True)
+class HandWords:
+    """One kind of `--hand`.
+
+    deadman: what is held to move. controls: each with what it does. moves: what the READY banner
+    adds about moving. confirm: its button that confirms beside Enter, "" if it has none.
+
+    The others are parts of sentences. device: what it is. release: the deadman is to be let go.
+    wake: what to do while it stands by; connect: while it is not there; check: where its data make
+    no sense or do not come.
+    """
+
+    deadman: str
+    controls: tuple[tuple[str, str], ...]
+    device: str
+    wake: str
+    connect: str
+    check: str
+    release: str
+    moves: str = ""
+    confirm: str = ""
+
+    def told(self, sentence: str) -> str:
+        """A sentence with `{deadman}` and the like in it, in these words."""
+        told = sentence.format(
+            deadman=self.deadman,
+            device=self.device,
+            release=self.release,
+            wake=self.wake,
+            connect=self.connect,
+            check=self.check,
+            confirm=self.confirm,
+        )
+        return told[:1].upper() + told[1:]
+
+
+SIMULATED = "sim"
+HAND_FACT = "hand"  # in the log: what drives the arm
+_ONLY_HELD = "deadman: the arm moves only while it is held"
+_MODE = "toggle translation and orientation"
+_GRIPPER = "close / open the gripper, while {} is held"
+_MENU = "held for 1 s: confirm; clicked while the arm is armed: emergency stop"
+
+HANDS = {
+    "openvr": HandWords(
+        deadman="the trigger",
+        device="the controller",
+        wake="put the headset on or wake the controller",
+        connect="switch the controller on or plug it in",
+        check="check SteamVR and the controller",
+        release="release the trigger",
+        confirm="the menu button",
+        controls=(
+            ("trigger", _ONLY_HELD),
+            ("grip", _MODE),
+            ("A / B", _GRIPPER.format("the trigger")),
+            ("menu", _MENU),
+        ),
+    ),
+    "keyboard": HandWords(
+        deadman="Shift",
+        device="the keyboard",
+        wake="click into the window that takes the keys",
+        connect="open the window that takes the keys",
+        check="check the window that takes the keys",
+        release="release Shift",
+        moves=" with W A S D R F · F1: all keys",
+        controls=(
+            ("Shift", _ONLY_HELD),
+            ("W / S, A / D, R / F", "forward / back, left / right, up / down"),
+            ("M", f"{_MODE}: the same keys tilt and turn"),
+            ("C / O", _GRIPPER.format("Shift")),
+        ),
+    ),
+    "gamepad": HandWords(
+        deadman="the right trigger",
+        device="the gamepad",
+        wake="wake the gamepad",
+        connect="switch the gamepad on or plug it in",
+        check="check the gamepad and its connection",
+        release="release the right trigger",
+        moves=" with the sticks · F1: all keys",
+        confirm="Start",
+        controls=(
+            ("right trigger", _ONLY_HELD),
+            ("left stick", "forward / back, left / right; in orientation mode: tilt"),
+            ("right stick", "up / down; in orientation mode, left / right: turn"),
+            ("left shoulder", _MODE),
+            ("A / B", _GRIPPER.format("the right trigger")),
+            ("Start", _MENU),
+        ),
+    ),
+    "spacemouse": HandWords(
+        deadman="the left button",
+        device="the 3D mouse",
+        wake="wake the 3D mouse",
+        connect="switch the 3D mouse on or plug it in",
+        check="check the 3D mouse and its connection",
+        release="release the left button",
+        moves=" with the cap · F1: all keys",
+        controls=(
+            ("left button", _ONLY_HELD),
+            ("cap", "moves the hand; in orientation mode: tilts and turns it"),
+            ("right button", _GRIPPER.format("the left button") + ", in turn"),
+            ("", f"held for 0.6 s or more: {_MODE}"),
+        ),
+    ),
+    SIMULATED: HandWords(
+        deadman="the trigger",
+        device="the simulated controller",
+        wake="wait for the simulated operator",
+        connect="wait for the simulated operator",
+        check="see the log of the simulated operator",
+        release="let the simulated operator release the trigger",
+        controls=(("everything else", "the simulated operator does; --hand lets you drive"),),
+    ),
+}
+
+
+def hand_of(config: Config) -> str:
+    """What drives the arm at this computer, as `HANDS` has it."""
+    if config.operator_is_simulated:
+        return SIMULATED
+    device = config.controller.device
+    return "openvr" if device == "auto" else device
+
+
+def words_of_hand(hand: str) -> HandWords:
+    """Of `hand`; of a tracked controller for what is not in `HANDS`."""
+    return HANDS.get(hand, HANDS["openvr"])
+
+
+def words_of(facts: Mapping[str, str]) -> HandWords:
+    """Of what drove the arm in a log with these facts; an older one does not say."""
+    return words_of_hand(facts.get(HAND_FACT, ""))
