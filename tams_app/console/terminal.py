@@ -16,6 +16,7 @@ from types import FrameType
 
 from tams_app.console.wishes import Wish
 from tams_app.errors import DeviceError
+from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
 
 POLL_S = 0.2
@@ -164,6 +165,7 @@ def _in_background(fd: int) -> bool:
         return False  # not our controlling terminal: no job control, nothing to fear
 
 
+_RELAY_ENDS_S = 1.0
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -171,19 +173,32 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C, SIGTERM and a closed terminal call `end` with the reason, SIGUSR1 calls `stop_arm`.
 
-    Both are called in the main thread, between any two of its instructions: they must not wait
-    for a lock that it may hold. What was there before comes back at the end.
+    `end` is called in the main thread, between any two of its instructions: it must not wait for a
+    lock that the main thread may hold. `stop_arm` is called in a thread of its own, at once,
+    whatever the main thread is busy with. What was there before comes back at the end.
     """
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        if number == signal.SIGUSR1:
-            stop_arm()
-        else:
+        if number != signal.SIGUSR1:
             end(f"ended by {signal.Signals(number).name}")
 
+    def relay(_stop: threading.Event) -> None:
+        while numbers := os.read(woken, 64):
+            if signal.SIGUSR1 in numbers:
+                stop_arm()
+
+    woken, wake = os.pipe()
+    os.set_blocking(wake, False)
+    relaying = Worker("signals", relay)
+    relaying.start()
     before = {number: signal.signal(number, handle) for number in (*ENDING, signal.SIGUSR1)}
+    woken_before = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
     try:
         yield
     finally:
+        signal.set_wakeup_fd(woken_before)
         for number, handler in before.items():
             signal.signal(number, handler)
+        os.close(wake)
+        relaying.join(_RELAY_ENDS_S)
+        os.close(woken)

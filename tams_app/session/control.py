@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -37,12 +37,13 @@ class Pending:
 class Signals:
     """Confirmations, emergency stops and faults: set from any thread, taken once per tick.
 
-    Plain attributes on purpose: a signal handler must never wait for a lock. `faces`: what shows
-    the video to the person who steers.
+    What must not wait for a tick stops the arm as well, at once and over the driver's stop channel.
+    `faces`: what shows the video to the person who steers.
     """
 
     def __init__(self) -> None:
         self.faces = Faces()
+        self._stop_arm: Callable[[], None] = lambda: None  # until there is a control loop
         self._confirm = False
         self._estop = False
         self._faults: dict[Reason, None] = {}
@@ -52,9 +53,19 @@ class Signals:
         """The operator agrees: arm, or clear a fault."""
         self._confirm = True
 
+    def stop_with(self, stop_arm: Callable[[], None]) -> None:
+        """What stops the arm at once: from any thread, without blocking."""
+        self._stop_arm = stop_arm
+
     def estop(self) -> None:
-        """Emergency stop."""
-        self._estop = True
+        """Emergency stop: of the arm at once, and a fault of the next tick."""
+        self._estop = True  # first: a tick that sees the arm stopped knows why
+        self._stop_arm()
+
+    def fail(self) -> None:
+        """The session has failed: stop the arm at once, and for good."""
+        self.fault(Reason.SESSION_FAILED)
+        self._stop_arm()
 
     def fault(self, reason: Reason) -> None:
         """Something the arm must not move without is gone, until the session ends."""
@@ -121,6 +132,7 @@ class ControlLoop:
         self._video = video
         self._signals = signals
         self._listeners = tuple(listeners)
+        signals.stop_with(gate.stop)
         self._teleop = build.teleop(config, video.delay_ns)
         self._phases = PhaseInference(config.policy.phases)
         self._weights = WeightMatrix(config.policy.weights.matrix)
@@ -145,8 +157,8 @@ class ControlLoop:
         for listener in self._listeners:
             listener.before_tick(now_ns)
         sample = self._controller.sample(now_ns)
-        arm, link = self._arm.state(), self._arm.link()
-        told = self._input(now_ns, sample, arm, link)
+        ready, arm, link = self._gate.ready, self._arm.state(), self._arm.link()
+        told = self._input(now_ns, sample, ready, arm, link)
         output = self._teleop.step(told)
         self._act(output)
         change = self._phases.step(now_ns, arm)
@@ -161,8 +173,14 @@ class ControlLoop:
         return output
 
     def _input(
-        self, now_ns: int, sample: ControllerSample, arm: ArmState | None, link: CommandLink
+        self,
+        now_ns: int,
+        sample: ControllerSample,
+        ready: bool,
+        arm: ArmState | None,
+        link: CommandLink,
     ) -> TeleopInput:
+        """`ready`, `arm` and `link` as they were before: who stops the arm signals it first."""
         pending = self._signals.take()
         view = self._weights.primary_view(self._phases.phase)
         age_ns = self._video.age_ns(view, now_ns)
@@ -174,7 +192,7 @@ class ControlLoop:
             sample=sample,
             arm=arm,
             link=link,
-            arm_ready=self._gate.ready,
+            arm_ready=ready,
             video_age_ns=ENDLESS_NS if age_ns is None else age_ns,
             confirm=pending.confirm,
             estop=pending.estop,

@@ -40,7 +40,6 @@ from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.status import StatusBoard, StatusSnapshot
 from tams_app.session.uplink import Capture, Senders, Uplink
 from tams_app.teleop.hands import hand_of
-from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.codecs import Codecs
@@ -293,9 +292,7 @@ class Session(Ending):
 
     def fail(self, sentence: str) -> None:
         """The job has failed: stop the arm, let the session end with exit code 1."""
-        self.signals.fault(Reason.SESSION_FAILED)
-        if self._gate is not None:
-            self._gate.stop()
+        self.signals.fail()
         if not self.failure:
             self.failure = sentence
             self.note("error", sentence)

@@ -255,3 +255,30 @@ def test_the_kinematics_given_to_teleoperation_are_those_of_the_arm(bench):
     model = Lite6Model(offset_from_mm_deg(CONFIG.arm.tcp_offset_mm_deg))
     state = bench.arm.state()
     assert np.allclose(model.tcp_pose(state.joints).position, state.tcp.position, atol=1e-6)
+
+
+def test_an_emergency_stop_stops_the_arm_before_the_next_tick(bench):
+    bench.engage()
+    bench.signals.estop()
+    bench.arm.advance(20_000_000)  # until the next report
+    assert bench.arm.state().activity is Activity.STOPPED
+    assert bench.run(1 / 120).reason is Reason.EMERGENCY_STOP
+
+
+def test_a_stop_in_the_middle_of_a_tick_is_no_other_reason(bench):
+    """What the tick sees of the arm is from before: who stops it has signalled it by then."""
+    bench.engage()
+    bench.hand.velocity = np.array([0.0, 0.0, -0.1])
+    take, reasons = bench.signals.take, []
+
+    def estop_after():
+        pending = take()
+        if not reasons:
+            bench.signals.estop()
+            bench.ready = False
+        return pending
+
+    bench.signals.take = estop_after
+    for _ in range(3):
+        reasons.append(bench.run(1 / 120).reason)
+    assert reasons == [None, Reason.EMERGENCY_STOP, Reason.EMERGENCY_STOP]

@@ -31,7 +31,7 @@ def test_a_failure_stops_the_arm_before_it_is_told(
     session = Session(load_config(None), VirtualClock(), tmp_path)
     order: list[str] = []
     gate: Any = Noted(order)
-    session._gate = gate
+    session.signals.stop_with(gate.stop)
     monkeypatch.setattr(session, "note", lambda level, text: order.append(text))
     session.fail("the relay has ended")
     session.fail("so has the log")
