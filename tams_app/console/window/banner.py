@@ -57,6 +57,7 @@ _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.tol
         "Wait until the link is back, {release}, then Enter",
     ),
 }
+_SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
 _STARTING = ("The session starts.", "F1 lists all keys")
 
 
@@ -81,10 +82,10 @@ _SIMULATED = {  # who watches can do that much
 }
 
 
-def banner_of(facts: Facts, hand: str = "openvr") -> Banner:
+def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -> Banner:
     """The state, why the arm does not move, and the key that helps; of a replay that it is one.
 
-    hand: what drives the arm, of `HANDS`.
+    hand: what drives the arm, of `HANDS`. shift_is_dead: `Keyboard.shift_is_dead`.
     """
     words = HANDS[hand]
     if facts.replay is not None:
@@ -100,6 +101,8 @@ def banner_of(facts: Facts, hand: str = "openvr") -> Banner:
         has_stopped = bool(facts.reason or facts.last_stop)
         return replace(banner, key=_SIMULATED_KEYS.get((facts.arming, has_stopped), banner.key))
     banner = _banner_of(facts, _QUIET, words)
+    if shift_is_dead and hand == "keyboard" and facts.arming == "ready":
+        return replace(banner, key=_SHIFT_IS_DEAD)
     moves = words.moves if facts.arming == "ready" else ""
     return replace(banner, key=banner.key + moves)
 

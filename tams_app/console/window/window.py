@@ -10,7 +10,7 @@ from tams_app.console.window.banner import banner_of
 from tams_app.console.window.facts_memory import FactsReader
 from tams_app.console.window.figures import view_title
 from tams_app.console.window.history import History
-from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
+from tams_app.console.window.keyboard import Keyboard, Symbol, key_help, key_name, wish_of
 from tams_app.console.window.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Sought
 from tams_app.console.window.pacing import Pacer
 from tams_app.console.window.panels import (
@@ -164,13 +164,19 @@ class OperatorWindow:
         keys.connect("key-pressed", self._pressed)
         keys.connect("key-released", self._released)
         self.window.add_controller(keys)
+        self._seat = self._modules.Gdk.Display.get_default().get_default_seat()
+        if (keyboard := self._seat.get_keyboard()) is not None:
+            keyboard.connect("notify::modifier-state", lambda *_: self._beat())
         self.window.connect("notify::is-active", self._focus_changed)
         self.window.connect("close-request", self._closed)
 
-    def _pressed(self, _keys: Any, value: int, _code: int, _modifiers: Any) -> bool:
-        name = self._name(value)
-        is_new = self._keyboard.press(name, self._clock.now_ns())
-        if wish := wish_of(name, is_new, self._is_replay):
+    def _pressed(self, keys: Any, value: int, code: int, _modifiers: Any) -> bool:
+        name = self._name(code, keys.get_current_event().get_layout())
+        symbol = self._modules.Gdk.keyval_name(value) or ""
+        is_new = self._keyboard.press(code, name, self._clock.now_ns())
+        # what types a space or an escape stops the arm, whichever key does and is called
+        wish = wish_of(name, is_new, self._is_replay) or wish_of(symbol, False, self._is_replay)
+        if wish is not None:
             self._ask(wish)
         if is_new:
             self._beat()
@@ -180,14 +186,30 @@ class OperatorWindow:
                 self._toggle_fullscreen()
         return True
 
-    def _released(self, _keys: Any, value: int, _code: int, _modifiers: Any) -> None:
-        self._keyboard.release(self._name(value))
+    def _released(self, _keys: Any, _value: int, code: int, _modifiers: Any) -> None:
+        self._keyboard.release(code)
         self._beat()
 
-    def _name(self, value: int) -> str:
-        """The key's, whether Shift was held or not: a release may come without it."""
+    def _name(self, code: int, layout: int) -> str:
+        """The key's, the same whatever modifiers are down."""
         Gdk = self._modules.Gdk
-        return Gdk.keyval_name(Gdk.keyval_to_lower(value)) or ""
+        known, places, values = Gdk.Display.get_default().map_keycode(code)
+        symbols = (
+            Symbol(
+                place.group,
+                place.level,
+                Gdk.keyval_name(value) or "",
+                Gdk.keyval_to_unicode(value),
+            )
+            for place, value in zip(places, values, strict=True)
+        )
+        return key_name(code, layout, symbols if known else ())
+
+    def _look_at_modifiers(self) -> None:
+        keyboard = self._seat.get_keyboard()
+        shift = self._modules.Gdk.ModifierType.SHIFT_MASK
+        has_shift = keyboard is not None and bool(keyboard.get_modifier_state() & shift)
+        self._keyboard.modifiers(has_shift, self._clock.now_ns())
 
     def _focus_changed(self, *_: Any) -> None:
         self._keyboard.focus(self.window.is_active(), self._clock.now_ns())
@@ -212,6 +234,7 @@ class OperatorWindow:
         self._figures_ns = 0  # what is sought is shown as soon as it is found
 
     def _beat(self) -> bool:
+        self._look_at_modifiers()
         if self._clock.now_ns() - self._looked_ns > _NOT_LOOKING_NS:
             return True  # old pictures stay: to the session that is no sign of life
         keyboard = self._keyboard
@@ -233,7 +256,8 @@ class OperatorWindow:
     def _take_in(self, facts: Facts, now_ns: int) -> None:
         self._facts = facts
         self._history.add(facts)
-        self._banner.show(banner_of(facts, self._opening.hand))
+        dead = self._keyboard.shift_is_dead
+        self._banner.show(banner_of(facts, self._opening.hand, dead))
         if facts.arming != self._state:
             if self._state:
                 self._frame.remove_css_class(state_class(self._state))

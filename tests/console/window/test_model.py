@@ -23,7 +23,7 @@ from tams_app.console.window.figures import (
     view_title,
 )
 from tams_app.console.window.history import SPAN_S, History
-from tams_app.console.window.keyboard import Keyboard, key_help, wish_of
+from tams_app.console.window.keyboard import Keyboard, Symbol, key_help, key_name, wish_of
 from tams_app.console.window.messages import Facts, ReplayFacts, Stretch, TrialFacts, ViewFacts
 from tams_app.console.window.places import STAYS_NS, Places
 from tams_app.console.window.session_face import facts_of
@@ -297,6 +297,9 @@ def test_without_a_known_primary_view_all_stay() -> None:
 # --- keys -----------------------------------------------------------------------------------------
 
 
+RETURN, W, A, LEFT_SHIFT, RIGHT_SHIFT = 36, 25, 38, 50, 62  # key codes
+
+
 def focused() -> Keyboard:
     """A keyboard whose window has had the focus for long."""
     keyboard = Keyboard()
@@ -309,32 +312,32 @@ LATER = 10 * REPEAT_NS
 
 def test_a_held_key_is_one_press_however_long_it_repeats() -> None:
     keyboard = focused()
-    presses = [keyboard.press("Return", LATER + n * REPEAT_NS) for n in range(50)]
+    presses = [keyboard.press(RETURN, "Return", LATER + n * REPEAT_NS) for n in range(50)]
     assert presses == [True] + [False] * 49
     assert keyboard.held == ("Return",)
 
 
 def test_a_key_pressed_again_after_its_release_is_a_new_press_at_once() -> None:
     keyboard = focused()
-    keyboard.press("Return", LATER)
-    keyboard.release("Return")
+    keyboard.press(RETURN, "Return", LATER)
+    keyboard.release(RETURN)
     assert keyboard.held == ()
-    assert keyboard.press("Return", LATER + 1)
+    assert keyboard.press(RETURN, "Return", LATER + 1)
 
 
 def test_a_key_that_was_down_before_the_focus_came_is_no_press() -> None:
     keyboard = Keyboard()
     keyboard.focus(True, LATER)
     times = [LATER + n * REPEAT_NS // 20 for n in range(1, 100)]
-    assert not any(keyboard.press("Return", now_ns) for now_ns in times)
+    assert not any(keyboard.press(RETURN, "Return", now_ns) for now_ns in times)
     assert keyboard.held == ()
-    keyboard.release("Return")
-    assert keyboard.press("Return", times[-1] + 1)
+    keyboard.release(RETURN)
+    assert keyboard.press(RETURN, "Return", times[-1] + 1)
 
 
 def test_a_key_whose_release_was_out_of_sight_is_held_no_more() -> None:
     keyboard = focused()
-    keyboard.press("w", LATER)
+    keyboard.press(W, "w", LATER)
     keyboard.focus(False, LATER + 1)
     assert keyboard.held == ()
     assert not keyboard.focused
@@ -342,9 +345,98 @@ def test_a_key_whose_release_was_out_of_sight_is_held_no_more() -> None:
 
 def test_several_keys_are_held_in_the_order_of_pressing() -> None:
     keyboard = focused()
-    keyboard.press("w", LATER)
-    keyboard.press("a", LATER)
+    keyboard.press(W, "w", LATER)
+    keyboard.press(A, "a", LATER)
     assert keyboard.held == ("w", "a")
+
+
+def test_a_key_keeps_the_name_that_it_had_when_it_was_pressed() -> None:
+    keyboard = focused()
+    keyboard.press(W, "w", LATER)
+    assert not keyboard.press(W, "z", LATER + 1)
+    assert keyboard.held == ("w",)
+
+
+def with_shift(*codes: int) -> Keyboard:
+    """Shift keys that are held, as the seat's modifiers say too."""
+    keyboard = focused()
+    for code in codes:
+        keyboard.press(code, "Shift_L" if code == LEFT_SHIFT else "Shift_R", LATER)
+    assert keyboard.held == ()  # the modifiers follow the key
+    keyboard.modifiers(True, LATER)
+    return keyboard
+
+
+def test_shift_is_held_only_while_the_seats_modifiers_have_it() -> None:
+    keyboard = with_shift(LEFT_SHIFT)
+    keyboard.press(W, "w", LATER)
+    assert keyboard.held == ("Shift_L", "w")
+    keyboard.modifiers(False, LATER + 1)
+    assert keyboard.held == ("w",)
+    keyboard.modifiers(True, LATER + 2)  # by a latch, say: no key was pressed
+    assert keyboard.held == ("w",)
+    assert keyboard.shift_is_dead
+    assert not keyboard.press(LEFT_SHIFT, "Shift_L", LATER + 3)  # a repeat
+    keyboard.release(LEFT_SHIFT)
+    assert keyboard.press(LEFT_SHIFT, "Shift_L", LATER + 4)
+    assert keyboard.held == ("w", "Shift_L")
+    assert not keyboard.shift_is_dead
+
+
+def test_of_two_shifts_the_one_that_is_left_is_held() -> None:
+    keyboard = with_shift(LEFT_SHIFT, RIGHT_SHIFT)
+    keyboard.release(LEFT_SHIFT)
+    assert keyboard.held == ("Shift_R",)
+    keyboard.modifiers(False, LATER + 1)
+    assert keyboard.held == ()
+
+
+def test_a_shift_that_was_pressed_too_soon_after_the_focus_is_dead_until_it_is_pressed_again() -> (
+    None
+):
+    keyboard = Keyboard()
+    keyboard.focus(True, LATER)
+    assert not keyboard.shift_is_dead
+    keyboard.press(LEFT_SHIFT, "Shift_L", LATER + REPEAT_NS // 2)
+    keyboard.modifiers(True, LATER + REPEAT_NS // 2)
+    assert keyboard.shift_is_dead
+    keyboard.release(LEFT_SHIFT)
+    keyboard.modifiers(False, LATER + REPEAT_NS)
+    assert not keyboard.shift_is_dead
+
+
+@pytest.mark.parametrize("hand", sorted(HANDS))
+@pytest.mark.parametrize("arming", STATES)
+def test_the_banner_says_what_to_do_about_a_shift_that_is_dead(hand: str, arming: str) -> None:
+    facts = msgspec.structs.replace(FACTS, arming=arming)
+    says = "let go and press again" in banner_of(facts, hand, shift_is_dead=True).key
+    assert says == (hand == "keyboard" and arming == "ready")
+
+
+US_W = (Symbol(0, 0, "w", ord("w")), Symbol(0, 1, "W", ord("W")))
+RU_W = (Symbol(1, 0, "Cyrillic_tse", ord("ц")), Symbol(1, 1, "Cyrillic_TSE", ord("Ц")))
+SHIFTS_TOGGLE = (Symbol(0, 0, "Shift_L", 0), Symbol(0, 1, "ISO_Prev_Group", 0))
+
+
+@pytest.mark.parametrize(
+    ("code", "layout", "symbols", "name"),
+    [
+        (W, 0, (*US_W, *RU_W), "w"),
+        (W, 1, (*US_W, *RU_W), "w"),  # that layout has no Latin letter there
+        (W, 0, [Symbol(0, 0, "Cyrillic_tse", ord("ц"))], "w"),  # nor has any other: as on a US one
+        (W, 0, [Symbol(0, 0, "z", ord("z"))], "z"),  # French: what is printed on the key counts
+        (W, 1, [*US_W, Symbol(1, 0, "z", ord("z"))], "z"),
+        (W, 0, [Symbol(0, 2, "lstroke", ord("ł")), *US_W], "w"),  # AltGr
+        (LEFT_SHIFT, 1, SHIFTS_TOGGLE, "Shift_L"),
+        (66, 0, [Symbol(0, 0, "Escape", 27)], "Escape"),  # caps:escape
+        (48, 0, [Symbol(0, 0, "Cyrillic_e", ord("э"))], "Cyrillic_e"),
+        (200, 0, (), ""),
+    ],
+)
+def test_a_key_has_one_latin_name_whatever_modifiers_and_layout_are_active(
+    code: int, layout: int, symbols: list[Symbol], name: str
+) -> None:
+    assert key_name(code, layout, symbols) == name
 
 
 def test_an_emergency_stop_counts_even_where_it_may_be_a_repeat() -> None:

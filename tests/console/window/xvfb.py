@@ -39,8 +39,11 @@ class Screen:
 
     def xdotool(self, *arguments: str) -> str:
         """What xdotool prints; it presses keys through the server's XTEST extension."""
+        return self._run("xdotool", *arguments)
+
+    def _run(self, *command: str) -> str:
         done = subprocess.run(
-            ["xdotool", *arguments],
+            command,
             env=os.environ | {"DISPLAY": self.display},
             capture_output=True,
             text=True,
@@ -48,6 +51,25 @@ class Screen:
             timeout=30,
         )
         return done.stdout.strip()
+
+    def layout(self, layout: str, *options: str) -> None:
+        """Set the keyboard's layouts, as `us,ru`, and options of XKB, in place of those before."""
+        self._run("setxkbmap", "-layout", layout, "-option", "", *_each("-option", options))
+
+    @contextmanager
+    def keyboard_grabbed(self) -> Iterator[None]:
+        """Another client has all keys meanwhile, as a window manager that shows a menu."""
+        x11 = ctypes.CDLL("libX11.so.6")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        x11.XDefaultRootWindow.restype = ctypes.c_ulong
+        display = ctypes.c_void_p(x11.XOpenDisplay(self.display.encode()))
+        root = ctypes.c_ulong(x11.XDefaultRootWindow(display))
+        asynchronously, now = 1, ctypes.c_ulong(0)
+        assert x11.XGrabKeyboard(display, root, 0, asynchronously, asynchronously, now) == 0
+        try:
+            yield
+        finally:
+            x11.XCloseDisplay(display)
 
     def focus(self, title: str) -> None:
         """Give the window of this title the focus, as a window manager would."""
@@ -68,6 +90,10 @@ class Screen:
 
     def _window(self, title: str) -> str:
         return self.xdotool("search", "--sync", "--onlyvisible", "--name", title).split()[0]
+
+
+def _each(flag: str, values: tuple[str, ...]) -> list[str]:
+    return [word for value in values for word in (flag, value)]
 
 
 class _ClientMessage(ctypes.Structure):
@@ -94,7 +120,7 @@ def virtual_screen(
     *options: str,
 ) -> Iterator[Screen]:
     """A server for as long as the context lasts; DISPLAY names it. `options`: of Xvfb, further."""
-    for program in ("Xvfb", "xdotool"):
+    for program in ("Xvfb", "xdotool", "setxkbmap"):
         if shutil.which(program) is None:
             pytest.skip(f"needs {program} (see apt-packages.txt)")
     reading, writing = os.pipe()
