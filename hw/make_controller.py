@@ -51,7 +51,8 @@ def _gamepad(parts: ControllerParts) -> Controller:
     from hw.desk.polled import PolledController
 
     desk = parts.config.desk
-    return PolledController(Gamepad(desk), desk, parts.hand.rotation, parts.clock, parts.note)
+    pad = Gamepad(desk, parts.clock.now_ns)
+    return PolledController(pad, desk, parts.hand.rotation, parts.clock, parts.note)
 
 
 def _spacemouse(parts: ControllerParts) -> Controller:

@@ -12,7 +12,7 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.units import NS_PER_MS
 from tams_app.vectors import Floats3
 
-_ALIVE_NS = 100 * NS_PER_MS  # a device is read far more often
+SILENT_NS = 100 * NS_PER_MS  # what is deflected reports far more often
 _NOTHING = ControllerSample(
     ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
@@ -20,10 +20,13 @@ _NOTHING = ControllerSample(
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The state of a device at `read_ns`; without OK nothing is pressed."""
+    """The state in which a device is known to be until `known_ns`; without OK nothing is pressed.
+
+    That is no later than the reading, and not the time of the reading: see `PolledDevice.read`.
+    """
 
     status: ControllerStatus
-    read_ns: int
+    known_ns: int
     deflection: Deflection = NEUTRAL
 
 
@@ -34,7 +37,7 @@ class DeskController(Controller):
     tick.
     """
 
-    late_ns = 0  # so much later than it was read a reading may come, and counts as new
+    late_ns = 0  # so much later than it was known a reading may come, and counts as new
 
     def __init__(self, config: DeskConfig, rotation: tuple[Floats3, Floats3, Floats3]) -> None:
         self._config, self._rotation = config, rotation
@@ -53,9 +56,9 @@ class DeskController(Controller):
             return _NOTHING
         if reading.status is not ControllerStatus.OK:
             return self._missing(reading.status)
-        self._buttons_ns = max(self._buttons_ns, min(now_ns, reading.read_ns + self.late_ns))
+        self._buttons_ns = max(self._buttons_ns, min(now_ns, reading.known_ns + self.late_ns))
         asked = reading.deflection
-        if now_ns - reading.read_ns <= _ALIVE_NS + self.late_ns or self._pose is None:
+        if now_ns - reading.known_ns <= SILENT_NS + self.late_ns or self._pose is None:
             self._pose = self._hand.step(now_ns, asked)
             self._pose_ns = now_ns
         return ControllerSample(

@@ -2,19 +2,25 @@
 
 Left stick: forward and left; right stick: up, and turns about the vertical; right trigger: deadman;
 left shoulder: mode; A closes, B opens the gripper; Start is the menu button.
+
+SDL keeps the last state of a pad whose radio is gone, and does not tell when a pad reported what it
+reported before. Only of a cable is it known that it was pulled.
 """
 
 from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from typing import Any
 
+from hw.desk.desk_controller import SILENT_NS
 from hw.desk.polled import PolledDevice, beyond
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Haptic
+from tams_app.units import NS_PER_MS
 
 with warnings.catch_warnings():  # it tells at each import which library it has found
     warnings.simplefilter("ignore", UserWarning)
@@ -36,9 +42,13 @@ class Gamepad(PolledDevice):
 
     title = "gamepad"
 
-    def __init__(self, config: DeskConfig) -> None:
-        self._config = config
+    def __init__(self, config: DeskConfig, now_ns: Callable[[], int]) -> None:
+        self._config, self._now_ns = config, now_ns
         self._pad: Any = None
+        self._by_radio = False
+        self._unchanged_ns = round(config.unchanged_ms * NS_PER_MS)
+        self._state: tuple[int, ...] = ()
+        self._changed_ns = 0
         self._started = False
 
     def open(self) -> None:
@@ -55,11 +65,33 @@ class Gamepad(PolledDevice):
             if sdl2.SDL_IsGameController(index) and self._config.name.lower() in name.lower():
                 self._pad = sdl2.SDL_GameControllerOpen(index) or None
                 if self._pad is not None:
+                    self._by_radio = self._may_come_by_radio(name)
+                    self._state = ()
                     return
         which = f" whose name has {self._config.name!r} in it" if self._config.name else ""
         raise DeviceError(f"There is no gamepad{which}: plug one in, or choose another --hand.")
 
-    def read(self) -> Deflection:
+    def _may_come_by_radio(self, name: str) -> bool:
+        """By SDL or, where it does not know, by the configuration; DeviceError if by neither."""
+        joystick = sdl2.SDL_GameControllerGetJoystick(self._pad)
+        level, declared = sdl2.SDL_JoystickCurrentPowerLevel(joystick), self._config.wireless
+        if declared or level == sdl2.SDL_JOYSTICK_POWER_WIRED:
+            return bool(declared)
+        if level == sdl2.SDL_JOYSTICK_POWER_UNKNOWN:
+            if declared is False:
+                return False
+            raise DeviceError(
+                f"It is not known whether the gamepad {name!r} is on a cable: say so with "
+                "controller.desk.wireless, false on a cable, true by radio, where what is held "
+                f"without a change counts for {self._config.unchanged_ms:g} ms."
+            )
+        raise DeviceError(
+            f"The gamepad {name!r} runs on its battery: use a cable, or set "
+            "controller.desk.wireless to true; what is held without a change then counts for "
+            f"{self._config.unchanged_ms:g} ms."
+        )
+
+    def read(self) -> tuple[Deflection, int]:
         sdl2.SDL_GameControllerUpdate()
         if self._pad is None or not sdl2.SDL_GameControllerGetAttached(self._pad):
             raise DeviceError("The gamepad was unplugged: plug it in again.")
@@ -75,7 +107,7 @@ class Gamepad(PolledDevice):
             -self._axis(sdl2.SDL_CONTROLLER_AXIS_RIGHTY),
         )
         trigger = self._axis(sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT)
-        return Deflection(
+        asked = Deflection(
             linear=(forward, left, up),
             angular=(-left, forward, turn),
             trigger=trigger if trigger > _TRIGGER_REST else 0.0,
@@ -84,6 +116,23 @@ class Gamepad(PolledDevice):
             b=self._button(sdl2.SDL_CONTROLLER_BUTTON_B),
             menu=self._button(sdl2.SDL_CONTROLLER_BUTTON_START),
         )
+        return asked, self._known_ns(is_held=asked.trigger > 0.0)
+
+    def _known_ns(self, is_held: bool) -> int:
+        """Until when the pad is known to be in this state; any change is a sign of life.
+
+        With the deadman up a pad that has gone moves nothing.
+        """
+        now_ns = self._now_ns()
+        axis, button = sdl2.SDL_GameControllerGetAxis, sdl2.SDL_GameControllerGetButton
+        state = (
+            *(axis(self._pad, number) for number in range(sdl2.SDL_CONTROLLER_AXIS_MAX)),
+            *(button(self._pad, number) for number in range(sdl2.SDL_CONTROLLER_BUTTON_MAX)),
+        )
+        if state != self._state or not is_held or not self._by_radio:
+            self._state, self._changed_ns = state, now_ns
+        # as old as it must be to be stale when it has been held unchanged for so long
+        return min(now_ns, self._changed_ns + self._unchanged_ns - SILENT_NS)
 
     def pulse(self, haptic: Haptic) -> None:
         """Nothing is felt with a gamepad that has no motors."""

@@ -34,8 +34,13 @@ class PolledDevice(ABC):
         """DeviceError if there is none, in one sentence."""
 
     @abstractmethod
-    def read(self) -> Deflection:
-        """Its state now, without waiting; DeviceError if it has gone."""
+    def read(self) -> tuple[Deflection, int]:
+        """Its state, and until when the device is known to be in it [ns], at most now.
+
+        What was reported last stays readable when a device by radio has gone: its time must then
+        stand still within `SILENT_NS` or, where reports cannot be told apart from silence,
+        `DeskConfig.unchanged_ms`. Does not wait; DeviceError if the device has gone.
+        """
 
     @abstractmethod
     def pulse(self, haptic: Haptic) -> None:
@@ -67,6 +72,7 @@ class PolledController(DeskController):
         self._worker: Worker | None = None
         self._thread_name = f"{type(device).__name__.lower()}-poll"
         self._native_id: int | None = None
+        self._told = ""  # why the device is not there
 
     def start(self) -> None:
         """Open the device; DeviceError if there is none."""
@@ -139,12 +145,18 @@ class PolledController(DeskController):
             for haptic in self._pulses.take_all():
                 device.pulse(haptic)
         except DeviceError as error:
-            self._note("warning", str(error))
+            self._tell(str(error))
             device.close()
             now_ns = self._clock.now_ns()
             self._readings.put(Reading(ControllerStatus.DISCONNECTED, now_ns))
             return now_ns + _AGAIN_NS
         return 0
+
+    def _tell(self, sentence: str) -> None:
+        """Once, until another one is true."""
+        if sentence != self._told:
+            self._told = sentence
+            self._note("warning", sentence)
 
     def _reopened(self, again_ns: int) -> int:
         """Look for it when it is time to; 0 once it is there."""
@@ -154,15 +166,17 @@ class PolledController(DeskController):
         try:
             self._device.open()
             self._read()
-        except DeviceError:
+        except DeviceError as error:
             self._device.close()
+            self._tell(str(error))
             return now_ns + _AGAIN_NS
+        self._told = ""
         self._note("info", f"the {self._device.title} is there again")
         return 0
 
     def _read(self) -> None:
-        deflection = self._device.read()
-        self._readings.put(Reading(ControllerStatus.OK, self._clock.now_ns(), deflection))
+        deflection, known_ns = self._device.read()
+        self._readings.put(Reading(ControllerStatus.OK, known_ns, deflection))
 
 
 def beyond(dead_zone: float, *axes: float) -> tuple[float, ...]:

@@ -5,7 +5,8 @@ meanwhile, closes and opens the gripper in turn, pressed for longer changes the 
 
 Reports, all numbers little-endian: 1: x (right), y (towards the person), z (down) as int16, in
 wireless models followed by the three turns; 2: the turns about the same axes; 3: a bit for each
-button. Full deflection is about 350. Source: https://github.com/FreeSpacenav/spacenavd and
+button. Full deflection is about 350. A deflected mouse reports at least 60 times a second, one at
+rest not at all. Source: https://github.com/FreeSpacenav/spacenavd and
 https://github.com/JakubAndrysek/PySpaceMouse (device tables).
 """
 
@@ -27,6 +28,23 @@ from tams_app.vectors import ZERO, Floats3
 
 _VENDORS = (0x256F, 0x046D)  # 3Dconnexion, and Logitech, whose older ones bear its number
 _LOGITECHS = range(0xC603, 0xC640)  # of whose products these are 3D mice
+# Those that are known to be on a cable, by vendor; those of other numbers may come by radio
+_ON_CABLE = {
+    0x046D: {
+        0xC603,
+        0xC605,
+        0xC606,
+        0xC621,
+        0xC623,
+        0xC625,
+        0xC626,
+        0xC627,
+        0xC628,
+        0xC629,
+        0xC62B,
+    },
+    0x256F: {0xC633, 0xC635, 0xC636},
+}
 _FULL = 350.0
 _LONG_NS = 600 * NS_PER_MS
 _PULSE_NS = 60 * NS_PER_MS  # how long a button of the hand's is held for a press of the mouse's
@@ -38,8 +56,10 @@ _TRANSLATION, _ROTATION, _BUTTONS = 1, 2, 3
 class Reports:
     """What the reports add up to; pure."""
 
-    def __init__(self, dead_zone: float) -> None:
-        self._dead_zone = dead_zone
+    def __init__(self, dead_zone: float, by_radio: bool = False) -> None:
+        """`by_radio`: it may go without the computer's noticing."""
+        self._dead_zone, self._by_radio = dead_zone, by_radio
+        self._heard_ns = 0
         self._linear = self._angular = ZERO
         self._left = False
         self._right_since_ns: int | None = None
@@ -50,6 +70,8 @@ class Reports:
     def take(self, report: bytes, now_ns: int) -> None:
         """Take in one report; of a kind that is not known it is left out."""
         kind, content = (report[0], report[1:]) if report else (0, b"")
+        if kind in (_TRANSLATION, _ROTATION, _BUTTONS):
+            self._heard_ns = now_ns
         if kind == _TRANSLATION and len(content) >= _AXES.size:
             self._linear = _axes(content)
             if len(content) >= 2 * _AXES.size:
@@ -73,6 +95,16 @@ class Reports:
             a=acts == "close",
             b=acts == "open",
         )
+
+    def known_ns(self, now_ns: int) -> int:
+        """Until when it is known to be in this state: the last report's time while it must report.
+
+        It must while it is deflected. With only the deadman held it says nothing: on a cable that
+        is as good as a report, by radio it may have gone.
+        """
+        asked = self.deflection(now_ns)
+        is_deflected = any(asked.linear) or any(asked.angular)
+        return self._heard_ns if is_deflected or (self._left and self._by_radio) else now_ns
 
     def _press_right(self, down: bool, now_ns: int) -> None:
         since_ns = self._right_since_ns
@@ -119,9 +151,12 @@ class SpaceMouse(PolledDevice):
                 "(docs/OPERATOR.md has the udev rule), then plug it in again."
             ) from error
         self._device = device
-        self._reports = Reports(self._config.dead_zone)
+        declared = self._config.wireless
+        on_cable = found[0]["product_id"] in _ON_CABLE[found[0]["vendor_id"]]
+        by_radio = not on_cable if declared is None else declared
+        self._reports = Reports(self._config.dead_zone, by_radio)
 
-    def read(self) -> Deflection:
+    def read(self) -> tuple[Deflection, int]:
         now_ns = self._now_ns()
         if self._device is None:
             raise DeviceError("The 3D mouse is not open.")
@@ -130,7 +165,7 @@ class SpaceMouse(PolledDevice):
                 self._reports.take(bytes(report), now_ns)
         except OSError as error:
             raise DeviceError("The 3D mouse was unplugged: plug it in again.") from error
-        return self._reports.deflection(now_ns)
+        return self._reports.deflection(now_ns), self._reports.known_ns(now_ns)
 
     def pulse(self, haptic: Haptic) -> None:
         """It cannot be felt."""

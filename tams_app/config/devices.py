@@ -51,6 +51,11 @@ class DeskConfig(Section):
     """Deflection of a stick or a cap below which it rests."""
     name: str = ""
     """Part of the name of the gamepad or 3D mouse, where there are several."""
+    wireless: bool | None = None
+    """Whether the gamepad or 3D mouse comes by radio, which can end unnoticed; null: what SDL or
+    the mouse's number says. A gamepad that is not known to be on a cable is refused without it."""
+    unchanged_ms: Annotated[float, Field(ge=100, le=2000)] = 500.0
+    """How long a gamepad by radio may hold its deadman without a change of any stick or button."""
 
 
 class ControllerConfig(Section):

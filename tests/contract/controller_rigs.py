@@ -13,6 +13,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack
+from itertools import cycle, repeat
 
 import numpy as np
 import openvr
@@ -56,6 +57,7 @@ class ControllerRig(ABC):
     faults: frozenset[SensorFault] = frozenset(SensorFault)  # that can come over it
     has_menu = True
     can_be_felt = True
+    can_fall_silent = True  # and not be noticed otherwise
 
     def __init__(self, cleaning: ExitStack) -> None:
         """What the rig needs is closed by `cleaning`."""
@@ -72,6 +74,10 @@ class ControllerRig(ABC):
     @abstractmethod
     def inject(self, fault: SensorFault | None) -> None:
         """From now on suffer `fault`; None ends it."""
+
+    def fall_silent(self) -> None:
+        """The device says nothing more, as when its radio dies, and who reads it is not told."""
+        self.inject(SensorFault.FROZEN_POSE)
 
     @abstractmethod
     def advance(self) -> int:
@@ -239,7 +245,7 @@ class KeyboardRig(ControllerRig):
         super().__init__(cleaning)
         self._clock = VirtualClock()
         self._clock.advance_ns(NS_PER_S)
-        self._focused = True
+        self._focused, self._tells = True, True
         self.controller = self.make_controller()
 
     def make_controller(self) -> KeyboardController:
@@ -255,31 +261,44 @@ class KeyboardRig(ControllerRig):
     def advance(self) -> int:
         self._clock.advance_ns(TICK_NS)
         now_ns = self._clock.now_ns()
-        self._keyboard.feed(HeldKeys(frozenset({DEADMAN}), self._focused, now_ns))
+        if self._tells:
+            self._keyboard.feed(HeldKeys(frozenset({DEADMAN, "w"}), self._focused, now_ns))
         return now_ns
+
+    def fall_silent(self) -> None:
+        self._tells = False
 
     def felt(self) -> int:
         return 0
 
 
 class GamepadRig(ControllerRig):
-    """The driver and the real SDL, which simulates the pad; real time."""
+    """The driver and the real SDL, which simulates the pad; real time.
+
+    By radio: a stick that is held is never quite still.
+    """
 
     faults = frozenset({SensorFault.DISCONNECTED})
+    wireless = True
 
     def __init__(self, cleaning: ExitStack) -> None:
         super().__init__(cleaning)
         self._clock = MonotonicClock()
         self._pad = VirtualPad()
+        self._trembling = cycle((-1.0, -0.99))
         self._hold()
         cleaning.callback(self._pad.unplug)
         self.controller = self.make_controller()
 
     def make_controller(self) -> PolledController:
-        config = DeskConfig()
+        config = DeskConfig(wireless=self.wireless)
         rotation = HandConfig().rotation
         made = PolledController(
-            Gamepad(config), config, rotation, self._clock, lambda level, text: None
+            Gamepad(config, self._clock.now_ns),
+            config,
+            rotation,
+            self._clock,
+            lambda level, text: None,
         )
         self._cleaning.callback(made.close)
         return made
@@ -293,7 +312,12 @@ class GamepadRig(ControllerRig):
         else:
             self._pad.unplug()
 
+    def fall_silent(self) -> None:
+        self._trembling = repeat(-1.0)
+
     def advance(self) -> int:
+        if self._pad.is_plugged_in:
+            self._pad.move(sdl2.SDL_CONTROLLER_AXIS_LEFTY, next(self._trembling))
         time.sleep(TICK_NS / NS_PER_S)
         return self._clock.now_ns()
 
@@ -303,6 +327,17 @@ class GamepadRig(ControllerRig):
     def _hold(self) -> None:
         self._pad.plug_in()
         self._pad.move(sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT, 1.0)
+
+
+class CableGamepadRig(GamepadRig):
+    """A cable that is pulled is noticed; the pad itself may rest while it is held."""
+
+    wireless = False
+    can_fall_silent = False
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
+        self.fall_silent()
 
 
 class SpaceMouseRig(ControllerRig):
@@ -321,6 +356,7 @@ class SpaceMouseRig(ControllerRig):
         self._mouse = FakeMouse()
         cleaning.enter_context(self._mouse.in_place_of_hidapi())
         self._held_openings = 0
+        self._reports = True
         self.controller = self.make_controller()
 
     def make_controller(self) -> PolledController:
@@ -335,6 +371,9 @@ class SpaceMouseRig(ControllerRig):
     def press_menu(self) -> None:
         raise AssertionError("a 3D mouse has no menu button")
 
+    def fall_silent(self) -> None:
+        self._reports = False
+
     def inject(self, fault: SensorFault | None) -> None:
         self._mouse.gone = fault is not None
 
@@ -342,7 +381,9 @@ class SpaceMouseRig(ControllerRig):
         openings = self._mouse.openings
         if openings != self._held_openings:
             self._held_openings = openings
-            self._mouse.waiting += [buttons_report(LEFT), axes_report(1, 0, -350, 0)]
+            self._mouse.waiting.append(buttons_report(LEFT))
+        if self._reports:
+            self._mouse.waiting.append(axes_report(1, 0, -350, 0))
         time.sleep(TICK_NS / NS_PER_S)
         return self._clock.now_ns()
 

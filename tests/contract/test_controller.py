@@ -13,6 +13,7 @@ from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.units import NS_PER_MS
 from tests.contract.controller_rigs import (
+    CableGamepadRig,
     ControllerRig,
     GamepadRig,
     KeyboardRig,
@@ -43,6 +44,7 @@ RIGS: dict[str, type[ControllerRig]] = {
     "link": LinkRig,
     "keyboard": KeyboardRig,
     "gamepad": GamepadRig,
+    "gamepad on a cable": CableGamepadRig,
     "spacemouse": SpaceMouseRig,
     "openvr": OpenVrRig,
 }
@@ -172,6 +174,27 @@ def test_frozen_buttons_keep_their_time_while_the_pose_goes_on(
     assert sample.status is ControllerStatus.OK
     assert sample.buttons_ns == first.buttons_ns
     assert sample.trigger == 1.0
+
+
+@pytest.mark.parametrize(
+    "rig", [name for name, rig in RIGS.items() if rig.can_fall_silent], indirect=True
+)
+def test_a_device_that_falls_silent_while_it_is_held_stands_still_and_becomes_stale(
+    held: ControllerRig,
+) -> None:
+    now_ns, stale = held.advance(), False
+    for number in range(150):  # at least 1.2 s
+        now_ns = held.advance()
+        sample = held.controller.sample(now_ns)
+        if number == 20:
+            held.fall_silent()
+        stale = now_ns - min(sample.pose_ns, sample.buttons_ns) > FRESH_WITHIN_NS
+    assert stale
+    stood = sample
+    for _ in range(30):
+        sample = held.sample()
+        assert sample.pose is stood.pose
+        assert sample.pose_ns == stood.pose_ns
 
 
 @pytest.mark.parametrize("haptic", Haptic)

@@ -37,6 +37,7 @@ class FakeMouse:
     def __init__(self) -> None:
         self.waiting: list[bytes] = []
         self.gone = self.refuses = False
+        self.product = 0xC635  # on a cable
         self.is_open = False
         self.openings = 0
 
@@ -45,7 +46,8 @@ class FakeMouse:
         """This one and a keyboard are all that hidapi finds."""
 
         def enumerated() -> list[dict[str, Any]]:
-            return [] if self.gone else _LISTED
+            keyboard, mouse = _LISTED
+            return [] if self.gone else [keyboard, {**mouse, "product_id": self.product}]
 
         with patch.object(hid, "enumerate", enumerated), patch.object(hid, "device", lambda: self):
             yield

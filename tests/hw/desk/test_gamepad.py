@@ -11,6 +11,7 @@ from hw.desk.virtual_hand import NEUTRAL
 from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Haptic
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3
 from tests.hw.desk.virtual_pad import VirtualPad
 
@@ -19,6 +20,9 @@ pytestmark = pytest.mark.waiting
 LEFT_X, LEFT_Y = sdl2.SDL_CONTROLLER_AXIS_LEFTX, sdl2.SDL_CONTROLLER_AXIS_LEFTY
 RIGHT_X, RIGHT_Y = sdl2.SDL_CONTROLLER_AXIS_RIGHTX, sdl2.SDL_CONTROLLER_AXIS_RIGHTY
 TRIGGER = sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT
+ON_CABLE = DeskConfig(wireless=False)  # SDL does not know it of a pad that it simulates
+WIRED, UNKNOWN = sdl2.SDL_JOYSTICK_POWER_WIRED, sdl2.SDL_JOYSTICK_POWER_UNKNOWN
+BATTERY = sdl2.SDL_JOYSTICK_POWER_MEDIUM
 
 
 @pytest.fixture
@@ -31,14 +35,14 @@ def pad() -> Iterator[VirtualPad]:
 
 @pytest.fixture
 def opened(pad: VirtualPad) -> Iterator[Gamepad]:
-    gamepad = Gamepad(DeskConfig())
+    gamepad = Gamepad(ON_CABLE, lambda: 0)
     gamepad.open()
     yield gamepad
     gamepad.close()
 
 
 def test_a_pad_that_rests_asks_for_nothing(opened: Gamepad) -> None:
-    assert opened.read() == NEUTRAL
+    assert opened.read()[0] == NEUTRAL
 
 
 @pytest.mark.parametrize(
@@ -56,7 +60,7 @@ def test_each_stick_asks_for_its_axes(
     pad: VirtualPad, opened: Gamepad, axis: int, to: float, linear: Floats3, angular: Floats3
 ) -> None:
     pad.move(axis, to)
-    asked = opened.read()
+    asked, _ = opened.read()
     assert asked.linear == pytest.approx(linear, abs=1e-3)
     assert asked.angular == pytest.approx(angular, abs=1e-3)
     assert asked.trigger == 0.0
@@ -65,7 +69,7 @@ def test_each_stick_asks_for_its_axes(
 def test_a_stick_that_does_not_quite_come_back_rests(pad: VirtualPad, opened: Gamepad) -> None:
     pad.move(LEFT_X, 0.08)
     pad.move(LEFT_Y, -0.08)
-    assert opened.read() == NEUTRAL
+    assert opened.read()[0] == NEUTRAL
 
 
 @pytest.mark.parametrize(("to", "trigger"), [(-1.0, 0.0), (0.0, 0.5), (1.0, 1.0)])
@@ -73,7 +77,7 @@ def test_the_right_trigger_is_the_deadman(
     pad: VirtualPad, opened: Gamepad, to: float, trigger: float
 ) -> None:
     pad.move(TRIGGER, to)
-    assert opened.read().trigger == pytest.approx(trigger, abs=0.01)
+    assert opened.read()[0].trigger == pytest.approx(trigger, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -89,10 +93,10 @@ def test_each_button_is_one_of_the_hands(
     pad: VirtualPad, opened: Gamepad, button: int, name: str
 ) -> None:
     pad.press(button)
-    asked = opened.read()
+    asked, _ = opened.read()
     assert [one for one in ("grip", "a", "b", "menu") if getattr(asked, one)] == [name]
     pad.press(button, down=False)
-    assert opened.read() == NEUTRAL
+    assert opened.read()[0] == NEUTRAL
 
 
 def test_a_pad_that_is_unplugged_is_a_device_error_and_can_be_opened_again(
@@ -106,14 +110,14 @@ def test_a_pad_that_is_unplugged_is_a_device_error_and_can_be_opened_again(
         opened.open()
     pad.plug_in()
     opened.open()
-    assert opened.read() == NEUTRAL
+    assert opened.read()[0] == NEUTRAL
 
 
 def test_only_a_pad_of_the_configured_name_is_taken(pad: VirtualPad) -> None:
-    other = Gamepad(DeskConfig(name="no such pad"))
+    other = Gamepad(DeskConfig(name="no such pad"), lambda: 0)
     with pytest.raises(DeviceError, match="no such pad"):
         other.open()
-    named = Gamepad(DeskConfig(name="virtual"))
+    named = Gamepad(DeskConfig(name="virtual", wireless=False), lambda: 0)
     named.open()
     named.close()
 
@@ -121,4 +125,78 @@ def test_only_a_pad_of_the_configured_name_is_taken(pad: VirtualPad) -> None:
 @pytest.mark.parametrize("haptic", Haptic)
 def test_a_pad_without_motors_takes_every_pulse(opened: Gamepad, haptic: Haptic) -> None:
     opened.pulse(haptic)
-    assert opened.read() == NEUTRAL
+    assert opened.read()[0] == NEUTRAL
+
+
+@pytest.mark.parametrize(
+    ("level", "wireless", "refusal"),
+    [
+        (WIRED, None, ""),
+        (WIRED, True, ""),
+        (WIRED, False, ""),
+        (UNKNOWN, None, "not known whether"),
+        (UNKNOWN, True, ""),
+        (UNKNOWN, False, ""),
+        (BATTERY, None, "battery"),
+        (BATTERY, True, ""),
+        (BATTERY, False, "battery"),
+    ],
+)
+def test_a_pad_that_is_not_known_to_be_on_a_cable_is_refused_unless_it_is_declared(
+    pad: VirtualPad,
+    monkeypatch: pytest.MonkeyPatch,
+    level: int,
+    wireless: bool | None,
+    refusal: str,
+) -> None:
+    monkeypatch.setattr(sdl2, "SDL_JoystickCurrentPowerLevel", lambda joystick: level)
+    gamepad = Gamepad(DeskConfig(wireless=wireless), lambda: 0)
+    if refusal:
+        with pytest.raises(DeviceError, match=refusal) as refused:
+            gamepad.open()
+        assert "controller.desk.wireless" in str(refused.value)
+    else:
+        gamepad.open()
+        assert gamepad.read()[0] == NEUTRAL
+    gamepad.close()
+
+
+@pytest.mark.parametrize("unchanged_ms", [100, 500, 2000])
+def test_what_a_pad_by_radio_holds_without_a_change_is_stale_after_the_configured_time(
+    pad: VirtualPad, unchanged_ms: float
+) -> None:
+    now_ns = NS_PER_S
+    gamepad = Gamepad(DeskConfig(wireless=True, unchanged_ms=unchanged_ms), lambda: now_ns)
+    gamepad.open()
+    pad.move(LEFT_Y, -1.0)
+    now_ns += NS_PER_S
+    assert gamepad.read()[1] == now_ns  # with the deadman up it may rest as long as it likes
+    pad.move(TRIGGER, 1.0)
+    for _ in range(20):  # while anything changes the deadman counts
+        pad.move(RIGHT_X, 0.001 if gamepad.read()[1] % 2 else 0.002)
+        now_ns += round(unchanged_ms / 2) * NS_PER_MS + 1
+        assert gamepad.read()[1] == now_ns
+    changed_ns = now_ns
+    for age_ms in range(0, 5000, 8):
+        now_ns = changed_ns + age_ms * NS_PER_MS
+        asked, known_ns = gamepad.read()
+        is_stale = now_ns - known_ns > 100 * NS_PER_MS
+        assert is_stale == (age_ms > unchanged_ms)
+        assert asked.trigger == 1.0
+    pad.move(TRIGGER, 0.99)
+    assert gamepad.read()[1] == now_ns
+    gamepad.close()
+
+
+def test_a_pad_on_a_cable_may_be_held_for_as_long_as_it_is_plugged_in(pad: VirtualPad) -> None:
+    now_ns = NS_PER_S
+    gamepad = Gamepad(ON_CABLE, lambda: now_ns)
+    gamepad.open()
+    pad.move(TRIGGER, 1.0)
+    for _ in range(100):
+        now_ns += NS_PER_S
+        assert gamepad.read()[1] == now_ns
+    pad.unplug()
+    with pytest.raises(DeviceError, match="unplugged"):
+        gamepad.read()
+    gamepad.close()

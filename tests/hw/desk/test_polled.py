@@ -29,9 +29,9 @@ class Device(PolledDevice):
         self.opened += 1
         self._raise()
 
-    def read(self) -> Deflection:
+    def read(self) -> tuple[Deflection, int]:
         self._raise()
-        return NEUTRAL
+        return NEUTRAL, time.monotonic_ns()
 
     def pulse(self, haptic: Haptic) -> None:
         """None."""

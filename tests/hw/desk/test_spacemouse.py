@@ -110,9 +110,9 @@ def mouse() -> Iterator[FakeMouse]:
 def test_all_reports_that_wait_are_taken_at_once(mouse: FakeMouse) -> None:
     driver = SpaceMouse(DeskConfig(), lambda: 0)
     driver.open()
-    assert driver.read() == NEUTRAL
+    assert driver.read()[0] == NEUTRAL
     mouse.waiting = [axes_report(1, 0, -100, 0), buttons_report(LEFT), axes_report(1, 0, -350, 0)]
-    asked = driver.read()
+    asked, _ = driver.read()
     assert asked.linear == pytest.approx((1.0, 0.0, 0.0))
     assert asked.trigger == 1.0
     driver.close()
@@ -123,10 +123,10 @@ def test_a_mouse_that_is_opened_again_has_nothing_pressed(mouse: FakeMouse) -> N
     driver = SpaceMouse(DeskConfig(), lambda: 0)
     driver.open()
     mouse.waiting = [buttons_report(LEFT)]
-    assert driver.read().trigger == 1.0
+    assert driver.read()[0].trigger == 1.0
     driver.close()
     driver.open()
-    assert driver.read() == NEUTRAL
+    assert driver.read()[0] == NEUTRAL
 
 
 def test_what_hidapi_refuses_is_one_sentence_each(mouse: FakeMouse) -> None:
@@ -143,3 +143,56 @@ def test_what_hidapi_refuses_is_one_sentence_each(mouse: FakeMouse) -> None:
         driver.open()
     with pytest.raises(DeviceError, match="'Pro'"):
         SpaceMouse(DeskConfig(name="Pro"), lambda: 0).open()
+
+
+def last_known_ns(driver: SpaceMouse) -> int:
+    return driver.read()[1]
+
+
+@pytest.mark.parametrize("wireless", [None, True, False])
+@pytest.mark.parametrize("buttons", [0, LEFT])
+def test_a_deflected_mouse_that_reports_no_more_is_known_no_longer_than_its_last_report(
+    mouse: FakeMouse, wireless: bool | None, buttons: int
+) -> None:
+    now_ns = NS_PER_S
+    driver = SpaceMouse(DeskConfig(wireless=wireless), lambda: now_ns)
+    driver.open()
+    mouse.waiting = [buttons_report(buttons)]
+    for _ in range(100):
+        now_ns += 16 * NS_PER_MS
+        mouse.waiting += [axes_report(1, 0, -350, 0)]
+        assert last_known_ns(driver) == now_ns
+    heard_ns = now_ns
+    for _ in range(100):
+        now_ns += 16 * NS_PER_MS
+        mouse.waiting += [bytes((23, 80))]  # its battery tells nothing of the cap
+        assert last_known_ns(driver) == heard_ns
+    mouse.waiting = [axes_report(1, 0, 0, 0)]
+    assert last_known_ns(driver) == now_ns
+
+
+@pytest.mark.parametrize(
+    ("product", "wireless", "may_rest"),
+    [
+        (0xC635, None, True),
+        (0xC635, True, False),
+        (0xC652, None, False),  # the receiver of several models
+        (0xC652, False, True),
+        (0xC6FF, None, False),  # of a model that is not known
+    ],
+)
+def test_a_cap_at_rest_with_the_deadman_held_is_stale_unless_the_mouse_is_on_a_cable(
+    mouse: FakeMouse, product: int, wireless: bool | None, may_rest: bool
+) -> None:
+    mouse.product = product
+    now_ns = NS_PER_S
+    driver = SpaceMouse(DeskConfig(wireless=wireless), lambda: now_ns)
+    driver.open()
+    mouse.waiting = [buttons_report(LEFT)]
+    assert last_known_ns(driver) == now_ns
+    now_ns += NS_PER_S
+    assert last_known_ns(driver) == (now_ns if may_rest else NS_PER_S)
+    mouse.waiting = [buttons_report(0)]
+    assert last_known_ns(driver) == now_ns
+    now_ns += NS_PER_S
+    assert last_known_ns(driver) == now_ns

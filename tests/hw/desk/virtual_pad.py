@@ -37,6 +37,10 @@ class VirtualPad:
         ):
             self.move(trigger, -1.0)
 
+    @property
+    def is_plugged_in(self) -> bool:
+        return self._stick is not None
+
     def unplug(self) -> None:
         """Take it away; may be called twice."""
         if self._stick is not None:
