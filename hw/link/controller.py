@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from tams_app.link.age import LeastOffset, age_bound_ns
 from tams_app.link.messages import HandMessage
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _STATUSES = {status.value: status for status in ControllerStatus}
 _LOST = ControllerSample(
@@ -25,6 +25,7 @@ _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
 _WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
 _SHORTER_WAY_NS, _LARGEST_SHORTER_WAY_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
+_GAPS, _GAPS_WITHIN_NS = 3, NS_PER_S
 _ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing up
 
 
@@ -40,6 +41,10 @@ class LinkController(Controller):
     wait for 50 ms, after which the hand begins anew (`HandMotion`): else what it did in a longer
     time would be taken for a faster hand. By less, times become less by and by: meanwhile they are
     newer than the hand by up to that much.
+
+    A gap is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`, be
+    it that others were lost, refused or late. After three within a second each sample is one with
+    too many gaps, until the second is over: who chooses what is lost could steer by it.
     """
 
     def __init__(
@@ -54,6 +59,9 @@ class LinkController(Controller):
         self._lost_after_ns = config.lost_after_ms * NS_PER_MS
         self._receive = receive
         self._pulse = pulse
+        self._bridge_ns = config.bridge_ms * NS_PER_MS
+        self._gaps: deque[int] = deque(maxlen=_GAPS)  # when they ended
+        self._in_gap = False
         self._heard_ns: int | None = None
         self._newest: HandMessage | None = None  # that counted
         self._offset = LeastOffset(_WAY_WINDOW_NS)
@@ -80,6 +88,8 @@ class LinkController(Controller):
             return _LOST
         if let_go:  # the next operator may have been heard since, but first the arm stops
             return _LOST
+        if len(self._gaps) == _GAPS and now_ns - self._gaps[0] <= _GAPS_WITHIN_NS:
+            return replace(self._sample, status=ControllerStatus.LINK_GAPS)
         return self._sample
 
     def pulse(self, haptic: Haptic) -> None:
@@ -97,6 +107,7 @@ class LinkController(Controller):
             return refusal
         before, last = self._newest, self._sample
         offset_ns = self._offset_of(message, heard_ns)
+        self._count_gap(heard_ns)
         pose, pose_ns = self._pose(message, offset_ns)
         buttons_ns = message.buttons_ns + offset_ns
         if before is not None:
@@ -115,6 +126,16 @@ class LinkController(Controller):
             menu=message.menu,
         )
         return ""
+
+    def _count_gap(self, heard_ns: int) -> None:
+        """See how old the newest sample has become until this one was heard."""
+        last = self._newest
+        was_in_gap = self._in_gap
+        self._in_gap = (
+            last is not None and heard_ns - (last.sent_ns + self._offset_ns) > self._bridge_ns
+        )
+        if self._in_gap and not was_in_gap:
+            self._gaps.append(heard_ns)
 
     def _offset_of(self, message: HandMessage, heard_ns: int) -> int:
         """What makes the operator's times ours; what has become little less is less by and by."""
@@ -147,6 +168,8 @@ class LinkController(Controller):
     def _forget(self) -> None:
         self._heard_ns = self._newest = None
         self._anew_ns = 0
+        self._in_gap = False
+        self._gaps.clear()
         self._offset = LeastOffset(_WAY_WINDOW_NS)
 
     def _refusal(self, message: HandMessage, heard_ns: int) -> str:

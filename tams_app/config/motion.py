@@ -158,6 +158,10 @@ class HandConfig(Section):
     """A pose that implies a faster turn is rejected; above clamp_above_rad_s."""
     max_rejects: Annotated[int, Field(ge=1, le=20)] = 6
     """This many rejected poses in a row are a fault."""
+    max_drift_mm: Annotated[float, Field(gt=0, le=100)] = 25.0
+    """The arm holds when, within about a second, it was led so far from the hand by late poses."""
+    max_drift_deg: Annotated[float, Field(gt=0, le=30)] = 4.0
+    """The same for the turn in orientation mode."""
 
     @model_validator(mode="after")
     def _proper_rotation(self) -> Self:

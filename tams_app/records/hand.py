@@ -20,6 +20,7 @@ class ControllerStatus(StrEnum):
     ROLE_SWAPPED = "role swapped"  # another device plays the operator's hand now
     TRACKING_FRAME_CHANGED = "tracking frame changed"  # recentred: directions may have turned
     LINK_LOST = "link lost"  # to the computer that has the controller
+    LINK_GAPS = "link gaps"  # too many, beyond what is bridged
 
 
 @dataclass(frozen=True, slots=True)

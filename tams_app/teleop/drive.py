@@ -24,7 +24,9 @@ class Drive:
     """
 
     def __init__(self, config: Config, model: ArmModel, ready: Rotation) -> None:
-        self._hand = HandMotion(config.hand, config.freshness.hold_pose_ms * NS_PER_MS)
+        limits = config.limits
+        fastest = (limits.max_speed_mm_s / 1000.0, limits.max_rotation_rad_s)
+        self._hand = HandMotion(config.hand, config.freshness.hold_pose_ms * NS_PER_MS, fastest)
         self._limits = Limits(config, model, ready)
         self._target = Target(config.limits)
         self._predictor = TcpPredictor()
@@ -55,7 +57,9 @@ class Drive:
 
     @property
     def hold(self) -> Reason | None:
-        """The limit that has left nothing of the hand's motion for a while."""
+        """That the arm does not follow the hand; or what has left nothing of its motion so long."""
+        if self._anchored and self._hand.is_adrift(self.orientation_mode):
+            return Reason.HAND_NOT_FOLLOWED
         return self._limited_by if self._limited_s >= _LIMITED_FOR_S else None
 
     def note_interval(self, now_ns: int, interval_s: float) -> None:

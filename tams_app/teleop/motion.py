@@ -6,6 +6,7 @@ import math
 
 from tams_app.config import HandConfig
 from tams_app.records import ControllerSample, Pose, Twist
+from tams_app.teleop.drift import Drift
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import ZERO, Floats3, dot, floats, minus, norm, plus_times, times
 
@@ -23,8 +24,18 @@ class HandMotion:
     had not changed.
     """
 
-    def __init__(self, config: HandConfig, hold_ns: float) -> None:
+    def __init__(
+        self,
+        config: HandConfig,
+        hold_ns: float,
+        fastest: tuple[float, float] = (math.inf, math.inf),
+    ) -> None:
+        """`fastest`: the arm at its fastest [m/s, rad/s]."""
         self._config = config
+        linear, angular = config.translation_scale, config.rotation_scale
+        self._linear_drift = Drift(fastest[0] / linear, config.max_drift_mm / 1000.0 / linear)
+        most_rad = math.radians(config.max_drift_deg)
+        self._angular_drift = Drift(fastest[1] / angular, most_rad / angular)
         self._hold_ns = hold_ns
         self._rotation: tuple[Floats3, Floats3, Floats3] = config.rotation
         self._last: Pose | None = None
@@ -41,16 +52,24 @@ class HandMotion:
         """Whether too many poses in a row were too far from the one before."""
         return self.rejects >= self._config.max_rejects
 
+    def is_adrift(self, turning: bool) -> bool:
+        """Whether the arm was asked for too much, or too little, of what the hand did of late."""
+        return (self._angular_drift if turning else self._linear_drift).is_too_large
+
     def anchor(self, sample: ControllerSample) -> None:
         """Start anew from this pose: nothing of what the hand did before counts."""
         self._last, self._last_ns = sample.pose, sample.pose_ns
         self._accepted_ns = sample.pose_ns
         self._linear = self._angular = ZERO
         self._smooth_linear = self._smooth_angular = ZERO
+        self._linear_drift.clear()
+        self._angular_drift.clear()
         self.rejects = 0
 
     def update(self, sample: ControllerSample, now_ns: int, interval_s: float) -> Twist:
         """The smoothed, mapped twist in the arm's base frame, `interval_s` after the last tick."""
+        self._linear_drift.used(self._linear, interval_s)
+        self._angular_drift.used(self._angular, interval_s)
         if sample.pose is not None and sample.pose_ns > self._last_ns:
             self._take(sample.pose, sample.pose_ns)
         if now_ns - self._accepted_ns > self._hold_ns:
@@ -70,18 +89,23 @@ class HandMotion:
     def _take(self, pose: Pose, pose_ns: int) -> None:
         last, last_ns = self._last, self._last_ns
         self._last, self._last_ns = pose, pose_ns
-        if last is None or pose_ns - last_ns > _LONGEST_GAP_NS:
-            self._accepted_ns = pose_ns
-            self._linear = self._angular = ZERO
-            return
         interval_s = max((pose_ns - last_ns) / NS_PER_S, _MIN_INTERVAL_S)
+        if last is None:
+            self._begin_anew(pose_ns)
+            return
+        change, turn = floats(pose.position - last.position), last.rotation.turn_to(pose.rotation)
+        self._linear_drift.moved(change, interval_s)
+        self._angular_drift.moved(turn, interval_s)
+        if pose_ns - last_ns > _LONGEST_GAP_NS:
+            self._begin_anew(pose_ns)
+            return
         linear = _banded(
-            times(floats(pose.position - last.position), 1.0 / interval_s),
+            times(change, 1.0 / interval_s),
             self._config.clamp_above_m_s,
             self._config.reject_above_m_s,
         )
         angular = _banded(
-            times(last.rotation.turn_to(pose.rotation), 1.0 / interval_s),
+            times(turn, 1.0 / interval_s),
             self._config.clamp_above_rad_s,
             self._config.reject_above_rad_s,
         )
@@ -91,6 +115,10 @@ class HandMotion:
         self.rejects = 0
         self._accepted_ns = pose_ns
         self._linear, self._angular = linear, angular
+
+    def _begin_anew(self, pose_ns: int) -> None:
+        self._accepted_ns = pose_ns
+        self._linear = self._angular = ZERO
 
 
 def is_frozen(sample: ControllerSample, now_ns: int, limit_ms: float) -> bool:

@@ -157,6 +157,17 @@ class Reason(Enum):
         "The values of {device} make no sense: {check}, then {release}.",
         "The values of {device} make sense again: {release}.",
     )
+    LINK_GAPS = _hold(
+        "link gaps",
+        "Too many gaps in what comes from the operator's computer: check the network between the "
+        "two computers, then {release}.",
+        "What comes from the operator's computer has no more gaps: {release}.",
+    )
+    HAND_NOT_FOLLOWED = _hold(
+        "hand not followed",
+        "Late or missing poses led the arm away from the hand: {check} and, between two "
+        "computers, the network, then {release}.",
+    )
     BUTTONS_STALE = _hold(
         "buttons stale",
         "The buttons of {device} are not read any more: {check}, then {release}.",

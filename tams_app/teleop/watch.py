@@ -32,6 +32,7 @@ _AWAY = {
     ControllerStatus.TRACKING_LOST: Reason.TRACKING_LOST,
     ControllerStatus.STANDBY: Reason.CONTROLLER_STANDBY,
     ControllerStatus.DASHBOARD: Reason.DASHBOARD_OPEN,
+    ControllerStatus.LINK_GAPS: Reason.LINK_GAPS,
 }
 
 

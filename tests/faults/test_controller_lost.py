@@ -27,6 +27,7 @@ HOLDS = {
     ),
     "invalid": (distortions.invalid, Reason.TRACKING_LOST),
     "standby": (distortions.status(ControllerStatus.STANDBY), Reason.CONTROLLER_STANDBY),
+    "gaps": (distortions.status(ControllerStatus.LINK_GAPS), Reason.LINK_GAPS),
     "dashboard": (distortions.status(ControllerStatus.DASHBOARD), Reason.DASHBOARD_OPEN),
     "nan position": (distortions.nan_position, Reason.BAD_INPUT),
     "infinite position": (distortions.infinite_position, Reason.BAD_INPUT),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -430,6 +431,133 @@ def test_nothing_of_a_gap_is_made_up_for(gap_ms: int) -> None:
     assert moved == pytest.approx(stood, abs=1e-9)
     assert np.linalg.norm(moved, axis=1).max() < 0.26
     assert np.linalg.norm(moved[-1]) == pytest.approx(0.25, rel=0.01)
+
+
+class Swing:
+    """A hand that swings ±35 mm along y, once a second; who sees it decides what arrives."""
+
+    def __init__(self, fate: Callable[[bool, int], int | None]) -> None:
+        """`fate`: of a message, by whether the hand swings back and the time: its delay [ns]."""
+        self.bench, self.exchange = engaged_bench()
+        self._start_ns, self._fate = self.exchange.now_ns, fate
+        self._start_m = self.bench.arm.pose.position.copy()
+
+    def for_s(self, duration_s: float) -> None:
+        for _ in range(round(duration_s * NS_PER_S / TICK_NS)):
+            since_s = (self.exchange.now_ns - self._start_ns) / NS_PER_S
+            speed_m_s = 0.035 * math.tau * math.cos(math.tau * since_s)
+            self.exchange.hand.velocity = hand_for((0.0, speed_m_s, 0.0), self.bench.config)
+            self.exchange.up = partial(self._fate, speed_m_s < 0)
+            self.bench.tick(sample=self.exchange.tick())
+
+    @property
+    def drift_mm(self) -> float:
+        """From where the arm began, at the end of a whole number of swings."""
+        return 1000.0 * float(np.linalg.norm(self.bench.arm.pose.position - self._start_m))
+
+    @property
+    def hold(self) -> Reason | None:
+        """What stopped it first."""
+        states = [output.arming for output in self.bench.outputs]
+        if ArmingState.HOLDING not in states:
+            return None
+        return self.bench.outputs[states.index(ArmingState.HOLDING)].reason
+
+
+def one_in_75_ms() -> Callable[[bool, int], int | None]:
+    """While the hand swings back, a message passes each 75 ms: gaps that are no lost link."""
+    passed_ns = 0
+
+    def fate(back: bool, now_ns: int) -> int | None:
+        nonlocal passed_ns
+        if back and now_ns - passed_ns < 75 * NS_PER_MS:
+            return None
+        passed_ns = now_ns
+        return DELAY_NS
+
+    return fate
+
+
+def late_while_back(back: bool, _now_ns: int) -> int:
+    """Nothing is lost; what the hand does while it swings back comes 55 ms later."""
+    return DELAY_NS + 55 * NS_PER_MS * back
+
+
+@pytest.mark.parametrize("fate", [one_in_75_ms(), late_while_back])
+def test_who_drops_or_delays_what_the_hand_does_on_its_way_back_cannot_lead_the_arm_away(
+    fate: Callable[[bool, int], int | None],
+) -> None:
+    swing = Swing(fate)
+    swing.for_s(3.0)
+    assert swing.hold in (Reason.LINK_GAPS, Reason.HAND_NOT_FOLLOWED)
+    assert swing.drift_mm < 60
+
+
+def test_a_swing_of_which_all_arrives_is_followed() -> None:
+    swing = Swing(lambda _back, _now_ns: DELAY_NS)
+    swing.for_s(3.0)
+    assert swing.hold is None
+    assert swing.drift_mm < 20
+
+
+def gaps(exchange: Exchange, count: int, gap_ms: float, every_ms: float) -> list[ControllerSample]:
+    """So many gaps in what arrives."""
+    samples = []
+    for _ in range(count):
+        exchange.up = lambda _: None
+        samples += exchange.run_ms(gap_ms)
+        exchange.up = lambda _: DELAY_NS
+        samples += exchange.run_ms(every_ms - gap_ms)
+    return samples
+
+
+@pytest.mark.parametrize(
+    ("count", "gap_ms", "every_ms", "too_many"),
+    [(3, 75, 300, True), (2, 75, 300, False), (3, 75, 600, False), (5, 33, 150, False)],
+)
+def test_three_gaps_beyond_the_bridge_within_a_second_are_too_many(
+    exchange: Exchange, count: int, gap_ms: float, every_ms: float, too_many: bool
+) -> None:
+    statuses = {sample.status for sample in gaps(exchange, count, gap_ms, every_ms)}
+    assert statuses == ({OK, ControllerStatus.LINK_GAPS} if too_many else {OK})
+
+
+def test_samples_that_are_refused_make_a_gap_as_lost_ones_do(exchange: Exchange) -> None:
+    for _ in range(3):
+        exchange.run_ms(100)
+        taken = len(exchange.taken)
+        exchange.down = lambda _: None
+        exchange.run_ms(exchange.config.longest_age_ms + 75)
+        exchange.down = lambda _: DELAY_NS
+        exchange.run_ms(60)
+        assert "too old" in exchange.taken[taken:]
+    statuses = [sample.status for sample in exchange.run_ms(100)]
+    assert ControllerStatus.LINK_LOST not in statuses
+
+
+def test_gaps_are_over_a_second_after_the_first_of_three_ended(exchange: Exchange) -> None:
+    gaps(exchange, 3, 75, 150)
+    assert exchange.tick().status is ControllerStatus.LINK_GAPS
+    assert exchange.run_ms(1000)[-1].status is OK
+
+
+def test_too_many_gaps_hold_until_the_trigger_was_released() -> None:
+    bench, exchange = engaged_bench()
+    for _ in range(3):
+        exchange.up = lambda _: None
+        run(bench, exchange, 75)
+        exchange.up = lambda _: DELAY_NS
+        run(bench, exchange, 150)
+    output = bench.outputs[-1]
+    assert (output.arming, output.reason) == (ArmingState.HOLDING, Reason.LINK_GAPS)
+    run(bench, exchange, 1500)
+    assert bench.outputs[-1].arming is ArmingState.HOLDING
+    exchange.hand.trigger = 0.0
+    run(bench, exchange, 100)
+    assert bench.outputs[-1].arming is ArmingState.READY
+    exchange.hand.trigger = 1.0
+    run(bench, exchange, 100)
+    assert bench.outputs[-1].arming is ArmingState.ENGAGED
 
 
 def test_two_seconds_of_outage_and_a_burst_are_a_fault_and_no_motion() -> None:
