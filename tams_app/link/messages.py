@@ -6,7 +6,7 @@ count is in every message: it is repeated until a later message of the other sid
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Annotated, TypeAlias, TypeVar
 
 import msgspec
 
@@ -17,6 +17,10 @@ HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
 PROTOCOL = 2
 
+# Of any two the difference fits into 64 bits, in which logs, figures and other languages keep them.
+_BEYOND_WHOLE = 1 << 62
+Whole: TypeAlias = Annotated[int, msgspec.Meta(gt=-_BEYOND_WHOLE, lt=_BEYOND_WHOLE)]
+
 
 class MessageError(TamsError):
     """Bytes that are no message of the kind that was expected."""
@@ -25,7 +29,7 @@ class MessageError(TamsError):
 class Greeting(msgspec.Struct, frozen=True):
     """What the operator's side says when it calls."""
 
-    protocol: int
+    protocol: Whole
     version: str
 
 
@@ -40,7 +44,7 @@ class Welcome(msgspec.Struct, frozen=True):
     stopped_after_ms: `LinkConfig.stopped_after_ms` there.
     """
 
-    protocol: int
+    protocol: Whole
     version: str
     session: str
     name: str
@@ -73,26 +77,26 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     hand: what the operator drives with, of `teleop.hands.HANDS`.
     """
 
-    operator: int
+    operator: Whole
     simulated: bool
-    sent_ns: int
-    echo_ns: int
-    echo_heard_ns: int
+    sent_ns: Whole
+    echo_ns: Whole
+    echo_heard_ns: Whole
     status: str
     pose: tuple[float, float, float, float, float, float, float] | None
-    pose_ns: int
-    buttons_ns: int
+    pose_ns: Whole
+    buttons_ns: Whole
     trigger: float
     grip: float
     a: bool
     b: bool
     menu: bool
-    shown: tuple[int | None, ...]
-    confirms: int = 0
-    confirmed_ns: int = 0
-    stops: int = 0
-    noted: int = 0
-    menu_presses: int = 0
+    shown: tuple[Whole | None, ...]
+    confirms: Whole = 0
+    confirmed_ns: Whole = 0
+    stops: Whole = 0
+    noted: Whole = 0
+    menu_presses: Whole = 0
     hand: str = ""
 
 
@@ -114,9 +118,9 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     ended: why the session has ended, "" while it runs.
     """
 
-    sent_ns: int
-    echo_ns: int
-    echo_heard_ns: int
+    sent_ns: Whole
+    echo_ns: Whole
+    echo_heard_ns: Whole
     arming: str
     reason: str
     deadman: bool
@@ -133,12 +137,12 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     queue_ms: float | None
     loss: float | None
     video_age_ms: tuple[float | None, ...]
-    first_capture_ns: tuple[int | None, ...]
-    haptics: int
+    first_capture_ns: tuple[Whole | None, ...]
+    haptics: Whole
     haptic: str
-    confirms: int
-    stops: int
-    noted: int
+    confirms: Whole
+    stops: Whole
+    noted: Whole
     notes: tuple[str, ...]
     ended: str
     failed: bool
@@ -155,7 +159,10 @@ def encode(message: Greeting | Welcome | HandMessage | StateMessage) -> bytes:
 
 
 def decode(content: bytes, kind: type[Message]) -> Message:
-    """The message of `kind`; MessageError if it is none, with every field of its type."""
+    """The message of `kind`; MessageError if it is none, with every field of its type.
+
+    Whole numbers are less than 2**62 from 0.
+    """
     try:
         return msgspec.msgpack.decode(content, type=kind)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:

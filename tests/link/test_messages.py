@@ -25,7 +25,7 @@ from tams_app.link.messages import (
 pytestmark = pytest.mark.untimed
 
 KINDS = (Greeting, Welcome, HandMessage, StateMessage)
-NS = st.integers(0, 2**63 - 1)
+NS = st.integers(0, 2**62 - 1)
 COUNT = st.integers(0, 2**31)
 NUMBER = st.floats(allow_nan=False)
 TEXT = st.text(max_size=20)
@@ -164,6 +164,28 @@ def test_a_truncated_message_is_refused(
 def test_a_message_with_something_behind_it_is_refused(message: HandMessage, rest: bytes) -> None:
     with pytest.raises(MessageError):
         decode(encode(message) + rest, HandMessage)
+
+
+WHOLE = [
+    name
+    for name in HandMessage.__struct_fields__
+    if name.endswith("_ns") or name in ("operator", "confirms", "stops", "noted", "menu_presses")
+]
+
+
+@pytest.mark.parametrize("value", [2**62, 2**63 - 1, 2**64 - 1, -(2**62), -(2**63)])
+@pytest.mark.parametrize("name", WHOLE)
+def test_a_whole_number_of_which_a_difference_may_not_fit_into_64_bits_is_refused(
+    name: str, value: int
+) -> None:
+    assert decode(with_field(name, 2**62 - 1), HandMessage)
+    with pytest.raises(MessageError):
+        decode(with_field(name, value), HandMessage)
+
+
+def test_the_same_of_an_rtp_timestamp_is_refused() -> None:
+    with pytest.raises(MessageError):
+        decode(with_field("shown", [2**64 - 1]), HandMessage)
 
 
 @given(st.binary(max_size=300), st.sampled_from(KINDS))

@@ -107,7 +107,7 @@ class OperatorSession(Ending):
             self.signals.estop,
         )
         self._stack.callback(self._log.close)
-        identity = secrets.randbits(63)
+        identity = secrets.randbits(62)
         self._log.fact(SESSION_FACT, welcome.session)
         self._log.fact(OPERATOR_FACT, str(identity))
         self._log.fact(HAND_FACT, hand_of(self.config))

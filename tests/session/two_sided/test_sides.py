@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from hw.controller import Controller
 from tams_app.config import Config, load_config
-from tams_app.link.messages import StateMessage, Welcome, decode
+from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
 from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
 from tams_app.records import (
     Allocation,
@@ -345,6 +346,29 @@ def test_bytes_that_are_no_message_change_nothing_but_a_count():
     sides.run(0.1)
     assert sides.sample.status is ControllerStatus.OK
     assert sides.robot.controller.refused["not understood"] == 4
+
+
+def test_numbers_beyond_all_clocks_and_counts_change_nothing_but_a_count():
+    """Of one who has the key: their stamps would end in records, figures and other languages."""
+    sides = Sides()
+    sides.run(1.0)
+    told = sides.operator._hand
+
+    def odd(sample: ControllerSample) -> HandMessage:
+        return msgspec.structs.replace(
+            told(sample), sent_ns=-(2**63), pose_ns=-(2**63), echo_heard_ns=2**64 - 1
+        )
+
+    sides.operator._hand = odd
+    sides.run(0.2)
+    sides.operator._hand = told
+    sides.run(0.3)
+    assert sides.robot.controller.refused["not understood"] >= 20
+    assert sides.sample.status is ControllerStatus.OK
+    for record in sides.robot_log.records:
+        if isinstance(record, HandHeard | LinkHealth):
+            numbers = [n for n in asdict(record).values() if isinstance(n, int)]
+            assert max(map(abs, numbers)) < 2**62
 
 
 @pytest.mark.parametrize("there_ms", [1, 20, 90])
