@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tams_app.session.guarding import SILENCE_NS
-from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.records import Refusal, TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.bench import PERIOD_NS
 from tests.faults.promises import (
@@ -72,10 +72,10 @@ def test_a_guard_that_hangs_stops_the_arm_which_may_go_on_once_it_answers(
         seen = bench.run_until_state(ArmingState.FAULT)
         assert seen - since <= STOPPED_TICKS
         is_stopped(bench, seen, Reason.GUARD_SILENT)
-        tells(bench, Reason.GUARD_SILENT.label)
+        tells(bench, Reason.GUARD_SILENT)
     finally:
         os.kill(guard_pid(bench), signal.SIGCONT)
-    tells(bench, "release the trigger")
+    tells(bench, None)
     recovers_from_fault(bench)
     is_logged(bench, Reason.GUARD_SILENT)
 
@@ -93,12 +93,12 @@ def stays(bench: WiredBench) -> None:
 # --- the guard cannot reach the arm --------------------------------------------------------------
 
 
-def tells(bench: WiredBench, refusal: str) -> None:
-    """Confirm in each tick, the trigger held, until that is what the operator is told."""
+def tells(bench: WiredBench, in_the_way: Reason | None) -> None:
+    """Confirm in each tick, the trigger held, until the operator is told of that; None: of it."""
 
     def told(output: TeleopOutput) -> bool:
         bench.signals.confirm()
-        return output.refusal.startswith(refusal)
+        return output.refusal == Refusal(in_the_way)
 
     bench.run_until(told)
     bench.run_ticks(2)
@@ -117,11 +117,11 @@ def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
     seen = bench.run_until_state(ArmingState.FAULT)
     with bench.lock:
         bench.model.power_cycle()
-    tells(bench, Reason.GUARD_BLIND.label)
+    tells(bench, Reason.GUARD_BLIND)
     assert bench.outputs[seen].reason is Reason.ARM_LINK_LOST
     assert Reason.GUARD_BLIND.label in bench.outputs[-1].detail
     bench.server.refuse_connections = False
-    tells(bench, "release the trigger")
+    tells(bench, None)
     bench.reachable = True
     stands(bench)
     recovers_from_fault(bench)
@@ -138,8 +138,8 @@ def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
     bench.server.is_cut = lambda frame: threading.get_native_id() not in drivers
     seen = bench.run_until_state(ArmingState.FAULT)
     is_stopped(bench, seen, Reason.GUARD_BLIND)
-    tells(bench, Reason.GUARD_BLIND.label)
+    tells(bench, Reason.GUARD_BLIND)
     bench.server.is_cut = lambda frame: False
-    tells(bench, "release the trigger")
+    tells(bench, None)
     recovers_from_fault(bench)
     is_logged(bench, Reason.GUARD_BLIND)
