@@ -1,6 +1,6 @@
-# make run | test | verify | explore | check | bench | docs | mutate | setup | lock
+# make run | test | verify | matrix | explore | check | bench | docs | mutate | setup | lock
 .DEFAULT_GOAL := run
-.PHONY: run test verify explore check bench docs lock mutate setup installed
+.PHONY: run test verify matrix explore check bench docs lock mutate setup installed
 
 READY := .venv/.ready
 PY := .venv/bin/python
@@ -34,14 +34,23 @@ else
 	$(PY) -m coverage report --skip-covered --fail-under=100
 endif
 
+# How often the matrix of kills, stops and cuts is run.
+TIMES := 2
+MATRIX := -m matrix --times $(TIMES)
+
 # Long matrices (tests marked `verify`), the benchmarks' own tests, and an installation of the
 # package elsewhere.
 # 5 is pytest's exit code for a group in which no test is marked.
 verify: $(READY) installed
 	$(ALONE) $(PY) -m pytest $(LAWS) -m "verify and untimed" -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(ALONE) $(PY) -m pytest $(LAWS) -m "verify and waiting" -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
-	$(PY) -m pytest $(LAWS) -m "verify and timed" || [ $$? -eq 5 ]
+	$(PY) -m pytest $(LAWS) -m "verify and timed and not matrix" || [ $$? -eq 5 ]
+	$(PY) -m pytest $(LAWS) $(MATRIX)
 	$(ALONE) $(PY) -m pytest $(LAWS) benchmarks/tests
+
+# Processes killed and stopped and links cut, with the product's own limits; every run is counted.
+matrix: $(READY)
+	$(PY) -m pytest $(LAWS) $(MATRIX) $(ARGS)
 
 # `pip install .` into an empty environment, and a simulated session from a folder of its own.
 installed: $(READY)

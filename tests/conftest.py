@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+from tests.matrix import Matrix
 from tests.real_time import require_real_time
 from tests.second_chance import SecondChances
 from tests.standstills import Standstills
@@ -21,8 +22,13 @@ settings.register_profile("steady", derandomize=True, database=None, deadline=No
 GROUPS = ("untimed", "waiting", "timed")
 
 
+def pytest_addoption(parser):
+    parser.addoption("--times", type=int, help="how often the matrix is run")
+
+
 def pytest_configure(config):
     config.pluginmanager.register(SecondChances(Standstills()))
+    config.pluginmanager.register(Matrix(config.getoption("--times")))
     # A run in a shell's background ignores Ctrl-C, and so would every process that tests interrupt.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -36,6 +42,12 @@ def pytest_collection_modifyitems(items):
             raise pytest.UsageError(
                 f"{item.nodeid}: pytestmark must name one of {', '.join(GROUPS)}, not {groups}"
             )
+
+
+@pytest.fixture(scope="module")
+def turn(request):
+    """Which of the matrix's turns this is; what a module's tests share is made anew in each."""
+    return getattr(request, "param", 0)
 
 
 @pytest.fixture
