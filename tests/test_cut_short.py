@@ -14,7 +14,7 @@ from tams_app.recording import read_log
 from tams_app.records import Activity
 from tams_app.ros2.messages import Empty
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tests.faults.applications import FPS, PATIENT, configuration_file
+from tests.faults.applications import FPS, configuration_file
 from tests.ros2.dds import LOOPBACK, RELIABLE, Node, free_domain, until
 from tests.spoken import spoken
 
@@ -45,7 +45,7 @@ class Running:
     def __init__(self, out, *options):
         self.out = out / "logs"
         few_frames = {"video.fps": FPS, "video.quality.enabled": False}  # nothing is about them
-        config = configuration_file(out, PATIENT | few_frames)
+        config = configuration_file(out, few_frames)
         self.process = subprocess.Popen(
             [
                 *(sys.executable, "run_tams.py", "run", "--sim", "--arm", "--headless"),
@@ -144,7 +144,7 @@ def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running
     assert log.ticks[-1].arming == "fault"
     assert log.ticks[-1].reason == "emergency stop"
     assert log.ticks[-1].arm.activity is Activity.STOPPED
-    stop = log.stops[-1]  # the machine's load may have held the arm before
+    stop = log.stops[-1]
     assert stop.reason == "emergency stop"
     assert stop.stopped_ns is not None
 

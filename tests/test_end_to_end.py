@@ -13,7 +13,6 @@ from tams_app.recording import read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
-from tests.faults.applications import PATIENT, configuration_file
 from tests.real_time import require_real_time
 from tests.spoken import spoken
 
@@ -33,9 +32,8 @@ def command(out, *options):
 def finished(tmp_path_factory):
     """The folder and the words of one session on s2 that ran to its end."""
     require_real_time()
-    out, given = tmp_path_factory.mktemp("run"), tmp_path_factory.mktemp("given")
-    config = configuration_file(given, PATIENT)
-    options = ("--config", str(config), "--seed", "1", "--seconds", "90", "--operator", "scripted")
+    out = tmp_path_factory.mktemp("run")
+    options = ("--seed", "1", "--seconds", "90", "--operator", "scripted")
     result = subprocess.run(
         command(out, *options),
         cwd=PROJECT_DIRECTORY,
@@ -192,8 +190,8 @@ def test_report_makes_summary_and_frame_anew_from_the_log(finished, summary):
 @pytest.mark.verify
 def test_an_operator_who_sees_places_the_block_and_says_how_often_they_looked(tmp_path):
     require_real_time()
-    out, config = tmp_path / "out", configuration_file(tmp_path, PATIENT)
-    options = ("--config", str(config), "--seed", "4", "--seconds", "120", "--operator", "seeing")
+    out = tmp_path / "out"
+    options = ("--seed", "4", "--seconds", "120", "--operator", "seeing")
     result = subprocess.run(
         command(out, *options),
         cwd=PROJECT_DIRECTORY,

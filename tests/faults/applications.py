@@ -22,29 +22,19 @@ import yaml
 
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import Register, State
-from tams_app.config import Config, dump_config, load_config
+from tams_app.config import CONFIG_DIRECTORY, Config, dump_config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.control import ControlLoop, Signals
+from tams_app.session.control import ControlLoop
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tests.spoken import spoken
 
 PATIENCE_S = 60.0  # the machine may be busy with other things
-# A machine that stands still for a moment makes no fault with these, which the simulated operator
-# would never clear; what a test does to a process lasts longer. The age of the arm's report keeps
-# its limit: beyond it the arm holds, which passes, and moving on would be a following error.
-PATIENT = {
-    "arm.reply_timeout_s": 0.5,
-    "arm.guard.heartbeat_timeout_ms": 1000.0,
-    "freshness.pose_frozen_ms": 500.0,
-    "freshness.buttons_ms": 500.0,  # or the arm holds before the pose counts as frozen
-}
 MOVING_M_S = 0.02
 FPS = 10  # the frames are the rig's main load
 _SOCKET_TIMEOUT_S = 5.0
-_CONFIRM_EACH_S = 1.0
 _HEADER = struct.Struct(">HHH")
 _MODULES = {
     "rig": "hw.sim.rig",
@@ -121,21 +111,19 @@ class Witness:
 class Observed:
     """A session in this process: what its control loop did, and whether its arm stopped.
 
-    `moving` is set as soon as the operator moves the arm; until then a person at the console
-    confirms whatever this machine's load may have stopped. Whether the arm has stopped in the end
-    is asked of its controller, just before the driver lets go of it.
+    `moving` is set as soon as the operator moves the arm. Whether it has stopped in the end is
+    asked of its controller, just before the driver lets go of it.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.moving = threading.Event()
         self.outputs: list[TeleopOutput] = []  # since the arm moves
         self.arm_stopped = False
-        self._confirmed_s = time.monotonic()
         tick, close = ControlLoop.tick, Lite6.close
 
         def observed_tick(loop: ControlLoop, due_ns: int, skipped: int = 0) -> TeleopOutput:
             output = tick(loop, due_ns, skipped)
-            self._note(output, loop._signals)
+            self._note(output)
             return output
 
         def observed_close(arm: Lite6) -> None:
@@ -150,7 +138,7 @@ class Observed:
         monkeypatch.setattr(ControlLoop, "tick", observed_tick)
         monkeypatch.setattr(Lite6, "close", observed_close)
 
-    def _note(self, output: TeleopOutput, signals: Signals) -> None:
+    def _note(self, output: TeleopOutput) -> None:
         if self.moving.is_set():
             self.outputs.append(output)
             return
@@ -158,10 +146,6 @@ class Observed:
         engaged = output.arming is ArmingState.ENGAGED
         if engaged and twist is not None and np.linalg.norm(twist.linear) > MOVING_M_S:
             self.moving.set()
-        waits = output.arming in (ArmingState.FAULT, ArmingState.DISARMED)
-        if waits and time.monotonic() - self._confirmed_s > _CONFIRM_EACH_S:
-            self._confirmed_s = time.monotonic()
-            signals.confirm()
 
 
 def rig_config(out: Path) -> Config:
@@ -176,7 +160,6 @@ def rig_config(out: Path) -> Config:
             "video.fps": FPS,
             "recording.directory": str(out),
             "recording.min_free_mb": 1.0,
-            **PATIENT,
         }
     )
 
@@ -203,16 +186,16 @@ class Application:
         quality: bool = False,
         operator: str = "scripted",
         words: Sequence[str] = ("run", "--arm"),
-        patience: Mapping[str, object] = PATIENT,
         **overrides: object,
     ) -> None:
         """`quality`: the frames are compared as well. `operator`: who works. `words`: what runs.
 
-        `patience`: dotted keys below the `overrides`, which are sections.
+        All limits are the product's own; `overrides` are sections of the configuration.
         """
         self.out = out / "logs"
         settings = {
-            "include": [str(configuration_file(out, patience))],
+            "version": 1,
+            "include": [str(CONFIG_DIRECTORY / "tams.yaml")],
             "headless": True,
             "rig": {"operator": {"kind": operator}},
             "recording": {"directory": str(self.out), "min_free_mb": 1.0},

@@ -156,15 +156,11 @@ class StreamedBench:
         self._engage()
 
     def _engage(self) -> None:
-        """Press the trigger, and again if the frames were old just then."""
-
-        def engaged() -> bool:
-            if self.bench.outputs[-1].arming is ArmingState.ENGAGED:
-                return True
-            self.bench.hand.trigger = 1.0 - self.bench.hand.trigger
-            return False
-
-        self.run_until(engaged, "the arm to engage")
+        """Press the trigger: the frames are fresh."""
+        self.bench.hand.trigger = 1.0
+        self.run_until(
+            lambda: self.bench.outputs[-1].arming is ArmingState.ENGAGED, "the arm to engage"
+        )
 
     def run_until(self, condition: Callable[[], bool], what: str) -> None:
         """Tick at the loop's rate until `condition` holds."""

@@ -82,19 +82,6 @@ def losses(log: SessionLog, from_ns: int, to_ns: int) -> list[int]:
     ]
 
 
-def stood_ms(log: SessionLog, from_ns: int, to_ns: int) -> float:
-    """How long the control loop was not woken between two ticks, beyond two periods each time.
-
-    That is the machine's load. Time within a tick is not in it: there a link could block the loop.
-    """
-    longest_ns = 2.0 * _period_ns(log)
-    asleep_ns = [
-        min(after.started_ns, to_ns) - max(before.finished_ns, from_ns)
-        for before, after in pairwise(log.ticks)
-    ]
-    return sum(max(0.0, one - longest_ns) for one in asleep_ns) / NS_PER_MS
-
-
 def arm_way(ticks: Iterable[Tick]) -> tuple[Vector, Vector]:
     """Times [ns] and places [m], shape (n, 3), of the arm's reports."""
     times: list[int] = []

@@ -27,7 +27,6 @@ from tests.faults.wired_bench import SIDEWAYS, MakeBench, WiredBench
 # The guard is silent after 200 ms; the machine may stand still in several parts.
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=60)]
 
-PATIENT_MS = 1000.0  # for a guard that is not to stop the arm because this machine is busy
 KILLED_TICKS = 2  # the first beat is refused, the next tick hears of it
 STOPPED_TICKS = SILENCE_NS // PERIOD_NS + 2
 
@@ -40,14 +39,14 @@ def guard_pid(bench: WiredBench) -> int:
 
 
 @pytest.fixture(params=["velocity", "pose"])
-def patient(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> WiredBench:
+def guarded(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> WiredBench:
     bench = make_bench(request.param, folder=tmp_path)
-    bench.add_guard(PATIENT_MS)
+    bench.add_guard()
     return bench
 
 
-def test_a_killed_guard_stops_the_arm(patient: WiredBench) -> None:
-    bench = patient
+def test_a_killed_guard_stops_the_arm(guarded: WiredBench) -> None:
+    bench = guarded
     bench.engage_and_move()
     os.kill(guard_pid(bench), signal.SIGKILL)
     assert bench.guarding is not None
@@ -62,9 +61,9 @@ def test_a_killed_guard_stops_the_arm(patient: WiredBench) -> None:
 
 
 def test_a_guard_that_hangs_stops_the_arm_which_may_go_on_once_it_answers(
-    patient: WiredBench,
+    guarded: WiredBench,
 ) -> None:
-    bench = patient
+    bench = guarded
     bench.engage_and_move()
     os.kill(guard_pid(bench), signal.SIGSTOP)
     try:
@@ -106,9 +105,9 @@ def tells(bench: WiredBench, in_the_way: Reason | None) -> None:
 
 
 def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
-    patient: WiredBench,
+    guarded: WiredBench,
 ) -> None:
-    bench = patient
+    bench = guarded
     bench.engage_and_move()
     bench.quiesce()
     bench.reachable = False
@@ -133,7 +132,7 @@ def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
 ) -> None:
     bench = make_bench(folder=tmp_path)
     drivers = {each.connection for each in bench.model.since(-1)}
-    bench.add_guard(PATIENT_MS)
+    bench.add_guard()
     bench.engage_and_move(SIDEWAYS / 4)
     bench.server.is_cut = lambda frame: threading.get_native_id() not in drivers
     seen = bench.run_until_state(ArmingState.FAULT)

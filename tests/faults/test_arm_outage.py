@@ -64,10 +64,7 @@ def moving_arm(cleaning: ExitStack, config: ArmConfig) -> Lite6:
     arm.enable(ServoMode.VELOCITY)
     sent = arm.link().sent
     while arm.link().sent < sent + 20:
-        if arm.link().failure:  # two replies were late by the machine's load: nothing is sent then
-            arm.clear_errors()
-            arm.enable(ServoMode.VELOCITY)
-            sent = arm.link().sent
+        assert not arm.link().failure
         arm.send_twist(ACROSS)
         time.sleep(SENDING_PERIOD_S)
     return arm

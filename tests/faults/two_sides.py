@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -19,15 +19,14 @@ from tams_app.recording import SessionLog
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.two_sided.operator import OperatorSession
 from tams_app.teleop.safety import ArmingState, Reason
-from tests.faults.applications import PATIENCE_S, PATIENT, Application, only_log, until
+from tests.faults.applications import PATIENCE_S, Application, only_log, until
 from tests.faults.hand import Hand
 
 HOST = "127.0.0.1"
 FULL_SPEED_M_S = 0.3  # of the hand: more than the arm's, which is then at its limit
 _CONFIRM_EACH_S = 1.0
 _PRESSED_S = 1.0
-_RELEASED_S = 0.2  # what was pressed in vain must be seen released before it counts again
-_ATTEMPTS = 5
+_RELEASED_S = 0.2  # what was pressed must be seen released before it counts again
 _WAY_TO_SPEED_MM = 60.0
 _WAY_S = 2.0
 
@@ -39,7 +38,6 @@ class RobotSide(Application):
         self,
         out: Path,
         key: Path | None = None,
-        patience: Mapping[str, object] = PATIENT,
         **overrides: object,
     ) -> None:
         self.port = free_port()
@@ -51,7 +49,7 @@ class RobotSide(Application):
             **overrides,
         }
         out.mkdir(exist_ok=True)
-        super().__init__(out, words=words, patience=patience, **settings)
+        super().__init__(out, words=words, **settings)
 
     def waits(self) -> None:
         """Until an operator may call."""
@@ -161,24 +159,17 @@ class HandSide:
     def engages(self) -> None:
         """Arm, whatever has stopped the arm before, and press the trigger; the hand rests."""
         self.hand.velocity = np.zeros(3)
-        deadline_s = time.monotonic() + PATIENCE_S
-        while self.arming != ArmingState.ENGAGED:
-            assert time.monotonic() < deadline_s, f"{self.arming}: {self.reason}"
-            self.hand.trigger = 0.0
-            time.sleep(_RELEASED_S)
-            self._arms(deadline_s)
-            self.hand.trigger = 1.0  # which is in vain if just now something is stale
-            _waits(lambda: self.arming == ArmingState.ENGAGED, _PRESSED_S)
+        self.arms()
+        self.hand.trigger = 1.0
+        _waits(lambda: self.arming == ArmingState.ENGAGED, _PRESSED_S)
         time.sleep(0.1)
+        assert self.arming == ArmingState.ENGAGED, f"{self.arming}: {self.reason}"
 
     def arms(self) -> None:
         """Let go and arm, whatever has stopped the arm before; it waits, ready."""
         self.hand.trigger = 0.0
         time.sleep(_RELEASED_S)
-        self._arms(time.monotonic() + PATIENCE_S)
-
-    def _arms(self, deadline_s: float) -> None:
-        asked_s = 0.0
+        asked_s, deadline_s = 0.0, time.monotonic() + PATIENCE_S
         while not (self.arming == ArmingState.READY and not self.reason):
             self.session.poll()
             assert not self.session.failure, self.session.failure
@@ -190,33 +181,28 @@ class HandSide:
 
     def moves(self) -> None:
         """Engage, and go at full speed towards the other side until the arm is under way."""
-        for _ in range(_ATTEMPTS):  # the machine's load may stop the arm: then again
-            self.engages()
-            y_mm = self._y_mm()
-            self.hand.velocity = np.array([0.0, -np.sign(y_mm) or 1.0, 0.0]) * FULL_SPEED_M_S
-            deadline_s = time.monotonic() + _WAY_S
-            while self.arming == ArmingState.ENGAGED and time.monotonic() < deadline_s:
-                if abs(self._y_mm() - y_mm) > _WAY_TO_SPEED_MM:
-                    return
-                time.sleep(0.005)
-        raise AssertionError(f"the arm does not move: {self.arming}")
+        self.engages()
+        y_mm = self._y_mm()
+        self.hand.velocity = np.array([0.0, -np.sign(y_mm) or 1.0, 0.0]) * FULL_SPEED_M_S
+        _waits(
+            lambda: (
+                abs(self._y_mm() - y_mm) > _WAY_TO_SPEED_MM or self.arming != ArmingState.ENGAGED
+            ),
+            _WAY_S,
+        )
+        assert abs(self._y_mm() - y_mm) > _WAY_TO_SPEED_MM, f"{self.arming}: {self.reason}"
 
     def loses_the_link(
         self, cut: Callable[[], int], restore: Callable[[], object], seconds: float
     ) -> int:
-        """Cut the link for so long while the arm moves; what `cut` returned: when it was [ns].
-
-        The machine's load may stop the arm just before, for another reason: then again.
-        """
-        for _ in range(_ATTEMPTS):
-            self.moves()
-            cut_ns = cut()
-            time.sleep(seconds)
-            restore()
-            self.becomes(ArmingState.FAULT)
-            if self.reason.startswith(Reason.LINK_LOST.label):
-                return cut_ns
-        raise AssertionError(f"the arm was stopped otherwise each time: {self.reason}")
+        """Cut the link for so long while the arm moves; what `cut` returned: when it was [ns]."""
+        self.moves()
+        cut_ns = cut()
+        time.sleep(seconds)
+        restore()
+        self.becomes(ArmingState.FAULT)
+        assert self.reason.startswith(Reason.LINK_LOST.label), self.reason
+        return cut_ns
 
     def helper(self, name: str) -> psutil.Process:
         """The helper process of that name."""

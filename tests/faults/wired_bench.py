@@ -17,7 +17,6 @@ from pathlib import Path
 from hw.lite6.arm import Lite6
 from hw.lite6.uxbus import Frame
 from hw.sim.controller.server import ControllerServer
-from tams_app.config.motion import GuardConfig
 from tams_app.records import ArmState
 from tams_app.runtime.worker import Worker
 from tams_app.session.guarding import Guarding
@@ -103,8 +102,6 @@ class WiredBench(Bench):
             self._began_s = time.monotonic()
             self._began_ns = 0
             self.guarding: Guarding | None = None
-            self.longest_gap_s = 0.0  # of real time between two ticks, beyond what `stall` took
-            self._stalled_s = 0.0  # since the last tick
             self.reachable = True  # set to False where no stop can reach the controller
             self.in_step = True  # set to False where replies are to be late
             self._fell_silent = False
@@ -122,13 +119,11 @@ class WiredBench(Bench):
             stack.callback(self._server_side.close)
             stack.callback(super().close)
 
-    def add_guard(self, heartbeat_timeout_ms: float) -> None:
-        """Start the guard's process and let every tick beat it."""
+    def add_guard(self) -> None:
+        """Start the guard's process, with the product's limit, and let every tick beat it."""
         assert self.folder is not None
-        guard = GuardConfig(heartbeat_timeout_ms=heartbeat_timeout_ms)
-        arm = self.config.arm.model_copy(update={"guard": guard})
         guarding = Guarding(
-            arm, self.folder, self.signals, lambda level, text: self.notes.append(text)
+            self.config.arm, self.folder, self.signals, lambda level, text: self.notes.append(text)
         )
         self.cleaning.callback(guarding.close)
         guarding.start()
@@ -141,15 +136,11 @@ class WiredBench(Bench):
         while time.monotonic() < end_s:
             time.sleep(PERIOD_S / 2)
             self._tick_clock.advance(PERIOD_NS // 2)
-        self._stalled_s += seconds
 
     def _let_pass(self, duration_ns: int) -> None:
         due_s = self._began_s + duration_ns / NS_PER_S
         time.sleep(max(0.0, due_s - time.monotonic()))
-        began_s = time.monotonic()
-        gap_s = began_s - self._began_s - self._stalled_s
-        self.longest_gap_s = max(self.longest_gap_s, gap_s)
-        self._began_s, self._stalled_s = began_s, 0.0
+        self._began_s = time.monotonic()
         self._tick_clock.advance(duration_ns)
         self._began_ns = self.clock.now_ns()
 

@@ -214,20 +214,9 @@ class Station:
         return followed_m
 
     def _engage(self) -> None:
-        """Press the trigger, and anew if something was in the way just then; until a fault."""
-        next_s, pressed = 0.0, False
-
-        def engaged() -> bool:
-            nonlocal next_s, pressed
-            if (pressed and self.arming == "engaged") or self.arming == "fault":
-                return True
-            if time.monotonic() >= next_s:
-                next_s = time.monotonic() + AGAIN_S
-                pressed = not pressed
-                self.press("trigger", 1.0 if pressed else 0.0)
-            return False
-
-        self.until(engaged, "engaged")
+        """Press the trigger; the arm is engaged then, or something was in the way."""
+        self.press("trigger", 1.0)
+        self.until(lambda: self.arming in ("engaged", "holding", "fault"), "engaged")
 
     def close(self) -> None:
         """End the session as the operator does; may be called twice."""
