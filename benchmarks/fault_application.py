@@ -162,6 +162,9 @@ class Application(Listener):
     def age_ns(self, view: str, now_ns: int) -> int:
         return self.video_age_ns
 
+    def is_damaged(self, view: str) -> bool:
+        return False
+
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self.arming = output.arming
 

@@ -100,7 +100,7 @@ def one_of_each() -> list[Any]:
         Frame("eih", 4, t + 1, image),
         EncodedFrame("eih", 4, t + 1, t + 9, True, b"\0\0\0\1\x65abc"),
         DroppedFrame("gs", 5, t + 2),
-        ShownFrame("eih", 4, t + 77, image, t),
+        ShownFrame("eih", 4, t + 77, image, t, True),
         PacketRecord(
             "gt", PacketKind.REPAIR, 65535, 1228, t, t + 5, t + 9, PacketFate.DELIVERED, 12000
         ),
@@ -133,7 +133,7 @@ def test_every_record_comes_back_as_it_went_in(tmp_path: Path) -> None:
     assert log.capacities == [by_type[LinkCapacity]]
     assert log.uplink == [by_type[UplinkSummary]]
     assert log.captured == [FrameCaptured("eih", 4, START_NS + 1)]
-    assert log.shown == [FrameShown("eih", 4, START_NS + 77)]
+    assert log.shown == [FrameShown("eih", 4, START_NS + 77, True)]
     assert log.dropped == [by_type[DroppedFrame]]
     assert log.packets == [item for item in items if isinstance(item, PacketRecord)]
     assert log.stops == [by_type[StopRecord]]

@@ -57,6 +57,7 @@ VIEW_KEYS: dict[str, Any] = {
     "frames_shown": 0,
     "latency_ms": {"p50": 0, "p95": 0, "p99": 0},
     "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
+    "not_whole_s": 0.0,
     **SSIM,
     "ssim_n": SSIM,
     "ssim_sampled_fraction": 0.0,
@@ -482,6 +483,15 @@ def test_latency_is_from_capture_to_the_mailbox() -> None:
     view = summarise(log)["views"]["eih"]
     assert view["latency_ms"] == {"p50": 80.0, "p95": 80.0, "p99": 80.0}
     assert (view["frames_captured"], view["frames_sent"], view["frames_shown"]) == (120, 120, 80)
+
+
+def test_the_time_is_counted_for_which_what_was_shown_was_not_whole() -> None:
+    log = Synthetic(4.0).log()
+    assert summarise(log)["views"]["gt"]["not_whole_s"] is None, "where the log does not say"
+    log.shown = [replace(one, whole=not 30 <= one.index < 45) for one in log.shown]
+    assert summarise(log)["views"]["gt"]["not_whole_s"] == pytest.approx(0.5, abs=1e-3)
+    log.shown = [one for one in log.shown if one.index <= 30 or one.index >= 60]
+    assert summarise(log)["views"]["gt"]["not_whole_s"] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_freeze_is_a_frame_unchanged_for_more_than_200_ms() -> None:

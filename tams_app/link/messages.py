@@ -69,7 +69,9 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     echo_ns: the newest `StateMessage.sent_ns` that was heard, 0 before the first; echo_heard_ns:
         when that was.
     pose: position [m] and rotation (quaternion), 7 numbers, in the tracking frame, or None.
-    shown: by view, the RTP timestamp of the frame on the screen; None before the first.
+    shown: by view, the RTP timestamp of the newest frame shown that counts (it is whole, and
+        what shows it works); None before the first. damaged: by view, whether a newer one is shown
+        that is not whole.
     confirms: how often the operator has confirmed; confirmed_ns: when they did last.
     stops: how often they have asked for an emergency stop.
     menu_presses: how often the menu button has gone down; `menu` may have come and gone unheard.
@@ -98,6 +100,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     noted: Whole = 0
     menu_presses: Whole = 0
     hand: str = ""
+    damaged: tuple[bool, ...] = ()
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):

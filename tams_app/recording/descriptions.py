@@ -76,7 +76,8 @@ _DESCRIPTIONS = {
     "stop": "whether this tick told the arm to stop",
     "inputs": "what the tick was told besides hand, arm and link; null: the log does not say",
     "arm_ready": "whether the arm is enabled and nothing has stopped it since",
-    "video_age_ns": "of what is shown of the primary view [ns]; null: no video",
+    "video_age_ns": "of the primary view's newest frame that counts [ns]; null: no video",
+    "video_damaged": "whether a newer frame is shown there that is not whole",
     "confirm": "whether the operator confirmed since the tick before",
     "estop": "whether an emergency stop was asked for since the tick before",
     "faults": "labels of what the session lost, or the guard did",
@@ -142,6 +143,8 @@ _DESCRIPTIONS = {
     "given_fps": "by view, frames that came in the last second [1/s]",
     "overrun_fps": "by view, frames that came besides and were not taken [1/s]",
     "frozen": "whether what was on the screen had stayed there too long",
+    "whole": "whether no packet of it or of what it is predicted from was missing; null: the log "
+    "does not say",
     "concealed": "whether the decoder filled in for lost data; null: not known",
     "received": "SSIM of the frame as shown, 0 to 1; null: not computed",
     "delivered": "SSIM of what stood in its place, 0 to 1; null: not computed",

@@ -138,6 +138,7 @@ class FrameShown:
     view: str
     index: int
     shown_ns: int
+    whole: bool | None = None  # None: the log does not say
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,6 +67,7 @@ class ShownFrame:
     shown_ns: int
     image: Image
     capture_ns: int
+    whole: bool  # no packet of it, or of what it is predicted from, was missing
 
 
 @dataclass(frozen=True, slots=True)

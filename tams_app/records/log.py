@@ -19,6 +19,7 @@ class TickInputs:
     confirm: bool
     estop: bool
     faults: tuple[str, ...]  # labels of what the session lost or the guard did
+    video_damaged: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,14 +90,17 @@ class Signals:
 
 
 class ShownVideo(Protocol):
-    """What the control loop must know of the video."""
+    """What the control loop must know of the video; what counts says `fresh_video`."""
 
     @property
     def delay_ns(self) -> int:
         """No frame is ever shown younger: one-way latency plus jitter buffer."""
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the frame shown of `view`; None before the first, and where it is not known."""
+        """Age of the newest frame of `view` that counts; None before the first."""
+
+    def is_damaged(self, view: str) -> bool:
+        """Whether a newer frame of `view` is shown, which does not count: it is not whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,9 @@ class SteadyVideo:
 
     def age_ns(self, view: str, now_ns: int) -> int:
         return self.delay_ns
+
+    def is_damaged(self, view: str) -> bool:
+        return False
 
 
 class ControlLoop:
@@ -186,7 +192,6 @@ class ControlLoop:
         age_ns = self._video.age_ns(view, now_ns)
         if age_ns is not None:
             age_ns += self._camera_delays_ns.get(view, 0)
-            age_ns = max(age_ns, self._signals.faces.silent_ns(now_ns))
         return TeleopInput(
             now_ns=now_ns,
             sample=sample,
@@ -197,6 +202,7 @@ class ControlLoop:
             confirm=pending.confirm,
             estop=pending.estop,
             faults=pending.faults,
+            video_damaged=self._video.is_damaged(view),
         )
 
     def _act(self, output: TeleopOutput) -> None:
@@ -249,6 +255,7 @@ def tick_of(
             told.confirm,
             told.estop,
             tuple(fault.label for fault in told.faults),
+            told.video_damaged,
         ),
         lasting=lasting_label(output),
     )

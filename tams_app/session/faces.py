@@ -1,4 +1,4 @@
-"""Whether what shows the video to the operator still works: else old pictures stay on it."""
+"""When what shows the video to the operator worked last: else old pictures stay on it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ class Faces:
         """One more, and when it told last that it works, or was opened."""
         self._heard_ns = (*self._heard_ns, heard_ns)
 
-    def silent_ns(self, now_ns: int) -> int:
-        """How long the one that is silent longest has been: no picture on it is newer."""
-        return max((now_ns - heard_ns() for heard_ns in self._heard_ns), default=0)
+    def heard_ns(self) -> int | None:
+        """When the one that is silent longest told last that it works; None without any."""
+        return min((heard_ns() for heard_ns in self._heard_ns), default=None)

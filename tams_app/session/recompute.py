@@ -173,6 +173,7 @@ def _told(tick: Tick, inputs: TickInputs) -> TeleopInput:
         confirm=inputs.confirm,
         estop=inputs.estop,
         faults=tuple(_REASONS[fault] for fault in inputs.faults),
+        video_damaged=inputs.video_damaged,
     )
 
 

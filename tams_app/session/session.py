@@ -199,6 +199,7 @@ class Session(Ending):
             self._on_packets,
             self._on_worker_failure,
             codecs=codecs,
+            faces=self.signals.faces,
         )
 
     def _make_controller(self) -> Controller:

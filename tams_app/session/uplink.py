@@ -12,6 +12,7 @@ from hw.camera import Camera
 from tams_app.config import Config, Network
 from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
+from tams_app.session.faces import Faces
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Quality, Video
 from tams_app.video.codecs import SOFTWARE, Codecs
@@ -38,10 +39,11 @@ class Senders(Video):
         quality: Quality,
         epoch_ns: int | None = None,
         codecs: Codecs = SOFTWARE,
+        faces: Faces | None = None,
     ) -> None:
-        """A capacity trace begins at `epoch_ns`, by default now."""
+        """A capacity trace begins at `epoch_ns`, by default now. `faces`: what shows the frames."""
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
-        super().__init__(config, network, clock, self._epoch_ns, log, quality, codecs)
+        super().__init__(config, network, clock, self._epoch_ns, log, quality, codecs, faces)
         self._config = config
         self._network = network
         self._senders: dict[str, VideoSender] = {}
@@ -115,9 +117,13 @@ class Uplink(Senders):
         on_failure: Callable[[str, BaseException], None],
         epoch_ns: int | None = None,
         codecs: Codecs = SOFTWARE,
+        faces: Faces | None = None,
     ) -> None:
-        """A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process."""
-        super().__init__(config, network, clock, log, quality, epoch_ns, codecs)
+        """A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process.
+
+        `faces`: what shows the frames.
+        """
+        super().__init__(config, network, clock, log, quality, epoch_ns, codecs, faces)
         self._logs = logs
         self._on_packets = on_packets
         self._on_failure = on_failure

@@ -11,6 +11,8 @@ from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
 from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
 from tams_app.runtime.clock import Clock
+from tams_app.session.faces import Faces
+from tams_app.session.fresh_video import FreshVideo
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
 from tams_app.video.codecs import SOFTWARE, Codecs
@@ -45,8 +47,9 @@ class Video(ABC):
         log: SessionRecords,
         quality: Quality,
         codecs: Codecs = SOFTWARE,
+        faces: Faces | None = None,
     ) -> None:
-        """A capacity trace of `network` begins at `epoch_ns`."""
+        """A capacity trace of `network` begins at `epoch_ns`. `faces`: what shows the frames."""
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
         mode = config.policy.budget.mode
@@ -69,6 +72,7 @@ class Video(ABC):
         self._protection = Protection(protected, network, self._rule, video.fps, always)
         self._flight = FlightBound(video.views) if self._feedback else None
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
+        self._fresh = FreshVideo(video.views, faces or Faces())
         self._clock = clock
         self._log = log
         self._quality = quality
@@ -92,9 +96,13 @@ class Video(ABC):
         self._send(frame, self._exceeds_flight(frame.view))
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the frame shown of `view`; None before the first."""
-        shown = self.shown(view)
-        return None if shown is None else now_ns - shown.capture_ns
+        """Age of the newest frame of `view` that counts; None before the first."""
+        capture_ns = self._fresh.of(view).capture_ns
+        return None if capture_ns is None else now_ns - capture_ns
+
+    def is_damaged(self, view: str) -> bool:
+        """Whether a newer frame of `view` is shown, which does not count: it is not whole."""
+        return self._fresh.of(view).is_damaged
 
     @abstractmethod
     def shown(self, view: str) -> ShownFrame | None:
@@ -149,6 +157,7 @@ class Video(ABC):
         """IP datagram bytes sent so far, all views together."""
 
     def _on_shown(self, shown: ShownFrame) -> None:
+        self._fresh.shown(shown)
         self._log.record(shown)
         self._quality.shown(shown)
 

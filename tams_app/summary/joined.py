@@ -92,7 +92,7 @@ def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> Se
         if there:
             times_ns = offsets.to_robot(np.array([one.shown_ns for one in there], dtype=np.int64))
             shown += [
-                FrameShown(view, indices[one.index], t_ns)
+                FrameShown(view, indices[one.index], t_ns, one.whole)
                 for one, t_ns in zip(there, times_ns.tolist(), strict=True)
             ]
     seen_ns = np.array([one.t_ns for one in operator.glances], dtype=np.int64)

@@ -123,6 +123,7 @@ def _view(
         "frames_shown": int(np.sum(shown)),
         "latency_ms": percentiles(latency_ms, ("p50", "p95", "p99")),
         "freezes": _freezes(frames, span),
+        "not_whole_s": _not_whole_s(log, view, span),
         **view_quality(log, view, quality),
     }
 
@@ -145,6 +146,18 @@ def _freezes(frames: FrameTable, span: Span | None) -> dict[str, Any]:
         "total_s": round(float(np.sum(frozen_s)), 4),
         "longest_s": round(float(np.max(frozen_s, initial=0.0)), 4),
     }
+
+
+def _not_whole_s(log: SessionLog, view: str, span: Span | None) -> float | None:
+    """For how long the frame on the screen was not whole (`video.whole_chain`)."""
+    shown = sorted((one for one in log.shown if one.view == view), key=lambda one: one.shown_ns)
+    if span is None or not shown or any(one.whole is None for one in shown):
+        return None
+    until_ns = [*(one.shown_ns for one in shown[1:]), max(span.end_ns, shown[-1].shown_ns)]
+    found_ns = sum(
+        end_ns - one.shown_ns for one, end_ns in zip(shown, until_ns, strict=True) if not one.whole
+    )
+    return round(found_ns / NS_PER_S, 4)
 
 
 def _missing(log: SessionLog) -> list[dict[str, Any]]:

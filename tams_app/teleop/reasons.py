@@ -202,6 +202,12 @@ class Reason(Enum):
         "The video is too old to steer by: wait until it is back, then {release}.",
         "The video is back: {release}.",
     )
+    VIDEO_DAMAGED = _hold(
+        "video damaged",
+        "Parts of the video were lost, so that what it shows may be wrong: wait until it is whole "
+        "again, then {release}.",
+        "The video is whole again: {release}.",
+    )
     WORKSPACE = _hold(
         "workspace limit",
         "The arm is at the edge of its workspace: {release} and move back inside.",

@@ -32,10 +32,11 @@ class TeleopInput:
     arm: ArmState | None
     link: CommandLink
     arm_ready: bool  # enabled, and nothing has stopped it since
-    video_age_ns: int | None  # of the shown primary view; None: no video in this run
+    video_age_ns: int | None  # of the primary view as far as it counts; None: no video in this run
     confirm: bool  # edge of Enter or the console's button
     estop: bool  # edge of terminal, console or signal
     faults: tuple[Reason, ...] = ()  # what the session lost or the guard did
+    video_damaged: bool = False  # newer frames are shown that do not count: they are not whole
 
 
 @dataclass(frozen=True, slots=True)

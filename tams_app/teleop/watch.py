@@ -68,7 +68,7 @@ class Watch:
             found.append(Reason.POSE_FROZEN)  # engaging would be a fault at once
         found += self._arm_holds(tick, state)
         if state.is_armed and self.video_scale(tick.video_age_ns) <= 0.0:
-            found.append(Reason.STALE_VIDEO)
+            found.append(Reason.VIDEO_DAMAGED if tick.video_damaged else Reason.STALE_VIDEO)
         return found
 
     def servo_ready(self, arm: ArmState | None) -> bool:

@@ -91,8 +91,8 @@ def _choose(wanted: str, by_rule: bool) -> bool:
 class KeyframeRequests:
     """Rate limit of keyframe requests (PLI): one per interval; an early one waits for its turn.
 
-    A complete keyframe answers every request before it. A PLI that stays unanswered for two
-    intervals was lost itself and is sent again.
+    A whole chain (`whole_chain`) answers every request before it. A PLI that stays unanswered for
+    two intervals was lost itself and is sent again.
     """
 
     def __init__(self, interval_ms: float) -> None:
@@ -117,7 +117,7 @@ class KeyframeRequests:
         self._last_ns = now_ns
         return True
 
-    def keyframe(self, complete: bool) -> None:
-        """A keyframe left the depayloader; `complete` if no packet in or before it was lost."""
-        if complete:
-            self._unanswered = self._waiting = False
+    def chain(self, unbroken: bool) -> None:
+        """An access unit came: whether it is whole; where it is not, a keyframe is needed."""
+        self._unanswered = not unbroken
+        self._waiting = self._waiting and not unbroken

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -21,10 +22,12 @@ from tams_app.video.colour import bgr_of
 from tams_app.video.frame_identity import RtpTimes, SentFrame
 from tams_app.video.frame_interval import FrameIntervals
 from tams_app.video.repair import KeyframeRequests, RepairRule
+from tams_app.video.whole_chain import WholeChain, has_idr
 
 _RTP_SEQUENCE = slice(2, 4)  # of the RTP header (RFC 3550)
 _RTP_TIMESTAMP = slice(4, 8)
 _WAIT_TOLERANCE_MS = 10
+_DECODING = 64  # frames: more than any decoder keeps
 
 
 class ViewDecoder:
@@ -60,6 +63,8 @@ class ViewDecoder:
         self._requests_lock = threading.Lock()
         self._asks_for_keyframes = rule.pli
         self._start_request_is_idle = False
+        self._chain = WholeChain()
+        self._whole: deque[int] = deque(maxlen=_DECODING)  # RTP timestamps of whole frames
 
     def attach(self, pipeline: Any) -> None:
         """Take the elements of a `decoder_chain` that ends in the appsink `frames`."""
@@ -104,34 +109,47 @@ class ViewDecoder:
         return gst.load().Gst.PadProbeReturn.REMOVE
 
     def _on_upstream_event(self, pad: Any, probe: Any) -> Any:
-        """Let a keyframe request of the depayloader pass, or keep it for later."""
+        """Let a keyframe request of the depayloader pass, or keep it for later.
+
+        It makes one for each gap, when the first packet after it has come.
+        """
         modules = gst.load()
         results = modules.Gst.PadProbeReturn
         if not modules.GstVideo.video_event_is_force_key_unit(probe.get_event()):
             return results.OK
-        if self._start_request_is_idle or not self._asks_for_keyframes:
+        if self._start_request_is_idle:
             self._start_request_is_idle = False
+            return results.DROP
+        self._chain.gap(self._newest_timestamp())
+        if not self._asks_for_keyframes:
             return results.DROP
         with self._requests_lock:
             return results.OK if self._requests.request(self._clock.now_ns()) else results.DROP
 
     def _on_access_unit(self, pad: Any, probe: Any) -> Any:
+        """Judge it. One with the marker ends with the packet that the depayloader is at."""
         Gst = gst.load().Gst
         buffer = probe.get_buffer()
-        self._keep_in_line(buffer)
-        if not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT):
-            with self._requests_lock:
-                self._requests.keyframe(complete=not buffer.has_flags(Gst.BufferFlags.DISCONT))
+        timestamp = self._newest_timestamp()
+        has_end = buffer.has_flags(Gst.BufferFlags.MARKER)
+        if has_end:
+            self._keep_in_line(buffer, timestamp)
+        may_have_idr = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
+        is_keyframe = may_have_idr and has_idr(buffer.extract_dup(0, buffer.get_size()))
+        if self._chain.access_unit(timestamp, is_keyframe, has_end):
+            self._whole.append(timestamp)
+        self._step_requests()
         return Gst.PadProbeReturn.OK
 
-    def _keep_in_line(self, access_unit: Any) -> None:
-        """Undo a jump of the jitter buffer's PTS: they restart where 3 s of RTP time are missing.
+    def _newest_timestamp(self) -> int:
+        """Of the packet that the depayloader is at."""
+        timestamp: int = self._depayloader.get_property("stats").get_value("timestamp")
+        return timestamp
 
-        An access unit with the marker ends with the packet that the depayloader is at.
-        """
-        if self._times is None or not access_unit.has_flags(gst.load().Gst.BufferFlags.MARKER):
+    def _keep_in_line(self, access_unit: Any, timestamp: int) -> None:
+        """Undo a jump of the jitter buffer's PTS: they restart where 3 s of RTP time lack."""
+        if self._times is None:
             return
-        timestamp = self._depayloader.get_property("stats").get_value("timestamp")
         shift_ns = self._times.follow(access_unit.pts, timestamp)
         self._wait_for_resends(self._times.followed_ns)
         if shift_ns:
@@ -157,20 +175,25 @@ class ViewDecoder:
     def _show(self, buffer: Any) -> None:
         if self._times is None:
             raise TamsError("a frame came out before a packet went in")
-        sent = self._identify(self._times.timestamp(buffer.pts))
+        timestamp = self._times.timestamp(buffer.pts)
+        sent = self._identify(timestamp)
         if sent is None:
             return  # a frame of unknown age is not to be steered by
         image = bgr_of(gst.pixels_of(buffer), self._config.height, self._config.width)
         now_ns = self._clock.now_ns()
-        shown = ShownFrame(self._view, sent.index, now_ns, image, sent.capture_ns)
+        whole = timestamp in self._whole
+        shown = ShownFrame(self._view, sent.index, now_ns, image, sent.capture_ns, whole)
         self.mailbox.put(shown)
         self._on_shown(shown)
-        self._send_waiting_request()
 
     # --- keyframe requests ------------------------------------------------------------------
 
-    def _send_waiting_request(self) -> None:
+    def _step_requests(self) -> None:
+        """With each access unit: what is whole again needs none; what is not, one until it is."""
+        if not self._asks_for_keyframes:
+            return
         with self._requests_lock:
+            self._requests.chain(self._chain.unbroken)
             due = self._requests.due(self._clock.now_ns())
         if due:
             self._request_keyframe()

@@ -49,7 +49,7 @@ def pictures() -> Iterable[ShownFrame]:
         for view in VIEWS:
             image = np.full((48, 64, 3), grey, np.uint8)
             shown_ns = START_NS - HOUR_NS + round(at_s * NS_PER_S)
-            yield ShownFrame(view, 0, shown_ns, image, shown_ns)
+            yield ShownFrame(view, 0, shown_ns, image, shown_ns, True)
 
 
 @pytest.fixture

@@ -254,6 +254,9 @@ class Bench(Listener, ABC):
     def age_ns(self, view: str, now_ns: int) -> int | None:
         return self._sight.age_ns(view, now_ns)
 
+    def is_damaged(self, view: str) -> bool:
+        return self._sight.is_damaged(view)
+
     def before_tick(self, now_ns: int) -> None:
         self.beats.append(now_ns)
 

@@ -136,6 +136,9 @@ class Chain:
         self.ages_ns.append(1 << 62 if age is None else age)
         return age
 
+    def is_damaged(self, view: str) -> bool:
+        return self.uplink.is_damaged(view)
+
     def is_fresh(self) -> bool:
         """Whether every view shows a young frame."""
         now_ns = time.monotonic_ns()

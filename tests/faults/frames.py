@@ -14,7 +14,10 @@ class Sight(Protocol):
     """What the operator sees: the part of `Uplink` that the control loop asks."""
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the frame shown of `view`."""
+        """Age of the newest frame of `view` that counts."""
+
+    def is_damaged(self, view: str) -> bool:
+        """Whether a newer frame is shown, which is not whole."""
 
 
 class Frames:
@@ -35,3 +38,6 @@ class Frames:
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         return now_ns - self._captured_ns.get(view, now_ns - PICTURE_DELAY_NS)
+
+    def is_damaged(self, view: str) -> bool:
+        return False

@@ -253,12 +253,12 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
-    short = decode(msgspec.msgpack.encode(fields(HAND)[:-6]), HandMessage)
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-7]), HandMessage)
     asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.menu_presses
     assert asked == (0, 0, 0, 0, 0)
-    assert short.hand == ""
+    assert (short.hand, short.damaged) == ("", ())
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(fields(HAND)[:-7]), HandMessage)
+        decode(msgspec.msgpack.encode(fields(HAND)[:-8]), HandMessage)
 
 
 @pytest.mark.parametrize("depth", [100, 10_000])

@@ -87,7 +87,7 @@ class Mirror(Video):
 
     def _send(self, frame, left_out):
         shown_ns = frame.capture_ns
-        shown = ShownFrame(frame.view, frame.index, shown_ns, frame.image, frame.capture_ns)
+        shown = ShownFrame(frame.view, frame.index, shown_ns, frame.image, frame.capture_ns, True)
         self._screen[frame.view] = shown
         self._on_shown(shown)
 

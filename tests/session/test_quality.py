@@ -80,7 +80,9 @@ def frame(index: int) -> Image:
 def push(quality: LiveQuality, index: int) -> None:
     quality.captured(Frame("gt", index, index * FRAME_NS, frame(index)))
     shown = np.asarray(cv2.GaussianBlur(frame(index), (0, 0), 1), np.uint8)
-    quality.shown(ShownFrame("gt", index, index * FRAME_NS + NS_PER_MS, shown, index * FRAME_NS))
+    quality.shown(
+        ShownFrame("gt", index, index * FRAME_NS + NS_PER_MS, shown, index * FRAME_NS, True)
+    )
 
 
 def test_every_captured_frame_is_told_once_with_its_scores(

@@ -30,6 +30,9 @@ class NoFrames:
     def age_ns(self, view, now_ns):
         return None
 
+    def is_damaged(self, view):
+        return False
+
 
 def snapshot(board):
     return board.snapshot(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {"gt": 14.0}, "openvr")

@@ -55,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
             for view in VIEWS:
                 image = np.full((48, 64, 3), grey, np.uint8)
                 shown_ns, capture_ns = second(number + 0.2), second(number + 0.1)
-                log.record(ShownFrame(view, 30 * number, shown_ns, image, capture_ns))
+                log.record(ShownFrame(view, 30 * number, shown_ns, image, capture_ns, True))
             for at in range(120 * number, 120 * (number + 1)):
                 log.record(tick(at))
             clock.advance_ns(NS_PER_S)

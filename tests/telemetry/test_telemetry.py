@@ -196,7 +196,7 @@ def picture(index: int) -> np.ndarray[Any, Any]:
 
 def shown_frames(seconds: int) -> list[ShownFrame]:
     return [
-        ShownFrame(view, index, START_NS + index * NS_PER_S // 30, picture(index), START_NS)
+        ShownFrame(view, index, START_NS + index * NS_PER_S // 30, picture(index), START_NS, True)
         for index in range(seconds * 30)
         for view in VIEWS
     ]

@@ -117,7 +117,7 @@ def test_a_request_that_was_lost_itself_is_repeated_until_a_keyframe_comes() -> 
     assert not requests.due(599 * NS_PER_MS)
     assert requests.due(600 * NS_PER_MS)
     assert requests.due(1200 * NS_PER_MS)
-    requests.keyframe(complete=True)
+    requests.chain(unbroken=True)
     assert not requests.due(5000 * NS_PER_MS)
 
 
@@ -125,15 +125,23 @@ def test_a_clean_keyframe_answers_a_waiting_request() -> None:
     requests = KeyframeRequests(300.0)
     requests.request(0)
     requests.request(50 * NS_PER_MS)
-    requests.keyframe(complete=True)
+    requests.chain(unbroken=True)
     assert not requests.due(400 * NS_PER_MS)
+
+
+def test_a_broken_chain_is_asked_for_also_where_no_gap_was_seen() -> None:
+    requests = KeyframeRequests(300.0)
+    requests.chain(unbroken=True)
+    assert not requests.due(0)
+    requests.chain(unbroken=False)
+    assert requests.due(100 * NS_PER_MS)
 
 
 def test_an_incomplete_keyframe_answers_nothing() -> None:
     requests = KeyframeRequests(300.0)
     requests.request(0)
     requests.request(50 * NS_PER_MS)
-    requests.keyframe(complete=False)
+    requests.chain(unbroken=False)
     assert requests.due(400 * NS_PER_MS)
 
 

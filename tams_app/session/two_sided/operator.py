@@ -25,6 +25,7 @@ from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordina
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
 from tams_app.session.ending import Ending
+from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.rig_operator import RigOperator
 from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus, pressed_buttons
@@ -41,7 +42,6 @@ from tams_app.video.repair import RepairRule
 _CALL_POLL_NS = 50 * NS_PER_MS
 _REFUSED_NS = NS_PER_S
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
-_FACE_SILENT_NS = 3 * NS_PER_S // 10
 _STOP_TOLD_S = 0.1
 _GREETING = encode(Greeting(PROTOCOL, __version__))
 
@@ -62,7 +62,6 @@ class OperatorSession(Ending):
         self._say = say
         self.folder = folder
         self.signals = Requests(clock)
-        self._timestamps: tuple[int | None, ...] = ()
         self.board = StatusBoard(())
         self.keyboard: KeyboardController | None = None  # which the console's window has to feed
         self._endpoint = endpoint
@@ -116,7 +115,7 @@ class OperatorSession(Ending):
             gateway,
             self.signals,
             self._log,
-            self._shown_now,
+            self._steered_by,
             identity,
             hand_of(self.config),
         )
@@ -181,6 +180,7 @@ class OperatorSession(Ending):
             self._on_shown,
             codecs.decoder,
             self._robot_now_ns,
+            self.signals.faces,
         )
         self._stack.callback(self._video.close)
         self._gateway.follow(self._video.start(self._gateway.entrance_port))
@@ -342,34 +342,33 @@ class OperatorSession(Ending):
     def _record_glance(self, glance: OperatorGlance) -> None:
         self._log.record(glance)
 
-    def _shown_now(self) -> tuple[int | None, ...]:
-        """In the hand's thread: what is on the screen. What it heard before tells when it began.
-
-        On a window or headset that stands still it is what was there before.
-        """
+    def _steered_by(self) -> tuple[SteeredBy, ...]:
+        """In the hand's thread: by view. What it heard before tells when the frames began."""
         video, state = self._video, self._link.state
         if video is None:
             return ()
         if state is not None:
             video.first_captures(state.first_capture_ns)
-        if self.signals.faces.silent_ns(self._clock.now_ns()) < _FACE_SILENT_NS:
-            self._timestamps = video.timestamps()
-        return self._timestamps
+        return tuple(map(video.steered_by, self.config.video.views))
 
     def _robot_now_ns(self) -> int | None:
         state = self._link.state
         return None if state is None else state.sent_ns
 
     def _age_ms(self, view: str) -> float | None:
-        return self._since_capture_ms(view, lambda _shown: self._clock.now_ns())
+        video = self._video
+        captured_ns = None if video is None else video.steered_by(view).capture_ns
+        return self._since_capture_ms(captured_ns, self._clock.now_ns())
 
     def _latency_ms(self, view: str) -> float | None:
-        return self._since_capture_ms(view, lambda shown: shown.shown_ns)
-
-    def _since_capture_ms(self, view: str, until_ns: Callable[[ShownFrame], int]) -> float | None:
-        """From the newest frame's capture, on the robot's clock, until then on ours."""
         shown = None if self._video is None else self._video.shown(view)
-        offset = self._link.offset
-        if shown is None or offset is None:
+        if shown is None:
             return None
-        return (until_ns(shown) + offset.offset_ns - shown.capture_ns) / NS_PER_MS
+        return self._since_capture_ms(shown.capture_ns, shown.shown_ns)
+
+    def _since_capture_ms(self, captured_ns: int | None, until_ns: int) -> float | None:
+        """From a frame's capture, on the robot's clock, until then on ours."""
+        offset = self._link.offset
+        if captured_ns is None or offset is None:
+            return None
+        return (until_ns + offset.offset_ns - captured_ns) / NS_PER_MS

@@ -26,6 +26,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.session.faces import Faces
+from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.recorders import SessionRecords
 from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_S
@@ -72,16 +73,17 @@ class OperatorLink:
         gateway: Gateway,
         requests: Requests,
         log: SessionRecords,
-        shown: Callable[[], tuple[int | None, ...]],
+        steered_by: Callable[[], tuple[SteeredBy, ...]],
         identity: int,
         hand: str,
     ) -> None:
-        """`shown`: RTP timestamps of the frames on the screen, in the order of the views.
+        """`steered_by`: what the operator can steer by, in the order of the views.
 
         `identity`: a random number, another one for each application. `hand`: what the operator
         drives with, of `HANDS`.
         """
-        self._clock, self._requests, self._log, self._shown = clock, requests, log, shown
+        self._clock, self._requests, self._log = clock, requests, log
+        self._steered_by = steered_by
         self.controller: Controller | None = None  # once it is started
         self.state: StateMessage | None = None
         self.sample = _AWAY
@@ -166,6 +168,7 @@ class OperatorLink:
 
     def _hand(self, sample: ControllerSample) -> HandMessage:
         state, requests, pose = self.state, self._requests, sample.pose
+        views = self._steered_by()
         numbers = None
         if pose is not None:
             x, y, z = pose.position.tolist()
@@ -185,13 +188,14 @@ class OperatorLink:
             a=sample.a,
             b=sample.b,
             menu=sample.menu,
-            shown=self._shown(),
+            shown=tuple(view.index for view in views),
             confirms=requests.confirms,
             confirmed_ns=requests.confirmed_ns,
             stops=requests.stops,
             noted=self._noted or 0,
             menu_presses=self._menu_presses,
             hand=self._driven_with,
+            damaged=tuple(view.is_damaged for view in views),
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

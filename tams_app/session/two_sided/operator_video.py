@@ -10,6 +10,8 @@ from tams_app.config import VideoConfig
 from tams_app.link.gateway import Routes
 from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
+from tams_app.session.faces import Faces
+from tams_app.session.fresh_video import FreshVideo, SteeredBy
 from tams_app.units import NS_PER_S
 from tams_app.video.codecs import Decoder
 from tams_app.video.frame_identity import SentFrame, capture_of
@@ -37,12 +39,17 @@ class OperatorVideo:
         on_shown: Callable[[ShownFrame], None],
         decoder: Decoder,
         robot_now_ns: Callable[[], int | None],
+        faces: Faces,
     ) -> None:
-        """`robot_now_ns`: about what the robot's clock shows now, None before that is known."""
+        """`robot_now_ns`: about what the robot's clock shows now, None before that is known.
+
+        `faces`: what shows the frames.
+        """
         self._views = config.views
         self._clock = clock
         self._on_shown = on_shown
         self._robot_now_ns = robot_now_ns
+        self._fresh = FreshVideo(config.views, faces)
         self._first_ns: dict[str, int | None] = dict.fromkeys(config.views)
         self._times: dict[str, deque[int]] = {view: deque(maxlen=200) for view in config.views}
         self._stack = ExitStack()
@@ -74,10 +81,9 @@ class OperatorVideo:
         """The newest frame of `view`; None before the first."""
         return self._receivers[view].mailbox.latest()
 
-    def timestamps(self) -> tuple[int | None, ...]:
-        """RTP timestamps of the frames on the screen, by view."""
-        shown = map(self.shown, self._views)
-        return tuple(None if one is None else one.index for one in shown)
+    def steered_by(self, view: str) -> SteeredBy:
+        """What the operator can steer by in this view now."""
+        return self._fresh.of(view)
 
     def shown_fps(self, view: str) -> float:
         """Frames of `view` shown over the last second."""
@@ -102,5 +108,6 @@ class OperatorVideo:
         return find
 
     def _shown(self, shown: ShownFrame) -> None:
+        self._fresh.shown(shown)
         self._times[shown.view].append(shown.shown_ns)
         self._on_shown(shown)

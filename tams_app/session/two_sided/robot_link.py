@@ -83,6 +83,7 @@ class RobotLink(Listener):
         self._message: HandMessage | None = None  # the newest, whether it counted or not
         self._message_heard_ns = 0
         self._shown: dict[str, int | None] = dict.fromkeys(self._views)
+        self._damaged: dict[str, bool] = dict.fromkeys(self._views, False)
         self._confirms = self._stops = self._menu_presses = 0
         self._offset = OffsetEstimate()
         self._weights = WeightMatrix(config.policy.weights.matrix)
@@ -182,8 +183,12 @@ class RobotLink(Listener):
     # --- from the operator ----------------------------------------------------------------------
 
     def shown_timestamp(self, view: str) -> int | None:
-        """RTP timestamp of the frame of `view` that the operator's side shows, as it said last."""
+        """RTP timestamp of the newest frame of `view` that counts on the operator's side."""
         return self._shown[view]
+
+    def shows_damage(self, view: str) -> bool:
+        """Whether the operator's side shows a newer frame of `view`, which is not whole."""
+        return self._damaged[view]
 
     def _receive(self, now_ns: int) -> None:
         gateway = self._gateway
@@ -204,6 +209,7 @@ class RobotLink(Listener):
             self.controller.let_go()
             self._offset = OffsetEstimate()
             self._shown = dict.fromkeys(self._views)
+            self._damaged = dict.fromkeys(self._views, False)
             self._log.note("info", "an operator is connected")
         if message.operator != self._operator:
             self._operator = message.operator
@@ -222,6 +228,7 @@ class RobotLink(Listener):
         self._message, self._message_heard_ns = message, heard_ns
         for view, timestamp in zip(self._views, message.shown, strict=False):
             self._shown[view] = timestamp
+        self._damaged.update(zip(self._views, message.damaged, strict=False))
         if message.stops > self._stops:  # however old it is
             self._stops = message.stops
             self._signals.estop()

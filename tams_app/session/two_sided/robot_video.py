@@ -24,8 +24,8 @@ from tams_app.video.udp import ViewPorts
 class RobotVideo(Senders):
     """The streams of all views to the operator's side, over the emulated network if there is one.
 
-    What is shown there it knows from the operator's side, by the frames' RTP timestamps: the age of
-    a frame counts from its capture until now, so that it is never taken for younger than it is.
+    Which frame counts there it knows from the operator's side, by its RTP timestamp: its age counts
+    from its capture until now, so that it is never taken for younger than it is.
     """
 
     def __init__(
@@ -91,6 +91,9 @@ class RobotVideo(Senders):
             self._captured_ns[view] = sent.capture_ns
         captured_ns = self._captured_ns.get(view)
         return None if captured_ns is None else now_ns - captured_ns
+
+    def is_damaged(self, view: str) -> bool:
+        return self._link.shows_damage(view)
 
     def close(self) -> None:
         with ExitStack() as stack:

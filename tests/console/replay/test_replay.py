@@ -53,7 +53,9 @@ def log_path(tmp_path: Path) -> Path:
             for view in VIEWS:
                 image = np.full((48, 64, 3), grey, np.uint8)
                 shown_ns = second(number + 0.2)
-                log.record(ShownFrame(view, 30 * number, shown_ns, image, second(number + 0.1)))
+                log.record(
+                    ShownFrame(view, 30 * number, shown_ns, image, second(number + 0.1), True)
+                )
             for at in range(120 * number, 120 * (number + 1)):
                 arming = "holding" if number == 2 else "engaged"
                 reason = "stale video" if number == 2 else ""

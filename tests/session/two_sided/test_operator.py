@@ -7,11 +7,11 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
-from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tams_app.config import Config, load_config
@@ -19,9 +19,13 @@ from tams_app.errors import TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, Welcome, decode, encode
+from tams_app.records import ShownFrame
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.two_sided.operator import OperatorSession
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.session.two_sided.operator_video import OperatorVideo
+from tams_app.units import NS_PER_MS
+from tams_app.video.codecs import AVDEC
 from tams_app.video.repair import RepairRule
 
 pytestmark = pytest.mark.waiting
@@ -85,16 +89,33 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
 ) -> None:
     clock = VirtualClock()
     session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
-    frames = count(100)
-    video: Any = SimpleNamespace(timestamps=lambda: (next(frames),))
+    faces = session.signals.faces
+    rule = RepairRule(True, 60, 300.0)
+    video = OperatorVideo(
+        session.config.video, rule, True, clock, lambda _shown: None, AVDEC, clock.now_ns, faces
+    )
     session._video, session._link = video, SimpleNamespace(state=None)  # type: ignore[assignment]
     heard_ns = clock.now_ns()
-    session.signals.faces.add(lambda: heard_ns)
-    assert (session._shown_now(), session._shown_now()) == ((100,), (101,))
-    clock.advance_ns(NS_PER_S)
-    assert (session._shown_now(), session._shown_now()) == ((101,), (101,))
-    heard_ns = clock.now_ns()
-    assert session._shown_now() == (102,)
+    faces.add(lambda: heard_ns)
+    image = np.zeros((2, 2, 3), np.uint8)
+
+    def show(timestamp: int, whole: bool = True) -> SteeredBy:
+        clock.advance_ns(NS_PER_MS)
+        video._shown(ShownFrame("gt", timestamp, clock.now_ns(), image, timestamp, whole))
+        (shown,) = [one for one in session._steered_by() if one != SteeredBy()] or [SteeredBy()]
+        return shown
+
+    try:
+        assert show(100) == SteeredBy(), "not before the window has told once more that it works"
+        heard_ns = clock.now_ns()
+        assert show(101) == SteeredBy(100, 100)
+        assert show(102) == SteeredBy(100, 100)
+        heard_ns = clock.now_ns()
+        assert show(103, whole=False) == SteeredBy(102, 102)
+        heard_ns = clock.now_ns()
+        assert show(104) == SteeredBy(102, 102, is_damaged=True)
+    finally:
+        video.close()
 
 
 def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm(

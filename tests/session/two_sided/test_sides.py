@@ -26,6 +26,7 @@ from tams_app.records import (
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import Signals
+from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.two_sided.welcome import follow
@@ -79,7 +80,7 @@ class Sides:
         self.there.delay_ns = self.here.delay_ns = delay_ms * NS_PER_MS
         self.robot_log, self.operator_log = MemoryLog(), MemoryLog()
         self.signals, self.requests = Signals(), Requests(self.operator_clock)
-        self.shown: dict[str, int | None] = dict.fromkeys(VIEWS)
+        self.shown = dict.fromkeys(VIEWS, SteeredBy())
         self.welcome = b""
         self.figures = UplinkFigures(dict.fromkeys(VIEWS))
 
@@ -317,14 +318,15 @@ def test_the_operators_side_knows_what_the_uplink_carries():
 
 def test_the_robots_side_knows_which_frames_are_shown():
     sides = Sides()
-    sides.shown[VIEWS[1]] = 90_000
+    sides.shown[VIEWS[1]] = SteeredBy(90_000, 1, is_damaged=True)
     sides.run(1.0)
-    assert sides.robot.shown_timestamp(VIEWS[1]) == 90_000
-    assert sides.robot.shown_timestamp(VIEWS[0]) is None
-    sides.shown[VIEWS[1]] = None
+    assert [sides.robot.shown_timestamp(view) for view in VIEWS] == [None, 90_000, None]
+    assert [sides.robot.shows_damage(view) for view in VIEWS] == [False, True, False]
+    sides.shown[VIEWS[1]] = SteeredBy()
     sides.reconnect()
     sides.run(1.0)
     assert sides.robot.shown_timestamp(VIEWS[1]) is None, "another operator sees other frames"
+    assert not sides.robot.shows_damage(VIEWS[1])
 
 
 def test_the_operators_side_is_told_why_the_session_ended():

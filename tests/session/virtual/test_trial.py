@@ -190,7 +190,7 @@ def test_without_frames_the_operator_knows_nothing_and_touches_nothing(tmp_path,
 
 def test_a_recorded_hand_moves_the_arm_the_same_way_without_looking(whole, log, tmp_path):
     trajectory = {"rig.hand_trajectory": str(whole[0] / LOG_NAME)}
-    run(short(**{**LONG_ENOUGH, **trajectory, "network": "s1"}), tmp_path)
+    run(short(**LONG_ENOUGH, **trajectory), tmp_path)  # where video is lost, the arm is slower
     again = read_log(tmp_path / LOG_NAME)
     assert again.glances == []
     assert [tick.arming for tick in again.ticks] == [tick.arming for tick in log.ticks]

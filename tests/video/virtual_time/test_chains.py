@@ -161,3 +161,78 @@ def test_a_packet_that_stays_away_is_given_up_after_the_latency_and_a_keyframe_a
         assert ends.decoder.take_pli()
         assert not ends.decoder.take_pli()
         assert ends.decoder.take_nacks() == []
+
+
+def whole(ends: Ends) -> list[bool]:
+    return [seen.whole for seen in ends.shown]
+
+
+def test_no_frame_predicted_from_lost_ones_is_whole_until_a_complete_keyframe() -> None:
+    with closing(Ends(UNREPAIRED)) as ends:
+        ends.carry(range(16))
+        assert whole(ends) == [True] * 16
+        for index in range(16, 26):
+            ends.packets(index)  # lost, all of them
+            ends.let_pass(FRAME_NS)
+        ends.carry(range(26, 60))
+        assert len(ends.shown) > 16 + 20, "most of them are shown"
+        assert not any(whole(ends)[16:])
+        ends.encoder.request_keyframe()
+        first, _, *others = ends.packets(60)  # a keyframe with a hole
+        for packet in (first, *others):
+            ends.feed(packet)
+        ends.let_pass(FRAME_NS)
+        ends.carry(range(61, 65))
+        assert not any(whole(ends)[16:])
+        ends.encoder.request_keyframe()
+        ends.carry(range(65, 70))
+        assert [seen.index for seen in ends.shown if seen.whole][16:] == list(range(65, 70))
+
+
+@pytest.mark.parametrize("lost", [0, 1, -1], ids=["first", "second", "last"])
+def test_one_lost_packet_breaks_the_chain_and_one_that_is_resent_does_not(lost: int) -> None:
+    for rule in (UNREPAIRED, PATIENT):
+        with closing(Ends(rule)) as ends:
+            ends.carry(range(16))
+            packets = ends.packets(16)
+            missing = packets.pop(lost)
+            for packet in packets:
+                ends.feed(packet)
+            ends.let_pass(FRAME_NS)
+            (first, *others) = ends.packets(17)  # with it the loss of a last packet shows
+            ends.feed(first)
+            if rule.rtx:
+                ends.feed(missing, resent=True)
+            for packet in others:
+                ends.feed(packet)
+            ends.let_pass(FRAME_NS)
+            ends.carry(range(18, 40))
+            assert ends.shown[-1].index == 39
+            whole_ones = [seen.index for seen in ends.shown if seen.whole]
+            assert whole_ones == list(range(40 if rule.rtx else 16))
+
+
+def test_a_keyframe_is_asked_for_again_and_again_until_a_complete_one_has_come() -> None:
+    with closing(Ends(UNREPAIRED)) as ends:
+        ends.carry(range(16))
+        ends.packets(16)
+        asked = 0
+        for index in range(17, 77):  # two seconds, in which no request gets through
+            ends.carry(range(index, index + 1))
+            asked += ends.decoder.take_pli()
+        assert asked == 4, "at once, and whenever two intervals of 300 ms are over"
+        ends.encoder.request_keyframe()
+        ends.carry(range(77, 137))
+        assert ends.shown[-1].whole
+        assert not ends.decoder.take_pli()
+
+
+def test_a_keyframe_is_asked_for_again_where_nothing_can_be_decoded() -> None:
+    with closing(Ends(UNREPAIRED)) as ends:
+        ends.packets(0)  # the first keyframe is lost
+        asked = 0
+        for index in range(1, 61):
+            ends.carry(range(index, index + 1))
+            asked += ends.decoder.take_pli()
+        assert not any(whole(ends))
+        assert asked >= 3
