@@ -70,16 +70,26 @@ class LinkEvent(msgspec.Struct, frozen=True):
 
 
 class Streams:
-    """Where the packets of the application's streams come from and go to, on loopback."""
+    """Where the packets of the application's streams come from and go to, on loopback.
+
+    Each stream sends from the port to which what belongs to it is handed over; what comes from any
+    other port is another program's. A stream takes packets from this one port alone.
+    """
 
     def __init__(self) -> None:
         self.entrance = _udp(socket.AF_INET, LOOPBACK, 0)  # for all that is to leave
-        self._out = _udp(socket.AF_INET, LOOPBACK, 0)
         self._routes = Routes({}, {})
+        self._sources: frozenset[Address] = frozenset()
 
     def follow(self, routes: Routes) -> None:
-        """Hand over to these ports from now on."""
+        """Hand over to these ports from now on, and take in from them alone."""
         self._routes = routes
+        ports = {*routes.rtp.values(), *routes.rtcp.values()}
+        self._sources = frozenset((LOOPBACK, port) for port in ports)
+
+    def is_ours(self, source: Address) -> bool:
+        """Whether a stream of the application sends from there."""
+        return source in self._sources
 
     def hand_over(self, packet: bytes) -> bool:
         """Give a packet to the stream that its SSRC names; whether there is one."""
@@ -89,12 +99,11 @@ class Streams:
         if port is None:
             return False
         with suppress(OSError):  # the stream is gone: what a network does is lose it
-            self._out.sendto(packet, (LOOPBACK, port))
+            self.entrance.sendto(packet, (LOOPBACK, port))
         return True
 
     def close(self) -> None:
-        """Close both sockets."""
-        self._out.close()
+        """Close the socket."""
         self.entrance.close()
 
 
@@ -223,10 +232,13 @@ class Carrier:
     def _from_stream(self, entrance: socket.socket) -> None:
         for _ in range(_READS_IN_A_ROW):
             try:
-                packet = entrance.recv(LARGEST_BYTES)
+                packet, source = entrance.recvfrom(LARGEST_BYTES)
             except BlockingIOError:
                 return
-            self._send(self._end.media(packet))
+            if self._streams.is_ours(source):
+                self._send(self._end.media(packet))
+            else:
+                self._end.counts["of another program"] += 1
 
     def _send(self, addressed: tuple[bytes, Address] | None) -> None:
         if addressed is not None:

@@ -1,6 +1,6 @@
 """The helper process of the simulated operator, who holds the rig's controller.
 
-Specification: config, confirms, sees, controller_memory, shown_memory, world_memory, reports_port.
+Specification: config, confirms, sees, controller_memory, shown_memory, world_memory, reports.
 It publishes the controller at a rate of its own, as a VR runtime does, and reports what the seeing
 operator's glances told. Here alone operator and world meet: the scripted operator reads where
 things truly are, the seeing one gets the frames shown, nothing else.
@@ -8,7 +8,6 @@ things truly are, the seeing one gets the frames shown, nothing else.
 
 from __future__ import annotations
 
-import socket
 import sys
 import threading
 import time
@@ -40,10 +39,10 @@ from tams_app.session.machine_speed import usable_cores
 from tams_app.session.operator_choice import LEAST_GLANCES_HZ, eyes_share
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
-from tams_app.video.reporting_helper import line_of
+from tams_app.video.reporting_helper import line_of, reports_to_session
 
 RATE_HZ = 125.0  # a sample for every tick of the control loop: each costs .1 to .3 ms
-_CONNECT_TIMEOUT_S = 5.0
+_SEND_TIMEOUT_S = 5.0
 _POLL_S = 0.005
 _LONGEST_S = 1.0 / LEAST_GLANCES_HZ  # from glance to glance
 _SWITCH_S = 0.001  # how long the eyes may keep the hand waiting for the interpreter
@@ -94,8 +93,7 @@ def main() -> None:
 
 def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) -> None:
     config, clock = Config.model_validate(specification["config"]), MonotonicClock()
-    address = ("127.0.0.1", int(specification["reports_port"]))
-    reports = stack.enter_context(socket.create_connection(address, _CONNECT_TIMEOUT_S))
+    reports = stack.enter_context(reports_to_session(specification, _SEND_TIMEOUT_S))
     confirms, eyes = bool(specification["confirms"]), None
     if specification["sees"]:
 

@@ -1,13 +1,12 @@
 """The helper process that compares shown frames with captured ones, with the time left over.
 
-Specification: captured_memory, shown_memory, views, width, height, reports_port. It reports every
+Specification: captured_memory, shown_memory, views, width, height, reports. It reports every
 captured frame's fate as a FrameQuality, with scores where there was time to spare (`SparePace`),
 each view in turn, so that what is left out is spread evenly.
 """
 
 from __future__ import annotations
 
-import socket
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -25,7 +24,7 @@ from tams_app.runtime.shared_ring import open_block
 from tams_app.units import NS_PER_MS
 from tams_app.video.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
 from tams_app.video.quality import Fate, Scorer, ViewQuality
-from tams_app.video.reporting_helper import line_of
+from tams_app.video.reporting_helper import line_of, reports_to_session
 
 WAITING_FATES = 15  # per view: half a second; older ones go out without scores
 _POLL_S = 0.05  # the rings hold half a second of images
@@ -153,11 +152,10 @@ def main() -> None:
     names = tuple(specification["views"])
     size = int(specification["width"]), int(specification["height"])
     captured, shown = RingLayout(CAPTURED, names, *size), RingLayout(SHOWN, names, *size)
-    address = ("127.0.0.1", int(specification["reports_port"]))
     with (
         open_block(str(specification["captured_memory"])) as captures,
         open_block(str(specification["shown_memory"])) as screen,
-        socket.create_connection(address, _SEND_TIMEOUT_S) as results,
+        reports_to_session(specification, _SEND_TIMEOUT_S) as results,
     ):
 
         def report(quality: FrameQuality) -> None:

@@ -74,7 +74,7 @@ class VideoReceiver:
 
     @property
     def rtp_port(self) -> int:
-        """Where media and repair packets must arrive."""
+        """Where media and repair packets must arrive, and where feedback is sent from."""
         return self._rtp_socket.port
 
     @property
@@ -83,7 +83,7 @@ class VideoReceiver:
         return self._reports_socket.port
 
     def start(self, link: ViewPorts) -> None:
-        """Begin to receive; RTCP feedback goes to `link.feedback`. SetupError if refused."""
+        """Begin to receive from `link.feedback`, where feedback goes to. SetupError if refused."""
         Gst = gst.load().Gst
         pipeline = gst.parse_pipeline(
             pipelines.session_receiver(
@@ -92,16 +92,17 @@ class VideoReceiver:
                 self._rule,
                 rtp_in=udp_source("rtp_in", pipelines.received_caps(self._feedback)),
                 reports_in=udp_source("reports_in", pipelines.RTCP_CAPS),
-                feedback_out=udp_sink(
-                    "feedback_out", self._config.bind_host, link.host, link.feedback
-                ),
+                feedback_out=udp_sink("feedback_out", link.host, link.feedback),
                 decoder=self._decoder,
             )
         )
         self._pipeline = pipeline
         if self._feedback:
             gst.count_from_boot(pipeline)  # arrivals of all views on one clock
-        self._rtp_socket.attach(pipeline.get_by_name("rtp_in"))
+        for one in (self._rtp_socket, self._reports_socket):
+            one.connect(link.host, link.feedback)
+        for end in ("rtp_in", "feedback_out"):
+            self._rtp_socket.attach(pipeline.get_by_name(end))
         self._reports_socket.attach(pipeline.get_by_name("reports_in"))
         self._resent = pipeline.get_by_name("rtx")
         if self._resent is not None:

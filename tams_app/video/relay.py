@@ -2,7 +2,8 @@
 
 Started by `relay_client.RelayClient`. Real UDP sockets; the arithmetic is `link.Link`. Per view
 three flows come in at the entrances and leave for the exits: RTP and sender reports through the
-bottleneck, feedback straight back. Killing this process is a network that went away.
+bottleneck, feedback straight back. Datagrams of other programs are left out. Killing this process
+is a network that went away.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.link import Link
 from tams_app.video.networks import network_capacity
 from tams_app.video.packets import identify
-from tams_app.video.reporting_helper import line_of
+from tams_app.video.reporting_helper import line_of, reports_to_session
 from tams_app.video.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
@@ -41,11 +42,16 @@ _READS_IN_A_ROW = 32  # then see what is due: a flood must not hold deliveries u
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """One flow of one view: where it comes in and where it goes out."""
+    """One flow of one view: where it comes in, and where it goes out.
+
+    source: the one address from which it is taken in. way_out: the socket by which it leaves, the
+    one to which its receiver sends.
+    """
 
     view: str
     flow: str  # its field in `ViewPorts`
-    entrance: socket.socket
+    source: tuple[str, int]
+    way_out: socket.socket
     exit: tuple[str, int]
 
 
@@ -67,9 +73,10 @@ class ReportStream:
         line = line_of(records)
         if not self._gone and len(self._unsent) + len(line) <= REPORT_BUFFER_BYTES:
             self._unsent += line
-        self._send()
+        self.flush()
 
-    def _send(self) -> None:
+    def flush(self) -> None:
+        """Send what the connection takes now."""
         while self._unsent and not self._gone:
             try:
                 sent = self._connection.send(self._unsent)
@@ -83,10 +90,10 @@ class ReportStream:
     def close(self, timeout_s: float = 0.5) -> None:
         """Send the rest, for at most `timeout_s`, and disconnect."""
         deadline_ns = time.monotonic_ns() + round(timeout_s * NS_PER_S)
-        self._send()
+        self.flush()
         while self._unsent and not self._gone and time.monotonic_ns() < deadline_ns:
             select.select([], [self._connection], [], timeout_s)
-            self._send()
+            self.flush()
         self._connection.close()
 
 
@@ -97,27 +104,39 @@ class Relay:
         """Bind the entrances on each exit's host, at any free ports; OSError if impossible."""
         self._link = link
         self._reports = reports
-        self._routes: dict[socket.socket, Route] = {}
+        self._entrances: dict[tuple[str, str], socket.socket] = {}  # by view and flow
+        self._routes: dict[socket.socket, Route] = {}  # by entrance
         self._on_the_way: list[tuple[int, int, Route, bytes]] = []  # (due, order, ...)
         self._order = 0
         self._records: list[PacketRecord] = []
         try:
             for view, ports in exits.items():
-                for flow in _FLOWS:
-                    entrance = _entrance(ports.host)
-                    self._routes[entrance] = Route(
-                        view, flow, entrance, (ports.host, getattr(ports, flow))
-                    )
+                self._open(view, ports)
         except OSError:
             self.close()
             raise
 
+    def _open(self, view: str, ports: ViewPorts) -> None:
+        host = ports.host
+        for flow in _FLOWS:
+            self._entrances[view, flow] = _entrance(host)
+        sender, receiver = (host, ports.feedback), (host, ports.rtp)
+        for flow in _FLOWS:
+            back = flow == "feedback"
+            self._routes[self._entrances[view, flow]] = Route(
+                view,
+                flow,
+                source=receiver if back else sender,
+                way_out=self._entrances[view, "rtp" if back else "feedback"],
+                exit=(host, getattr(ports, flow)),
+            )
+
     def entrances(self) -> dict[str, ViewPorts]:
         """Where the senders and receivers must send to."""
         ports: dict[str, dict[str, Any]] = {}
-        for route in self._routes.values():
-            host, port = route.entrance.getsockname()
-            ports.setdefault(route.view, {"host": host})[route.flow] = port
+        for (view, flow), entrance in self._entrances.items():
+            host, port = entrance.getsockname()
+            ports.setdefault(view, {"host": host})[flow] = port
         return {view: ViewPorts(**flows) for view, flows in ports.items()}
 
     def run(self, stop: threading.Event) -> None:
@@ -131,7 +150,7 @@ class Relay:
                 wake_ns = min(wake_ns, self._on_the_way[0][0])
             wait_s = max(0, wake_ns - time.monotonic_ns()) / NS_PER_S
             for entrance in select.select(sockets, [], [], wait_s)[0]:
-                self._take_in(self._routes[entrance])
+                self._take_in(entrance, self._routes[entrance])
             if time.monotonic_ns() >= next_report_ns:
                 self._report()
                 next_report_ns = time.monotonic_ns() + REPORT_PERIOD_NS
@@ -139,16 +158,18 @@ class Relay:
 
     def close(self) -> None:
         """Close the entrances and the report stream."""
-        for entrance in self._routes:
+        for entrance in self._entrances.values():
             entrance.close()
         self._reports.close()
 
-    def _take_in(self, route: Route) -> None:
+    def _take_in(self, entrance: socket.socket, route: Route) -> None:
         for _ in range(_READS_IN_A_ROW):
             try:
-                datagram = route.entrance.recv(_LARGEST_DATAGRAM_BYTES)
+                datagram, source = entrance.recvfrom(_LARGEST_DATAGRAM_BYTES)
             except BlockingIOError:
                 return
+            if source[:2] != route.source:  # of another program
+                continue
             due_ns = self._due_ns(route, datagram, time.monotonic_ns())
             if due_ns is not None:
                 self._order += 1
@@ -173,12 +194,14 @@ class Relay:
             with suppress(
                 OSError
             ):  # no buffer, or the exit is gone: what a network does is lose it
-                route.entrance.sendto(datagram, route.exit)
+                route.way_out.sendto(datagram, route.exit)
 
     def _report(self) -> None:
         if self._records:
             self._reports.put(self._records)
             self._records = []
+        else:
+            self._reports.flush()  # the end of a long report may still wait
 
 
 def _entrance(host: str) -> socket.socket:
@@ -205,8 +228,7 @@ def build(specification: dict[str, Any], connection: socket.socket) -> Relay:
 def main() -> None:
     """The helper's main function; its specification is made by `RelayClient`."""
     side = HelperSide()
-    session = ("127.0.0.1", side.specification["reports_port"])
-    connection = socket.create_connection(session, timeout=5)
+    connection = reports_to_session(side.specification, 0.0)
     try:
         relay = build(side.specification, connection)
     except (OSError, ConfigError) as error:

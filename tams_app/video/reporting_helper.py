@@ -1,4 +1,4 @@
-"""A helper process that reports to the session over a TCP connection of its own.
+"""A helper process that reports to the session through a socket pair, which no other can join.
 
 A report is a dataclass, sent as one line of JSON (`line_of`).
 """
@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from tams_app.errors import HelperError
-from tams_app.runtime.process import READY_TIMEOUT_S, HelperProcess
+from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.worker import Worker
 
 _READ_TIMEOUT_S = 0.2  # how late a stop may be noticed
@@ -48,7 +48,6 @@ class ReportingHelper(Generic[Report]):
         self._ended_unasked = ended_unasked
         self._stop_timeout_s = stop_timeout_s
         self._reader = Worker(f"{name}-reports", self._read, on_failure)
-        self._listener: socket.socket | None = None
         self._connection: socket.socket | None = None
         self._closing = False
 
@@ -62,24 +61,23 @@ class ReportingHelper(Generic[Report]):
             raise
 
     def launch(self, specification: dict[str, Any]) -> HelperProcess:
-        """Start it, without waiting, with `specification` and the key `reports_port`.
+        """Start it, without waiting, with `specification` and the key `reports`.
 
-        It must connect there before it is ready. HelperError if it cannot be started.
+        HelperError if it cannot be started.
         """
-        self._listener = socket.create_server(("127.0.0.1", 0), backlog=1)
-        self._listener.settimeout(READY_TIMEOUT_S)
-        specification = {**specification, "reports_port": self._listener.getsockname()[1]}
-        self.process = HelperProcess(self._name, self._module, specification, self._log_directory)
-        self.process.start()
+        self._connection, theirs = socket.socketpair()
+        with theirs:  # which the helper inherits; closed here, so that its end is noticed
+            specification = {**specification, "reports": theirs.fileno()}
+            self.process = HelperProcess(
+                self._name, self._module, specification, self._log_directory, (theirs.fileno(),)
+            )
+            self.process.start()
         return self.process
 
     def wait_ready(self) -> dict[str, Any]:
         """The object of its ready line, once it is launched; HelperError if it cannot start."""
         assert self.process is not None, "launch it first"
-        assert self._listener is not None, "launch it first"
         ready = self.process.wait_ready()
-        self._connection, _ = self._listener.accept()
-        self._listener.close()
         self._reader.start()
         return ready
 
@@ -88,11 +86,8 @@ class ReportingHelper(Generic[Report]):
         self._closing = True
         if self.process is not None:
             self.process.stop(self._stop_timeout_s)
-        if self._listener is not None:
-            self._listener.close()
-        self._reader.request_stop()
+        self._reader.stop()
         if self._connection is not None:
-            self._reader.stop()
             self._connection.close()
 
     def _read(self, stop: threading.Event) -> None:
@@ -101,6 +96,16 @@ class ReportingHelper(Generic[Report]):
             self._on_report(report)
         if not self._closing:
             raise HelperError(self._ended_unasked)
+
+
+def reports_to_session(specification: Mapping[str, Any], timeout_s: float) -> socket.socket:
+    """The helper's end, in its process; `timeout_s`: how long a report may wait, 0: it does not.
+
+    Once the session is gone, a report is a BrokenPipeError.
+    """
+    reports = socket.socket(fileno=int(specification["reports"]))
+    reports.settimeout(timeout_s)
+    return reports
 
 
 def received(connection: socket.socket, stop: threading.Event) -> Iterator[bytes]:

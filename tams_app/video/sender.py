@@ -106,12 +106,13 @@ class VideoSender:
 
     @property
     def feedback_port(self) -> int:
-        """Where the receiver's RTCP must arrive."""
+        """Where the receiver's RTCP must arrive, and where all packets are sent from."""
         return self._socket.port
 
     def start(self, link: ViewPorts) -> None:
         """Begin to send to `link`: the relay's entrances, or the receiver's own ports.
 
+        Feedback counts from `link.rtp` alone.
         SetupError if GStreamer refuses.
         """
         self._link = link
@@ -121,10 +122,8 @@ class VideoSender:
                 self.view,
                 self._rtx,
                 self._frames.encoder_kbps,
-                rtp_out=udp_sink("rtp_out", self._config.bind_host, link.host, link.rtp),
-                reports_out=udp_sink(
-                    "reports_out", self._config.bind_host, link.host, link.reports
-                ),
+                rtp_out=udp_sink("rtp_out", link.host, link.rtp),
+                reports_out=udp_sink("reports_out", link.host, link.reports),
                 feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
                 feedback=self._feedback,
                 encoder=self._encoder,
@@ -134,7 +133,9 @@ class VideoSender:
         self._source = pipeline.get_by_name("frames")
         self._udpsink = pipeline.get_by_name("rtp_out")
         self._resender = pipeline.get_by_name("rtx")
-        self._socket.attach(pipeline.get_by_name("feedback_in"))
+        self._socket.connect(link.host, link.rtp)  # Linux lets it send to `link.reports` as well
+        for end in ("rtp_out", "reports_out", "feedback_in"):
+            self._socket.attach(pipeline.get_by_name(end))
         # else a session that sent RTCP before the first frame imposes a random SSRC
         session = pipeline.get_by_name("session")
         self._rtp_entrance = session.get_static_pad("send_rtp_sink")

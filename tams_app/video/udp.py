@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ipaddress
+import os
+import socket
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +23,9 @@ class ViewPorts:
     """UDP ports of one view's three flows, all on one host; 0 asks for any free port.
 
     The same record says where the flows enter the link and where they come out of it. Without a
-    link the two are equal.
+    link the two are equal. A sender sends all from its feedback port and receives from the link's
+    RTP port alone; a receiver sends from its RTP port and receives from the link's feedback port
+    alone. So each end knows which port the other flows come from, and takes no others.
     """
 
     host: str
@@ -38,7 +43,11 @@ def requested_ports(config: VideoConfig, view: str) -> ViewPorts:
 
 
 class UdpSocket:
-    """A bound UDP socket that a `udpsrc` takes over, so that its port is known before the start."""
+    """A bound UDP socket for the ends of a chain, so that its port is known before the start.
+
+    Once it is connected it receives from its peer alone: the kernel leaves out what any other
+    program sends to this port.
+    """
 
     def __init__(self, host: str, port: int, what: str) -> None:
         """Bind `host`:`port` (0: any free port); ConfigError if that is impossible."""
@@ -62,9 +71,17 @@ class UdpSocket:
             ) from error
         self.port: int = self._socket.get_local_address().get_port()
 
-    def attach(self, udpsrc: Any) -> None:
-        """Let `udpsrc` receive from this socket."""
-        udpsrc.set_property("socket", self._socket)
+    def connect(self, host: str, port: int) -> None:
+        """Receive from there alone, and nothing of what has come before."""
+        self._socket.connect(gst.load().Gio.InetSocketAddress.new_from_string(host, port), None)
+        with socket.socket(fileno=os.dup(self._socket.get_fd())) as same, suppress(OSError):
+            while True:  # until there is nothing, or a destination that is not there yet
+                same.recv(1, socket.MSG_DONTWAIT)
+
+    def attach(self, end: Any) -> None:
+        """Let a `udpsrc` or `udpsink` use this socket."""
+        end.set_property("socket", self._socket)
+        end.set_property("close-socket", False)
 
     def close(self) -> None:
         """Free the port; may be called twice."""
@@ -76,12 +93,9 @@ def udp_source(name: str, caps: str) -> str:
     return f'udpsrc name={name} buffer-size={RECEIVE_BUFFER_BYTES} caps="{caps}"'
 
 
-def udp_sink(name: str, bind_host: str, host: str, port: int) -> str:
-    """Launch description of a sending end that never waits for a clock."""
-    return (
-        f"udpsink name={name} bind-address={bind_host} host={host} port={port} "
-        "sync=false async=false"
-    )
+def udp_sink(name: str, host: str, port: int) -> str:
+    """Launch description of a sending end that never waits; a `UdpSocket` is attached to `name`."""
+    return f"udpsink name={name} host={host} port={port} sync=false async=false"
 
 
 def wire_bytes_sent(udpsink: Any, ports: ViewPorts) -> int:

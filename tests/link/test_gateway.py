@@ -95,8 +95,9 @@ def test_streams_reach_the_ports_that_their_sources_have(stack: ExitStack, pair:
             rtcp={7: ports["rtcp 7"], 8: ports["rtcp 8"]},
         )
     )
-    source = udp(stack)
+    source = streams_of(stack, pair.robot)
     pair.passes(operator, pair.robot, b"after the routes")
+    pair.passes(pair.robot, operator, b"after the routes")
     for number in range(50):
         for ssrc in (7, 8):
             for packet, name in ((rtp(number, ssrc), f"rtp {ssrc}"), (rtcp(ssrc), f"rtcp {ssrc}")):
@@ -113,11 +114,45 @@ def test_streams_reach_the_ports_that_their_sources_have(stack: ExitStack, pair:
 def test_feedback_goes_the_other_way(stack: ExitStack, pair: Pair) -> None:
     operator = pair.operator()
     pair.passes(operator, pair.robot, b"there")
-    feedback, source = udp(stack), udp(stack)
+    feedback, source = udp(stack), streams_of(stack, operator)
     pair.robot.follow(Routes(rtp={}, rtcp={7: port_of(feedback)}))
+    pair.passes(operator, pair.robot, b"after the routes")
     pair.passes(pair.robot, operator, b"after the routes")
     source.sendto(rtcp(7), (LOOPBACK, operator.entrance_port))
     assert feedback.recv(2000) == rtcp(7)
+
+
+def test_packets_of_another_program_of_this_computer_are_counted_and_not_sent(
+    stack: ExitStack, pair: Pair
+) -> None:
+    """One with a far sequence number would void the next 500 of the encoder's."""
+    operator = pair.operator()
+    end, source, thief = udp(stack), streams_of(stack, pair.robot), udp(stack)
+    operator.follow(Routes(rtp={7: port_of(end)}, rtcp={}))
+    pair.passes(operator, pair.robot, b"after the routes")
+    pair.passes(pair.robot, operator, b"after the routes")
+    entrance = (LOOPBACK, pair.robot.entrance_port)
+    for number in range(1, 51):
+        source.sendto(rtp(number), entrance)
+        assert end.recv(2000) == rtp(number)
+    thief.sendto(rtp(30_050), entrance)
+    pair.until(lambda: pair.robot.event.counts.get("of another program") == 1)
+    for number in range(51, 551):
+        source.sendto(rtp(number), entrance)
+        assert end.recv(2000) == rtp(number)
+
+
+def test_the_other_sides_packets_come_from_the_port_to_which_streams_send(
+    stack: ExitStack, pair: Pair
+) -> None:
+    """So that a stream can be connected to this one port, and takes packets of no other."""
+    operator = pair.operator()
+    end, source = udp(stack), streams_of(stack, pair.robot)
+    operator.follow(Routes(rtp={7: port_of(end)}, rtcp={}))
+    pair.passes(operator, pair.robot, b"after the routes")
+    pair.passes(pair.robot, operator, b"after the routes")
+    source.sendto(rtp(1), (LOOPBACK, pair.robot.entrance_port))
+    assert end.recvfrom(2000) == (rtp(1), (LOOPBACK, operator.entrance_port))
 
 
 @pytest.mark.parametrize("length", [0, 1, 11, 1356, 1357, 1500, 1501, 9000])
@@ -126,11 +161,19 @@ def test_a_packet_of_any_length_from_the_application_ends_nothing(
 ) -> None:
     operator = pair.operator()
     pair.passes(operator, pair.robot, b"there")
-    source = udp(stack)
+    source = streams_of(stack, pair.robot)
+    pair.passes(pair.robot, operator, b"after the routes")
     packet = (rtp(1, size=12) + bytes(length))[:length]
     source.sendto(packet, (LOOPBACK, pair.robot.entrance_port))
     pair.passes(pair.robot, operator, b"still here")
     assert pair.robot.process.exit_code is None
+
+
+def streams_of(stack: ExitStack, gateway: Gateway) -> socket.socket:
+    """A socket of our own streams, from which the gateway takes packets."""
+    source = udp(stack)
+    gateway.follow(Routes(rtp={}, rtcp={OTHERS_SSRC + 1: port_of(source)}))
+    return source
 
 
 # --- who gets in ----------------------------------------------------------------------------------
@@ -294,7 +337,7 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
 def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagrams: int) -> None:
     network = Network(stack, pair.robot.port)
     operator = pair.operator(network.port)
-    source = udp(stack)
+    source = streams_of(stack, pair.robot)
     streams = {"rtp": udp(stack), "rtcp": udp(stack)}
     operator.follow(Routes({7: port_of(streams["rtp"])}, {7: port_of(streams["rtcp"])}))
     for number in range(30):

@@ -45,6 +45,10 @@ class LossyLink:
         self._exits = (exits.rtp, exits.reports, exits.feedback)
         self._thread.start()
 
+    def bring(self, packet: bytes) -> None:
+        """Hand the receiver's RTP port a packet that no sender has sent."""
+        self._sockets[2].sendto(packet, ("127.0.0.1", self._exits[0]))
+
     def close(self) -> None:
         self._stop.set()
         self._thread.join(5)
@@ -60,7 +64,8 @@ class LossyLink:
                 self._take_in(self._sockets.index(ready), ready)
             while self._underway and self._underway[0][0] <= time.monotonic():
                 _, _, flow, data = heapq.heappop(self._underway)
-                self._sockets[flow].sendto(data, ("127.0.0.1", self._exits[flow]))
+                way_out = self._sockets[0 if flow == 2 else 2]  # where its receiver sends to
+                way_out.sendto(data, ("127.0.0.1", self._exits[flow]))
 
     def _take_in(self, flow: int, ready: socket.socket) -> None:
         while True:

@@ -11,7 +11,7 @@ from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.frame_identity import SentFrames
-from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE
+from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.repair import RepairRule
 from tests.video.lossy_link import LossyLink
@@ -174,16 +174,38 @@ def test_packets_of_strangers_do_not_end_the_stream(payload_type: int) -> None:
             header = bytes([0x80, payload_type]) + sequence.to_bytes(2, "big") + b"\0\0\0\1"
             for ssrc in range(1, 13):
                 packet = header + ssrc.to_bytes(4, "big") + b"\x41" * 50
-                stranger.sendto(packet, ("127.0.0.1", joined.receiver.rtp_port))
-            stranger.sendto(b"not RTP at all", ("127.0.0.1", joined.receiver.rtp_port))
+                link.bring(packet)
+            link.bring(b"not RTP at all")
 
-    with stream() as joined, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+    link = LossyLink(lambda ordinal, datagram: True)
+    with stream(link) as joined:
         intrude(0)
         joined.push(range(10))
         intrude(20)
         joined.push(range(10, 30))
         assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [29])
     assert joined.shown_indices() == list(range(30))
+
+
+def test_packets_of_another_program_of_this_computer_are_not_taken() -> None:
+    """Under the stream's own SSRC, far ahead of it: taken for its own they would end the view."""
+
+    def intrude() -> None:
+        ssrc = media_ssrc(VideoConfig(), "eih").to_bytes(4, "big")
+        for sequence in (30_000, 30_001, 30_002):
+            packet = b"\x80\x60" + sequence.to_bytes(2, "big") + b"\x7f\0\0\0" + ssrc + b"\x41" * 50
+            for port in (joined.receiver.rtp_port, joined.receiver.reports_port):
+                stranger.sendto(packet, ("127.0.0.1", port))
+            goodbye = b"\x81\xcb\0\x01" + ssrc  # RTCP BYE
+            for port in (joined.receiver.reports_port, joined.sender.feedback_port):
+                stranger.sendto(goodbye, ("127.0.0.1", port))
+
+    with stream() as joined, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for first in range(0, 60, 10):
+            intrude()
+            joined.push(range(first, first + 10))
+        assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [59])
+    assert joined.shown_indices() == list(range(60))
 
 
 def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:

@@ -63,8 +63,6 @@ class Ends:
         )
         stack.callback(self.client.close)
         self.entrances = self.client.start()
-        self.source = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        self.source.settimeout(TIMEOUT_S)
 
     def _on_failure(self, name, failure):
         self.failures.append((name, failure))
@@ -72,7 +70,8 @@ class Ends:
 
     def send(self, view, flow, datagram):
         ports = self.entrances[view]
-        self.source.sendto(datagram, (ports.host, getattr(ports, flow)))
+        source = self.sockets[view, "rtp" if flow == "feedback" else "feedback"]
+        source.sendto(datagram, (ports.host, getattr(ports, flow)))
 
     def receive(self, view, flow):
         return self.sockets[view, flow].recv(65_536)
@@ -95,6 +94,18 @@ def test_every_flow_of_every_view_comes_out_where_it_belongs(between):
     ends.client.close()
     uplink = sorted((record.view, record.kind.name) for record in ends.records)
     assert uplink == [(view, kind) for view in VIEWS for kind in ("MEDIA", "RTCP")]
+
+
+def test_datagrams_of_another_program_are_left_out(between):
+    ends = between(Network())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for view, ports in ends.entrances.items():
+            for flow in FLOWS:
+                stranger.sendto(rtp(30_000), (ports.host, getattr(ports, flow)))
+                ends.send(view, flow, rtp(1))
+                assert ends.receive(view, flow) == rtp(1)
+    ends.client.close()
+    assert {record.sequence for record in ends.records if record.kind is PacketKind.MEDIA} == {1}
 
 
 def test_the_records_tell_what_the_packets_were(between):

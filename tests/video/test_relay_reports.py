@@ -42,6 +42,20 @@ def test_a_session_that_does_not_read_costs_bounded_memory_and_gets_the_rest_lat
     assert received.count(BATCH) * len(line_of(BATCH)) > 0.8 * REPORT_BUFFER_BYTES
 
 
+def test_the_end_of_a_long_report_needs_no_further_report(ends):
+    relay, session = ends
+    stream = ReportStream(relay)
+    stream.put(BATCH)  # more than the connection takes at once
+    assert stream._unsent
+
+    def pieces():
+        while True:
+            yield session.recv(1 << 20)
+            stream.flush()
+
+    assert next(decoded(pieces(), list[PacketRecord])) == BATCH
+
+
 def test_a_session_that_is_gone_does_not_end_the_relay(ends):
     relay, session = ends
     stream = ReportStream(relay)

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
-import struct
 import threading
 from collections.abc import Iterator
 
+import psutil
 import pytest
 
-from tams_app.video.reporting_helper import received
+from tams_app.errors import HelperError
+from tams_app.video.reporting_helper import ReportingHelper, received
 
 pytestmark = pytest.mark.waiting
 
 Pair = tuple[socket.socket, socket.socket]
-RESET_ON_CLOSE = struct.pack("ii", 1, 0)  # struct linger: on, at once
+WITHIN_S = 20.0
 
 
 @pytest.fixture
 def ends() -> Iterator[Pair]:
     """The session's end and the helper's."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        helper = socket.create_connection(listener.getsockname())
-        session, _ = listener.accept()
+    session, helper = socket.socketpair()
     with session, helper:
         yield session, helper
 
@@ -36,7 +37,7 @@ def test_what_was_said_before_hanging_up_is_heard(ends: Pair) -> None:
 
 def test_a_reset_is_an_end_like_any_other(ends: Pair) -> None:
     session, helper = ends
-    helper.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+    session.sendall(b"unread")  # which makes the close a reset
     helper.close()
     assert list(received(session, threading.Event())) == []
 
@@ -63,3 +64,68 @@ def test_silence_alone_ends_nothing(ends: Pair) -> None:
     heard = list(received(session, stop))
     speaker.join()
     assert heard == [b"late"]
+
+
+class Chat:
+    """A helper that reports words, and what became of it."""
+
+    def __init__(self) -> None:
+        self.reports: list[str] = []
+        self.failures: list[BaseException] = []
+        self.heard, self.failed = threading.Event(), threading.Event()
+        self.helper = ReportingHelper(
+            "chatty",
+            "tests.video.chatty_helper",
+            log_directory=None,
+            report_type=str,
+            on_report=self._report,
+            on_failure=self._fail,
+            ended_unasked="the helper ended unasked",
+        )
+
+    def _report(self, report: str) -> None:
+        self.reports.append(report)
+        self.heard.set()
+
+    def _fail(self, _: str, failure: BaseException) -> None:
+        self.failures.append(failure)
+        self.failed.set()
+
+
+@pytest.fixture
+def chat() -> Iterator[Chat]:
+    one = Chat()
+    yield one
+    one.helper.close()
+
+
+def test_reports_come_through_no_port_that_another_program_could_take(chat: Chat) -> None:
+    before = ports_of(os.getpid())
+    process = chat.helper.launch({"say": ["words"]})
+    assert process.pid is not None
+    assert ports_of(os.getpid()) == before
+    assert chat.helper.wait_ready() == {"said": 1}
+    assert chat.heard.wait(WITHIN_S)
+    assert chat.reports == ["words"]
+    assert ports_of(process.pid) == set()
+
+
+def test_a_helper_that_is_killed_has_ended_unasked(chat: Chat) -> None:
+    chat.helper.start({"say": []})
+    assert chat.helper.process is not None
+    assert chat.helper.process.pid is not None
+    os.kill(chat.helper.process.pid, signal.SIGKILL)
+    assert chat.failed.wait(WITHIN_S)
+    assert isinstance(chat.failures[0], HelperError)
+    assert str(chat.failures[0]) == "the helper ended unasked"
+
+
+def test_a_helper_that_is_ended_has_not_failed(chat: Chat) -> None:
+    chat.helper.start({"say": ["one", "two"]})
+    chat.helper.close()
+    assert (chat.reports, chat.failures) == (["one", "two"], [])
+
+
+def ports_of(pid: int) -> set[int]:
+    """Of the internet's protocols."""
+    return {one.laddr.port for one in psutil.Process(pid).net_connections(kind="inet")}

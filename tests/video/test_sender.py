@@ -169,10 +169,10 @@ def test_a_stream_that_never_started_frees_its_ports() -> None:
 
 def test_the_ssrc_stays_fixed_when_rtcp_came_before_the_first_frame() -> None:
     link = LossyLink(lambda ordinal, datagram: True)
-    with stream(link) as joined, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+    with stream(link) as joined:
         for sequence in range(5):  # so that the receiver has something to report
             header = b"\x80\x60\0" + bytes([sequence]) + b"\0\0\0\1\0\0\0\7"
-            stranger.sendto(header + b"\x41" * 20, ("127.0.0.1", joined.receiver.rtp_port))
+            link.bring(header + b"\x41" * 20)
         deadline = time.monotonic() + 20
         while len(link.feedback) < 3 and time.monotonic() < deadline:
             time.sleep(0.02)

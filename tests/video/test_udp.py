@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import socket
+import time
 
 import pytest
 
 from tams_app import gst
 from tams_app.errors import ConfigError
-from tams_app.video.udp import UdpSocket, ViewPorts, udp_sink, wire_bytes_sent
+from tams_app.video.udp import UdpSocket, ViewPorts, udp_sink, udp_source, wire_bytes_sent
 
 pytestmark = pytest.mark.waiting
 
@@ -45,13 +46,55 @@ def test_a_freed_port_can_be_bound_again() -> None:
     again.close()
 
 
+def test_a_connected_socket_takes_what_its_peer_sends_and_nothing_from_before() -> None:
+    """Also while its peer is gone, and once it is back: a helper may be started anew."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        peer.bind(("127.0.0.1", 0))
+        address = peer.getsockname()
+        bound = UdpSocket("127.0.0.1", 0, "receiver of view eih")
+        for one in (peer, other):
+            one.sendto(b"before", ("127.0.0.1", bound.port))
+        bound.connect(*address)
+        pipeline = gst.parse_pipeline(
+            f"{udp_source('in', 'application/x-rtcp')} ! appsink name=got async=false sync=false "
+            f"fakesrc is-live=true ! identity sleep-time=5000 ! {udp_sink('out', *address)}"
+        )
+        for end in ("in", "out"):
+            bound.attach(pipeline.get_by_name(end))
+        gst.set_playing(pipeline, "the ends")
+        got = pipeline.get_by_name("got")
+        other.sendto(b"not ours", ("127.0.0.1", bound.port))
+        peer.sendto(b"first", ("127.0.0.1", bound.port))
+        assert pulled(got) == b"first"
+        peer.close()  # what is sent there is refused from now on
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
+            time.sleep(0.1)
+            again.bind(address)
+            again.sendto(b"again", ("127.0.0.1", bound.port))
+            assert pulled(got) == b"again"
+            assert gst.poll_bus(pipeline) == ""
+        gst.shut_down(pipeline)
+        bound.close()
+
+
+def pulled(appsink: object) -> bytes:
+    sample = appsink.emit("try-pull-sample", 10 * gst.load().Gst.SECOND)  # type: ignore[attr-defined]
+    buffer = sample.get_buffer()
+    return bytes(buffer.extract_dup(0, buffer.get_size()))
+
+
 def test_wire_bytes_are_datagrams_with_their_ip_and_udp_headers() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as target:
         target.bind(("127.0.0.1", 0))
         target.settimeout(5)
         port = target.getsockname()[1]
-        sink = udp_sink("out", "127.0.0.1", "127.0.0.1", port)
+        source = UdpSocket("127.0.0.1", 0, "sender of view eih")
+        sink = udp_sink("out", "127.0.0.1", port)
         pipeline = gst.parse_pipeline(f"fakesrc num-buffers=5 sizetype=2 sizemax=100 ! {sink}")
+        source.attach(pipeline.get_by_name("out"))
         gst.set_playing(pipeline, "the sink")
         datagrams = [target.recv(2048) for _ in range(5)]
         messages = pipeline.get_bus()
@@ -59,4 +102,5 @@ def test_wire_bytes_are_datagrams_with_their_ip_and_udp_headers() -> None:
         ports = ViewPorts("127.0.0.1", port, 0, 0)
         sent = wire_bytes_sent(pipeline.get_by_name("out"), ports)
         gst.shut_down(pipeline)
+        source.close()
     assert sent == sum(len(data) + 28 for data in datagrams) == 5 * 128
