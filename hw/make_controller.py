@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
-from tams_app.config import ControllerConfig, HandConfig
+from tams_app.config import ClutchConfig, ControllerConfig, HandConfig
 from tams_app.runtime.clock import Clock
 
 Note = Callable[[str, str], None]  # level and sentence
@@ -19,16 +19,17 @@ class ControllerParts:
 
     config: ControllerConfig
     hand: HandConfig
+    clutch: ClutchConfig
     clock: Clock
     note: Note
 
 
 def make_controller(
-    config: ControllerConfig, hand: HandConfig, clock: Clock, note: Note
+    config: ControllerConfig, hand: HandConfig, clutch: ClutchConfig, clock: Clock, note: Note
 ) -> Controller:
     """The configured controller, not started yet; `auto` is the tracked one."""
     device = "openvr" if config.device == "auto" else config.device
-    return DEVICES[device](ControllerParts(config, hand, clock, note))
+    return DEVICES[device](ControllerParts(config, hand, clutch, clock, note))
 
 
 def keyboard_of(controller: Controller) -> KeyboardController | None:
@@ -39,7 +40,7 @@ def keyboard_of(controller: Controller) -> KeyboardController | None:
 def _openvr(parts: ControllerParts) -> Controller:
     from hw.openvr.controller import OpenVrController
 
-    return OpenVrController(parts.config, parts.clock, parts.note)
+    return OpenVrController(parts.config, parts.clock, parts.note, parts.clutch)
 
 
 def _keyboard(parts: ControllerParts) -> Controller:

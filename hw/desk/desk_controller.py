@@ -71,6 +71,7 @@ class DeskController(Controller):
             a=asked.a,
             b=asked.b,
             menu=asked.menu,
+            presses=asked.presses,
         )
 
     def _missing(self, status: ControllerStatus) -> ControllerSample:

@@ -19,7 +19,7 @@ from hw.desk.polled import PolledDevice, beyond
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Haptic
+from tams_app.records import Haptic, Presses
 from tams_app.units import NS_PER_MS
 
 with warnings.catch_warnings():  # it tells at each import which library it has found
@@ -28,6 +28,12 @@ with warnings.catch_warnings():  # it tells at each import which library it has 
 
 _FULL = 32767
 _TRIGGER_REST = 0.02  # a worn one does not come back to zero
+_COUNTED = {  # as `Presses` has them
+    sdl2.SDL_CONTROLLER_BUTTON_LEFTSHOULDER: "grip",
+    sdl2.SDL_CONTROLLER_BUTTON_A: "a",
+    sdl2.SDL_CONTROLLER_BUTTON_B: "b",
+    sdl2.SDL_CONTROLLER_BUTTON_START: "menu",
+}
 # (weak motor, strong motor, duration): of 0xFFFF and [ms]
 _PULSES = {
     Haptic.ENGAGE: (0x8000, 0, 60),
@@ -49,6 +55,8 @@ class Gamepad(PolledDevice):
         self._unchanged_ns = round(config.unchanged_ms * NS_PER_MS)
         self._state: tuple[int, ...] = ()
         self._changed_ns = 0
+        self._events = (sdl2.SDL_Event * 64)()
+        self._presses = dict.fromkeys(_COUNTED.values(), 0)
         self._started = False
 
     def open(self) -> None:
@@ -67,6 +75,7 @@ class Gamepad(PolledDevice):
                 if self._pad is not None:
                     self._by_radio = self._may_come_by_radio(name)
                     self._state = ()
+                    sdl2.SDL_FlushEvents(sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT)
                     return
         which = f" whose name has {self._config.name!r} in it" if self._config.name else ""
         raise DeviceError(f"There is no gamepad{which}: plug one in, or choose another --hand.")
@@ -107,6 +116,7 @@ class Gamepad(PolledDevice):
             -self._axis(sdl2.SDL_CONTROLLER_AXIS_RIGHTY),
         )
         trigger = self._axis(sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT)
+        self._count_presses()
         asked = Deflection(
             linear=(forward, left, up),
             angular=(-left, forward, turn),
@@ -115,8 +125,21 @@ class Gamepad(PolledDevice):
             a=self._button(sdl2.SDL_CONTROLLER_BUTTON_A),
             b=self._button(sdl2.SDL_CONTROLLER_BUTTON_B),
             menu=self._button(sdl2.SDL_CONTROLLER_BUTTON_START),
+            presses=Presses(**self._presses),
         )
         return asked, self._known_ns(is_held=asked.trigger > 0.0)
+
+    def _count_presses(self) -> None:
+        """By SDL's events: a button may go down and up between two readings."""
+        down, events = sdl2.SDL_CONTROLLERBUTTONDOWN, self._events
+        joystick = sdl2.SDL_GameControllerGetJoystick(self._pad)
+        number = sdl2.SDL_JoystickInstanceID(joystick)
+        found = sdl2.SDL_PeepEvents(events, len(events), sdl2.SDL_GETEVENT, down, down)
+        for event in events[: max(found, 0)]:
+            pressed = _COUNTED.get(event.cbutton.button)
+            if event.cbutton.which == number and pressed is not None:
+                self._presses[pressed] += 1
+        sdl2.SDL_FlushEvents(sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT)  # they would pile up
 
     def _known_ns(self, is_held: bool) -> int:
         """Until when the pad is known to be in this state; any change is a sign of life.

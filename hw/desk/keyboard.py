@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from hw.desk.desk_controller import DeskController, Reading
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig
-from tams_app.records import ControllerStatus
+from tams_app.records import ControllerStatus, Presses
 from tams_app.runtime.mailbox import Mailbox
 from tams_app.units import NS_PER_MS
 from tams_app.vectors import Floats3
@@ -32,12 +32,13 @@ class HeldKeys:
     """Which keys are down in the window, told again and again while it lives.
 
     keys: by the names in `KEYS`. focused: whether the window gets what is typed. t_ns: when the
-    window's process said so.
+    window's process said so. presses: how often each key has gone down.
     """
 
     keys: frozenset[str]
     focused: bool
     t_ns: int
+    presses: Mapping[str, int] = field(default_factory=dict)
 
 
 class KeyboardController(DeskController):
@@ -71,14 +72,14 @@ class KeyboardController(DeskController):
             return Reading(ControllerStatus.STANDBY, 0)
         if not held.focused:
             return Reading(ControllerStatus.STANDBY, held.t_ns)
-        return Reading(ControllerStatus.OK, held.t_ns, deflection_of(held.keys))
+        return Reading(ControllerStatus.OK, held.t_ns, deflection_of(held.keys, held.presses))
 
     def close(self) -> None:
         self._started = False
         self._held = Mailbox()
 
 
-def deflection_of(keys: frozenset[str]) -> Deflection:
+def deflection_of(keys: frozenset[str], presses: Mapping[str, int]) -> Deflection:
     """What the held keys ask for; opposite keys cancel each other."""
     axes = [0.0, 0.0, 0.0]
     for key in keys & _AXES.keys():
@@ -92,4 +93,5 @@ def deflection_of(keys: frozenset[str]) -> Deflection:
         grip=MODE in keys,
         a=CLOSE in keys,
         b=OPEN in keys,
+        presses=Presses(presses.get(MODE, 0), presses.get(CLOSE, 0), presses.get(OPEN, 0)),
     )

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import hid
@@ -22,7 +23,7 @@ from hw.desk.polled import PolledDevice, beyond
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Haptic
+from tams_app.records import Haptic, Presses
 from tams_app.units import NS_PER_MS
 from tams_app.vectors import ZERO, Floats3
 
@@ -47,7 +48,6 @@ _ON_CABLE = {
 }
 _FULL = 350.0
 _LONG_NS = 600 * NS_PER_MS
-_PULSE_NS = 60 * NS_PER_MS  # how long a button of the hand's is held for a press of the mouse's
 _REPORT_BYTES = 64
 _AXES = struct.Struct("<3h")
 _TRANSLATION, _ROTATION, _BUTTONS = 1, 2, 3
@@ -64,8 +64,7 @@ class Reports:
         self._left = False
         self._right_since_ns: int | None = None
         self._closes = False  # what the next brief press of the right button does, inverted
-        self._acts = ""  # what the hand's buttons do just now
-        self._acts_until_ns = 0
+        self._presses = Presses()  # of the hand's buttons
 
     def take(self, report: bytes, now_ns: int) -> None:
         """Take in one report; of a kind that is not known it is left out."""
@@ -82,18 +81,15 @@ class Reports:
             self._left = bool(content[0] & 1)
             self._press_right(bool(content[0] & 2), now_ns)
 
-    def deflection(self, now_ns: int) -> Deflection:
-        """All axes and buttons at `now_ns`."""
-        acts = self._acts if now_ns < self._acts_until_ns else ""
+    def deflection(self) -> Deflection:
+        """All axes and buttons."""
         forward, left, up = beyond(self._dead_zone, *self._linear)
         roll, pitch, yaw = beyond(self._dead_zone, *self._angular)
         return Deflection(
             linear=(forward, left, up),
             angular=(roll, pitch, yaw),
             trigger=float(self._left),
-            grip=acts == "mode",
-            a=acts == "close",
-            b=acts == "open",
+            presses=self._presses,
         )
 
     def known_ns(self, now_ns: int) -> int:
@@ -102,7 +98,7 @@ class Reports:
         It must while it is deflected. With only the deadman held it says nothing: on a cable that
         is as good as a report, by radio it may have gone.
         """
-        asked = self.deflection(now_ns)
+        asked = self.deflection()
         is_deflected = any(asked.linear) or any(asked.angular)
         return self._heard_ns if is_deflected or (self._left and self._by_radio) else now_ns
 
@@ -114,14 +110,13 @@ class Reports:
         self._right_since_ns = None
         if since_ns is None:
             return
+        done = self._presses
         if now_ns - since_ns >= _LONG_NS:
-            self._acts = "mode"
-        elif self._left:
+            self._presses = replace(done, grip=done.grip + 1)
+        elif self._left:  # else the gripper stays as it is
             self._closes = not self._closes
-            self._acts = "close" if self._closes else "open"
-        else:
-            self._acts = ""  # the gripper stays as it is
-        self._acts_until_ns = now_ns + _PULSE_NS
+            close, opens = done.a + self._closes, done.b + (not self._closes)
+            self._presses = replace(done, a=close, b=opens)
 
 
 class SpaceMouse(PolledDevice):
@@ -165,7 +160,7 @@ class SpaceMouse(PolledDevice):
                 self._reports.take(bytes(report), now_ns)
         except OSError as error:
             raise DeviceError("The 3D mouse was unplugged: plug it in again.") from error
-        return self._reports.deflection(now_ns), self._reports.known_ns(now_ns)
+        return self._reports.deflection(), self._reports.known_ns(now_ns)
 
     def pulse(self, haptic: Haptic) -> None:
         """It cannot be felt."""

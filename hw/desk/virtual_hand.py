@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tams_app.config import DeskConfig
-from tams_app.records import Pose
+from tams_app.records import Pose, Presses
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import ZERO, Floats3, minus, norm, plus_times, times
@@ -30,6 +30,7 @@ class Deflection:
     a: bool = False
     b: bool = False
     menu: bool = False
+    presses: Presses = field(default_factory=Presses)
 
 
 NEUTRAL = Deflection()

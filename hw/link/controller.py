@@ -13,7 +13,7 @@ from hw.controller import Controller
 from tams_app.config import LinkConfig
 from tams_app.link.age import LeastOffset, age_bound_ns
 from tams_app.link.messages import HandMessage
-from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Presses
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -124,6 +124,7 @@ class LinkController(Controller):
             a=message.a,
             b=message.b,
             menu=message.menu,
+            presses=Presses(*message.presses),
         )
         return ""
 

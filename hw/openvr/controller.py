@@ -21,7 +21,7 @@ from hw.openvr import bindings as openvr_bindings
 from hw.openvr.components import COMPONENTS
 from hw.openvr.legacy import legacy_sources
 from hw.openvr.poller import OpenVrPoller
-from tams_app.config import ControllerConfig
+from tams_app.config import ClutchConfig, ControllerConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import Clock, FixedRate
@@ -45,9 +45,17 @@ class OpenVrController(Controller):
     """
 
     def __init__(
-        self, config: ControllerConfig, clock: Clock, note: Callable[[str, str], None]
+        self,
+        config: ControllerConfig,
+        clock: Clock,
+        note: Callable[[str, str], None],
+        clutch: ClutchConfig | None = None,
     ) -> None:
-        """ConfigError if the mapping does not fit the controllers it names."""
+        """ConfigError if the mapping does not fit the controllers it names.
+
+        `clutch`: its thresholds, None for those by default.
+        """
+        self._clutch = clutch
         for controller_type in COMPONENTS:
             openvr_bindings.bindings(controller_type, config)
         if config.input == "legacy":
@@ -70,7 +78,7 @@ class OpenVrController(Controller):
         self.failure = ""
         self._pulses.take_all()
         joined: Future[None] = Future()
-        poller = OpenVrPoller(self._config, self._manifest(), self._note)
+        poller = OpenVrPoller(self._config, self._manifest(), self._note, self._clutch)
         body = partial(self._run, poller, joined)
         self._worker = Worker(THREAD_NAME, body, partial(self._on_death, joined))
         self._worker.start()

@@ -39,8 +39,9 @@ from hw.openvr.tracking import (
     frame_events,
     tracking_problem,
 )
-from tams_app.config import ControllerConfig
+from tams_app.config import ClutchConfig, ControllerConfig
 from tams_app.errors import DeviceError, TamsError
+from tams_app.presses import PressCounter
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.units import NS_PER_S
 
@@ -63,8 +64,14 @@ class OpenVrPoller:
     """Owns the connection to the runtime; all calls belong to one thread."""
 
     def __init__(
-        self, config: ControllerConfig, manifest: Path, note: Callable[[str, str], None]
+        self,
+        config: ControllerConfig,
+        manifest: Path,
+        note: Callable[[str, str], None],
+        clutch: ClutchConfig | None = None,
     ) -> None:
+        """`clutch`: its thresholds, None for those by default."""
+        self._counter = PressCounter(clutch or ClutchConfig())
         self._config, self._manifest, self._note = config, manifest, note
         self._announcer = Announcer(note)
         self._hand = HandKeeper()
@@ -115,6 +122,7 @@ class OpenVrPoller:
             buttons.a,
             buttons.b,
             buttons.menu,
+            self._counter.presses,
         )
 
     def play(self, haptic: Haptic, now_ns: int) -> None:
@@ -239,6 +247,7 @@ class OpenVrPoller:
         """Keep a reading with its time; what could not be read leaves the last as it is."""
         if read is not None:
             self._buttons, self._buttons_ns = read, now_ns
+            self._counter.update(read.grip, read.a, read.b, read.menu)
 
     def _input_taken_by(self, runtime: OpenVrRuntime, read: Buttons | None) -> str:
         """What keeps the buttons from this process; "" if nothing does."""

@@ -54,7 +54,9 @@ def _desk_device(config: Config) -> Finding:
     from hw.make_controller import make_controller
     from tams_app.runtime.clock import MonotonicClock
 
-    made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
+    made = make_controller(
+        config.controller, config.hand, config.clutch, MonotonicClock(), lambda *_: None
+    )
     try:
         made.start()
     except TamsError as error:

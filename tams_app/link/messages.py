@@ -74,7 +74,8 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
         that is not whole.
     confirms: how often the operator has confirmed; confirmed_ns: when they did last.
     stops: how often they have asked for an emergency stop.
-    menu_presses: how often the menu button has gone down; `menu` may have come and gone unheard.
+    presses: how often grip, A, B and the menu button have gone down (`Presses`): a press may have
+        come and gone unheard.
     noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
     hand: what the operator drives with, of `teleop.hands.HANDS`.
     """
@@ -98,7 +99,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     confirmed_ns: Whole = 0
     stops: Whole = 0
     noted: Whole = 0
-    menu_presses: Whole = 0
+    presses: tuple[Whole, Whole, Whole, Whole] = (0, 0, 0, 0)
     hand: str = ""
     damaged: tuple[bool, ...] = ()
 

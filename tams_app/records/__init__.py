@@ -33,6 +33,7 @@ from tams_app.records.hand import (
     ControllerSample,
     ControllerStatus,
     Haptic,
+    Presses,
 )
 from tams_app.records.link import (
     HandHeard,
@@ -101,6 +102,7 @@ __all__ = [
     "PhaseChange",
     "PolicyInputs",
     "Pose",
+    "Presses",
     "Reception",
     "SceneTruth",
     "ServoMode",

@@ -24,11 +24,22 @@ class ControllerStatus(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Presses:
+    """How often each button has gone down since its device was read first."""
+
+    grip: int = 0
+    a: int = 0
+    b: int = 0
+    menu: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerSample:
     """One reading of the tracked controller, in the tracking frame (OpenVR: y up, right-handed).
 
     `pose` is None when the runtime calls it invalid. `pose_ns`: when the pose's value last
-    changed; `buttons_ns`: the last successful, active read of the buttons.
+    changed; `buttons_ns`: until when the buttons are known. `presses` has also those that begin and
+    end between two samples; one of a device that does not count them stays as it is.
     """
 
     status: ControllerStatus
@@ -40,6 +51,7 @@ class ControllerSample:
     a: bool  # closes the gripper on its edge
     b: bool  # opens the gripper on its edge
     menu: bool  # held 1 s: confirm; clicked: emergency stop
+    presses: Presses = Presses()
 
 
 class Haptic(StrEnum):

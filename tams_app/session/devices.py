@@ -59,7 +59,7 @@ class Devices:
     def make_controller(self, note: Note) -> Controller:
         """What a person holds, not started yet."""
         config = self._config
-        return make_controller(config.controller, config.hand, self._clock, note)
+        return make_controller(config.controller, config.hand, config.clutch, self._clock, note)
 
     def make_cameras(self, note: Note) -> Sequence[Camera]:
         """One camera for each view, not started yet."""

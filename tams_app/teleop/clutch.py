@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from tams_app.config import ClutchConfig
+from tams_app.presses import hysteresis
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -45,16 +46,15 @@ class Clutch:
     """Turns samples into edges; anything that is not known reads as released.
 
     A press counts only after a release was seen: neither a trigger that was held when input came
-    back nor a button that was down at the start does anything.
+    back nor a button that was down at the start does anything. A press that no sample shows, since
+    it began and ended between two, counts by `ControllerSample.presses`.
     """
 
     def __init__(self, config: ClutchConfig, buttons_limit_ns: float) -> None:
         self._config = config
         self._limit_ns = buttons_limit_ns
         self._trigger: bool | None = None  # None: not known
-        self._grip: bool | None = None
-        self._a: bool | None = None
-        self._b: bool | None = None
+        self._grip, self._a, self._b = _Button(), _Button(), _Button()
         self._menu = _Menu()
 
     def update(self, sample: ControllerSample, now_ns: int) -> Buttons:
@@ -62,19 +62,21 @@ class Clutch:
         fresh = is_fresh(sample.buttons_ns, now_ns, self._limit_ns)
         known = fresh and sample.status is ControllerStatus.OK
         known = known and math.isfinite(sample.trigger) and math.isfinite(sample.grip)
-        was_up, was_grip, was_a, was_b = self._trigger is False, self._grip, self._a, self._b
-        self._trigger = self._hysteresis(sample.trigger, self._trigger) if known else None
-        self._grip = self._hysteresis(sample.grip, self._grip) if known else None
-        self._a = sample.a if known else None
-        self._b = sample.b if known else None
-        closes, opens = _edge(was_a, self._a), _edge(was_b, self._b)
+        was_up, presses = self._trigger is False, sample.presses
+        self._trigger = hysteresis(sample.trigger, self._trigger, self._config) if known else None
+        grip_was = True if self._grip.was_pressed(presses.grip) else self._grip.down
+        grip = hysteresis(sample.grip, grip_was, self._config) if known else None
+        toggles = self._grip.update(grip, presses.grip)
+        closes = self._a.update(sample.a if known else None, presses.a) > 0
+        opens = self._b.update(sample.b if known else None, presses.b) > 0
         menu_known = fresh and sample.status not in _NO_BUTTONS
-        down, click, hold = self._menu.update(sample.menu if menu_known else None, now_ns)
+        menu = sample.menu if menu_known else None
+        down, click, hold = self._menu.update(menu, presses.menu, now_ns)
         return Buttons(
             pressed=self._trigger is True,
             released=self._trigger is False,
             press=was_up and self._trigger is True,
-            toggle_mode=_edge(was_grip, self._grip),
+            toggle_mode=toggles % 2 == 1,
             close_gripper=closes and not opens,
             open_gripper=opens and not closes,
             menu_down=down,
@@ -82,35 +84,44 @@ class Clutch:
             menu_hold=hold,
         )
 
-    def _hysteresis(self, value: float, was: bool | None) -> bool | None:
-        if value <= self._config.release_below:
-            return False
-        if value >= self._config.engage_above:
-            return True if was is not None else None  # held since before it was known
-        return was
+
+class _Button:
+    """Presses of one button, from its level and from how often it has gone down."""
+
+    def __init__(self) -> None:
+        self.down: bool | None = None  # None: not known
+        self._presses = 0
+
+    def was_pressed(self, presses: int) -> bool:
+        """Whether it has gone down since it was last known."""
+        return self.down is not None and presses > self._presses
+
+    def update(self, down: bool | None, presses: int) -> int:
+        """How many there were since the last sample; 0 if that or this one is not known."""
+        was, counted = self.down, presses - self._presses
+        self.down, self._presses = down, presses
+        if was is None or down is None:
+            return 0
+        return max(counted, int(down and not was))
 
 
 class _Menu:
     """Tells a click from a hold of the menu button."""
 
     def __init__(self) -> None:
-        self._down: bool | None = None
+        self._button = _Button()
         self._since_ns: int | None = None  # None: this press is void or has been told
 
-    def update(self, down: bool | None, now_ns: int) -> tuple[bool, bool, bool]:
+    def update(self, down: bool | None, presses: int, now_ns: int) -> tuple[bool, bool, bool]:
         """The edges (down, click, hold); `down` is None when it is not known."""
-        was, self._down = self._down, down
-        pressed, clicked, held = _edge(was, down), False, False
-        if pressed:
-            self._since_ns = now_ns
-        elif self._since_ns is not None:
-            long_enough = now_ns - self._since_ns >= MENU_HOLD_NS
-            clicked = down is False and not long_enough
-            held = down is True and long_enough
-            if down is not True or held:
-                self._since_ns = None
-        return pressed, clicked, held
-
-
-def _edge(was: bool | None, now: bool | None) -> bool:
-    return was is False and now is True
+        pressed = self._button.update(down, presses) > 0
+        since_ns = self._since_ns
+        is_short = since_ns is not None and now_ns - since_ns < MENU_HOLD_NS
+        if pressed:  # one that was down is so anew: its release was not seen
+            self._since_ns = now_ns if down else None
+            return True, is_short or not down, False
+        clicked = down is False and is_short
+        held = down is True and since_ns is not None and not is_short
+        if down is not True or held:
+            self._since_ns = None
+        return False, clicked, held

@@ -41,6 +41,7 @@ from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.desk.fake_mouse import LEFT, FakeMouse, axes_report, buttons_report
+from tests.hw.desk.fake_mouse import RIGHT as RIGHT_BUTTON
 from tests.hw.desk.virtual_pad import VirtualPad
 from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
@@ -70,6 +71,10 @@ class ControllerRig(ABC):
     @abstractmethod
     def press_menu(self) -> None:
         """The thumb goes on the menu button and stays there."""
+
+    @abstractmethod
+    def tap(self) -> None:
+        """The button that closes the gripper goes down and up between two ticks."""
 
     @abstractmethod
     def inject(self, fault: SensorFault | None) -> None:
@@ -134,6 +139,11 @@ class VirtualControllerRig(ControllerRig):
     def press_menu(self) -> None:
         self._holding.button = Button.MENU
 
+    def tap(self) -> None:
+        self._holding.button = Button.A
+        self.controller.sample(self._clock.now_ns())  # as whoever reads the device
+        self._holding.button = None
+
     def inject(self, fault: SensorFault | None) -> None:
         self._virtual.inject(fault)
 
@@ -171,6 +181,11 @@ class RemoteRig(ControllerRig):
 
     def press_menu(self) -> None:
         self._holding.button = Button.MENU
+
+    def tap(self) -> None:
+        self._holding.button = Button.A
+        time.sleep(5 * TICK_NS / NS_PER_S)  # the other process reads it, nobody takes it
+        self._holding.button = None
 
     def inject(self, fault: SensorFault | None) -> None:
         assert self._published is not None
@@ -210,6 +225,11 @@ class LinkRig(ControllerRig):
     def press_menu(self) -> None:
         self._holding.button = Button.MENU
 
+    def tap(self) -> None:
+        self._holding.button = Button.A
+        self._hand.sample(self._clock.now_ns() + self._OFFSET_NS)  # its message is lost
+        self._holding.button = None
+
     def inject(self, fault: SensorFault | None) -> None:
         self._hand.inject(fault)
 
@@ -246,6 +266,7 @@ class KeyboardRig(ControllerRig):
         self._clock = VirtualClock()
         self._clock.advance_ns(NS_PER_S)
         self._focused, self._tells = True, True
+        self._presses: dict[str, int] = {}
         self.controller = self.make_controller()
 
     def make_controller(self) -> KeyboardController:
@@ -255,6 +276,9 @@ class KeyboardRig(ControllerRig):
     def press_menu(self) -> None:
         raise AssertionError("a keyboard has no menu button")
 
+    def tap(self) -> None:
+        self._presses["c"] = self._presses.get("c", 0) + 1
+
     def inject(self, fault: SensorFault | None) -> None:
         self._focused = fault is None
 
@@ -262,7 +286,8 @@ class KeyboardRig(ControllerRig):
         self._clock.advance_ns(TICK_NS)
         now_ns = self._clock.now_ns()
         if self._tells:
-            self._keyboard.feed(HeldKeys(frozenset({DEADMAN, "w"}), self._focused, now_ns))
+            keys = frozenset({DEADMAN, "w"})
+            self._keyboard.feed(HeldKeys(keys, self._focused, now_ns, dict(self._presses)))
         return now_ns
 
     def fall_silent(self) -> None:
@@ -305,6 +330,11 @@ class GamepadRig(ControllerRig):
 
     def press_menu(self) -> None:
         self._pad.press(sdl2.SDL_CONTROLLER_BUTTON_START)
+
+    def tap(self) -> None:
+        for down in (True, False):
+            self._pad.press(sdl2.SDL_CONTROLLER_BUTTON_A, down)
+            sdl2.SDL_GameControllerUpdate()
 
     def inject(self, fault: SensorFault | None) -> None:
         if fault is None:
@@ -374,6 +404,9 @@ class SpaceMouseRig(ControllerRig):
     def fall_silent(self) -> None:
         self._reports = False
 
+    def tap(self) -> None:
+        self._mouse.waiting += [buttons_report(LEFT | RIGHT_BUTTON), buttons_report(LEFT)]
+
     def inject(self, fault: SensorFault | None) -> None:
         self._mouse.gone = fault is not None
 
@@ -410,6 +443,11 @@ class OpenVrRig(ControllerRig):
 
     def press_menu(self) -> None:
         self.runtime.press("menu")
+
+    def tap(self) -> None:
+        self.runtime.press("a")
+        time.sleep(12e-3)  # three readings of the driver
+        self.runtime.press("a", 0.0)
 
     def inject(self, fault: SensorFault | None) -> None:
         hand = self.runtime.devices[RIGHT]

@@ -9,8 +9,10 @@ from contextlib import ExitStack
 
 import pytest
 
+from tams_app.config import ClutchConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.teleop.clutch import Clutch
 from tams_app.units import NS_PER_MS
 from tests.contract.controller_rigs import (
     CableGamepadRig,
@@ -116,6 +118,28 @@ def test_times_never_go_back_and_never_lie_ahead(held: ControllerRig) -> None:
         assert pose_ns <= sample.pose_ns <= now_ns + FRESH_WITHIN_NS
         assert buttons_ns <= sample.buttons_ns <= now_ns + FRESH_WITHIN_NS
         pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
+
+
+def test_a_tap_between_two_samples_has_been_pressed_once(held: ControllerRig) -> None:
+    clutch = Clutch(ClutchConfig(), FRESH_WITHIN_NS)
+    edges = 0
+
+    def seen(sample: ControllerSample) -> bool:
+        nonlocal edges
+        read = clutch.update(sample, max(sample.buttons_ns, sample.pose_ns))
+        edges += read.close_gripper or read.open_gripper
+        return sample.presses.a + sample.presses.b >= taps
+
+    taps = 0
+    held.until(seen)
+    for _ in range(5):
+        taps += 1
+        held.tap()
+        held.until(seen)
+        assert not held.sample().a
+    for _ in range(10):
+        seen(held.sample())
+    assert edges == taps
 
 
 @each_fault(STATUS_OF)

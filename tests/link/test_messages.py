@@ -70,7 +70,7 @@ hands = st.builds(
     confirms=COUNT,
     confirmed_ns=NS,
     stops=COUNT,
-    menu_presses=COUNT,
+    presses=st.tuples(COUNT, COUNT, COUNT, COUNT),
     hand=TEXT,
 )
 states = st.builds(
@@ -169,7 +169,7 @@ def test_a_message_with_something_behind_it_is_refused(message: HandMessage, res
 WHOLE = [
     name
     for name in HandMessage.__struct_fields__
-    if name.endswith("_ns") or name in ("operator", "confirms", "stops", "noted", "menu_presses")
+    if name.endswith("_ns") or name in ("operator", "confirms", "stops", "noted")
 ]
 
 
@@ -222,6 +222,10 @@ def test_a_message_of_another_kind_is_refused(kind: type[HandMessage]) -> None:
         ("shown", 7),
         ("shown", [0.5]),
         ("stops", "1"),
+        ("presses", [1, 2, 3]),
+        ("presses", [1, 2, 3, 4, 5]),
+        ("presses", [1, 2, 3, "4"]),
+        ("presses", [1, 2, 3, 1 << 62]),
         ("status", NO_UTF8),
     ],
 )
@@ -254,8 +258,8 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
     short = decode(msgspec.msgpack.encode(fields(HAND)[:-7]), HandMessage)
-    asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.menu_presses
-    assert asked == (0, 0, 0, 0, 0)
+    asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.presses
+    assert asked == (0, 0, 0, 0, (0, 0, 0, 0))
     assert (short.hand, short.damaged) == ("", ())
     with pytest.raises(MessageError):
         decode(msgspec.msgpack.encode(fields(HAND)[:-8]), HandMessage)

@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tams_app.config import ClutchConfig
-from tams_app.records import ControllerSample, ControllerStatus, Pose
+from tams_app.presses import PressCounter
+from tams_app.records import ControllerSample, ControllerStatus, Pose, Presses
 from tams_app.rotation import Rotation
 from tams_app.teleop.clutch import MENU_HOLD_NS, Buttons, Clutch, is_fresh
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -141,6 +144,84 @@ def test_the_menu_of_a_controller_that_is_gone_is_not_believed(
 ) -> None:
     assert not finger.read(menu=True, status=gone).menu_down
     assert not finger.read(menu=False, status=gone).menu_click
+
+
+@pytest.mark.parametrize(
+    ("button", "edge"),
+    [("grip", "toggle_mode"), ("a", "close_gripper"), ("b", "open_gripper")],
+)
+def test_a_press_that_no_sample_shows_is_an_edge_once(
+    finger: Finger, button: str, edge: str
+) -> None:
+    for number in (1, 2):
+        tapped = Presses(**{button: number})
+        readings = [finger.read(presses=tapped), finger.read(presses=tapped)]
+        assert [getattr(reading, edge) for reading in readings] == [True, False]
+    held = [finger.read(**{button: True, "presses": Presses(**{button: 3})}) for _ in range(3)]
+    assert [getattr(reading, edge) for reading in held] == [True, False, False]
+    again = finger.read(**{button: True, "presses": Presses(**{button: 4})})
+    assert getattr(again, edge)  # it went up and down between two samples
+
+
+def test_two_presses_of_the_grip_between_two_samples_leave_the_mode_as_it_is(
+    finger: Finger,
+) -> None:
+    assert not finger.read(presses=Presses(grip=2)).toggle_mode
+    assert finger.read(presses=Presses(grip=3)).toggle_mode
+
+
+@pytest.mark.parametrize(
+    "away", [{"status": ControllerStatus.STANDBY}, {"age_ms": 101}, {"trigger": float("nan")}]
+)
+def test_what_was_pressed_while_input_was_not_known_does_nothing(
+    finger: Finger, away: dict[str, object]
+) -> None:
+    finger.read(**away)
+    pressed = Presses(grip=1, a=1, b=1)
+    for reading in (finger.read(**{**away, "presses": pressed}), finger.read(presses=pressed)):
+        assert not any((reading.toggle_mode, reading.close_gripper, reading.open_gripper))
+    at_first = Finger()
+    assert not at_first.read(presses=Presses(a=7)).close_gripper
+
+
+def test_a_click_of_the_menu_that_no_sample_shows_is_one(finger: Finger) -> None:
+    tapped = finger.read(presses=Presses(menu=1))
+    assert (tapped.menu_down, tapped.menu_click, tapped.menu_hold) == (True, True, False)
+    assert not any(finger.read(after_ms=2000, presses=Presses(menu=1))[-3:])
+
+
+def test_the_menu_pressed_anew_between_two_samples_was_clicked_and_is_not_held_the_longer(
+    finger: Finger,
+) -> None:
+    assert finger.read(menu=True, presses=Presses(menu=1)).menu_down
+    anew = finger.read(after_ms=600, menu=True, presses=Presses(menu=2))
+    assert (anew.menu_down, anew.menu_click) == (True, True)
+    assert not finger.read(after_ms=600, menu=True, presses=Presses(menu=2)).menu_hold
+    assert finger.read(after_ms=400, menu=True, presses=Presses(menu=2)).menu_hold
+
+
+@given(st.lists(st.tuples(st.floats(0, 1), st.booleans(), st.booleans()), min_size=1, max_size=200))
+def test_whoever_samples_seldom_sees_each_press_that_whoever_samples_always_sees(
+    readings: list[tuple[float, bool, bool]],
+) -> None:
+    counter, always, seldom = PressCounter(ClutchConfig()), Finger(), Finger()
+    start = counter.update(0.0, False, False, False)
+    always.read(presses=start)
+    seldom.read(presses=start)
+    toggles = [0, 0]
+    closed = [0, 0]
+    for number, (grip, a, sampled) in enumerate(readings):
+        presses = counter.update(grip, a, False, False)
+        sample = {"grip": grip, "a": a, "presses": presses}
+        for place, finger in enumerate((always, seldom)):
+            if place == 0 or sampled or number == len(readings) - 1:
+                reading = finger.read(**sample)
+                toggles[place] += reading.toggle_mode
+                closed[place] += reading.close_gripper
+    assert toggles[0] == presses.grip
+    assert toggles[1] % 2 == presses.grip % 2
+    assert closed[0] == presses.a
+    assert bool(closed[1]) == bool(presses.a)
 
 
 def test_a_stamp_far_in_the_future_is_not_fresh() -> None:

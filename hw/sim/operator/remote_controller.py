@@ -15,7 +15,7 @@ import numpy as np
 
 from hw.controller import Controller
 from tams_app.errors import DeviceError
-from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Presses
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.shared_ring import (
@@ -35,8 +35,8 @@ _TAKE_UP, _PUT_DOWN = "take up", "put down"  # the controller, into the hand and
 _REQUESTS = (_TAKE_UP, _PUT_DOWN, *Haptic)
 
 # Requests met so far, when pose and buttons were new [ns], status, whether there is a pose, the
-# pose, trigger and grip, buttons.
-_SAMPLE = struct.Struct("<3qB?7d2d3?")
+# pose, trigger and grip, buttons, how often they have gone down.
+_SAMPLE = struct.Struct("<3qB?7d2d3?4q")
 _REQUEST = struct.Struct("<B")
 _SAMPLES = RingShape(_SAMPLE.size, heads=4)
 _ASKED = RingShape(_REQUEST.size, heads=64)
@@ -68,7 +68,7 @@ class ControllerPublisher:
             if head is not None:  # else overwritten: sixty pulses at once are not felt one by one
                 self._meet(_REQUESTS[_REQUEST.unpack(head)[0]])
         sample = self._controller.sample(now_ns)
-        pose = sample.pose
+        pose, presses = sample.pose, sample.presses
         self._samples.put(
             _SAMPLE.pack(
                 self._met,
@@ -82,6 +82,10 @@ class ControllerPublisher:
                 sample.a,
                 sample.b,
                 sample.menu,
+                presses.grip,
+                presses.a,
+                presses.b,
+                presses.menu,
             )
         )
 
@@ -183,7 +187,7 @@ class RemoteController(Controller):
             return False
         self._number, head = newest
         self._met, pose_ns, buttons_ns, status, has_pose, *values = _SAMPLE.unpack(head)
-        *pose, trigger, grip, a, b, menu = values
+        pose, (trigger, grip, a, b, menu) = values[:7], values[7:12]
         self._last = ControllerSample(
             _STATUSES[status],
             self._pose(pose_ns, pose) if has_pose else None,
@@ -194,6 +198,7 @@ class RemoteController(Controller):
             a=a,
             b=b,
             menu=menu,
+            presses=Presses(*values[12:]),
         )
         return True
 

@@ -24,8 +24,9 @@ from hw.openvr.components import (
     role_map,
 )
 from hw.sim.operator.hand import Button, Hand
-from tams_app.config import Config, OperatorConfig
+from tams_app.config import ClutchConfig, Config, OperatorConfig
 from tams_app.errors import ConfigError
+from tams_app.presses import PressCounter
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
@@ -78,9 +79,18 @@ class VirtualController(Controller):
     """A controller held by `operator`, with tracking noise."""
 
     def __init__(
-        self, operator: Holder, config: OperatorConfig, seed: int, wiring: Wiring | None = None
+        self,
+        operator: Holder,
+        config: OperatorConfig,
+        seed: int,
+        wiring: Wiring | None = None,
+        clutch: ClutchConfig | None = None,
     ) -> None:
-        """`wiring`: None for a controller whose every button plays its own role."""
+        """`wiring`: None for a controller whose every button plays its own role.
+
+        `clutch`: its thresholds, None for those by default.
+        """
+        self._counter = PressCounter(clutch or ClutchConfig())
         self.operator = operator
         self._wiring = wiring
         self._random = np.random.default_rng([seed, 0x5E450])
@@ -118,6 +128,7 @@ class VirtualController(Controller):
         pressed = self._pressed()
         if self._wiring is not None:
             pressed = self._wiring.roles(self._wiring.reading(pressed))
+        a, b, menu = (pressed[role] > 0.5 for role in ("a", "b", "menu"))
         measured = self.operator.hand.pose() + self._wander(now_ns)
         return ControllerSample(
             ControllerStatus.OK,
@@ -126,9 +137,10 @@ class VirtualController(Controller):
             now_ns,
             trigger=pressed["trigger"],
             grip=pressed["grip"],
-            a=pressed["a"] > 0.5,
-            b=pressed["b"] > 0.5,
-            menu=pressed["menu"] > 0.5,
+            a=a,
+            b=b,
+            menu=menu,
+            presses=self._counter.update(pressed["grip"], a, b, menu),
         )
 
     def _pressed(self) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -95,6 +96,7 @@ class Keyboard:
 
     def __init__(self) -> None:
         self.focused = False
+        self.presses: Counter[str] = Counter()  # how often each key has gone down, by name
         self._held: dict[int, str] = {}  # code → name at the press
         self._free: set[int] = set()  # seen going up since the focus came
         self._seen_ns: dict[int, int] = {}
@@ -130,6 +132,7 @@ class Keyboard:
         if code not in self._free and now_ns - before_ns < REPEAT_NS:
             return False
         self._held[code] = name
+        self.presses[name] += 1
         return True
 
     def release(self, code: int) -> None:

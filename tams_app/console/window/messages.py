@@ -147,12 +147,14 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
     pressing. A key that repeats itself stays in it, one whose release the window cannot see (it has
     no focus) leaves it.
     drawings: how often the window has drawn new pictures so far.
+    presses: how often each key has gone down, by name: one may go down and up between two looks.
     """
 
     t_ns: int
     focused: bool
     held: tuple[str, ...]
     drawings: int = 0
+    presses: dict[str, int] = {}
 
 
 class Beat(msgspec.Struct, frozen=True, tag="beat"):

@@ -47,4 +47,4 @@ class SessionWindow(SessionFace):
 def held_keys(event: Keys) -> HeldKeys:
     """The keys that are down, for a hand that they move."""
     names = {_HAND_KEYS.get(name, name) for name in event.held}
-    return HeldKeys(KEYS & names, event.focused, event.t_ns)
+    return HeldKeys(KEYS & names, event.focused, event.t_ns, event.presses)

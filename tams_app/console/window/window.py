@@ -238,7 +238,15 @@ class OperatorWindow:
         if self._clock.now_ns() - self._looked_ns > _NOT_LOOKING_NS:
             return True  # old pictures stay: to the session that is no sign of life
         keyboard = self._keyboard
-        self._tell(Keys(self._clock.now_ns(), keyboard.focused, keyboard.held, self._drawings))
+        self._tell(
+            Keys(
+                self._clock.now_ns(),
+                keyboard.focused,
+                keyboard.held,
+                self._drawings,
+                keyboard.presses,
+            )
+        )
         return True
 
     # --- what is shown --------------------------------------------------------------------------

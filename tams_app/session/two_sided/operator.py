@@ -197,7 +197,9 @@ class OperatorSession(Ending):
     def _make_controller(self, helper_logs: Path) -> Controller:
         if not self.config.operator_is_simulated:
             config = self.config
-            controller = make_controller(config.controller, config.hand, self._clock, self.note)
+            controller = make_controller(
+                config.controller, config.hand, config.clutch, self._clock, self.note
+            )
             self.keyboard = keyboard_of(controller)
             return controller
         operator = RigOperator(

@@ -90,7 +90,6 @@ class OperatorLink:
         self.state_heard_ns = 0
         self._session = 0
         self._identity, self._driven_with = identity, hand
-        self._menu_presses = 0
         self._haptics: int | None = None
         self._noted: int | None = None
         self._offset = OffsetEstimate()
@@ -122,9 +121,7 @@ class OperatorLink:
             self._take(received)
         now_ns = self._clock.now_ns()
         controller = self.controller
-        was_down = self.sample.menu
         self.sample = _AWAY if controller is None else controller.sample(now_ns)
-        self._menu_presses += self.sample.menu and not was_down
         self._gateway.send(encode(self._hand(self.sample)))
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
@@ -168,7 +165,7 @@ class OperatorLink:
 
     def _hand(self, sample: ControllerSample) -> HandMessage:
         state, requests, pose = self.state, self._requests, sample.pose
-        views = self._steered_by()
+        views, presses = self._steered_by(), sample.presses
         numbers = None
         if pose is not None:
             x, y, z = pose.position.tolist()
@@ -193,7 +190,7 @@ class OperatorLink:
             confirmed_ns=requests.confirmed_ns,
             stops=requests.stops,
             noted=self._noted or 0,
-            menu_presses=self._menu_presses,
+            presses=(presses.grip, presses.a, presses.b, presses.menu),
             hand=self._driven_with,
             damaged=tuple(view.is_damaged for view in views),
         )

@@ -27,7 +27,16 @@ from tams_app.link.messages import (
 )
 from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MESSAGE_OVERHEAD_BYTES
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Allocation, ArmState, HandHeard, Haptic, LinkHealth, StopRecord, Tick
+from tams_app.records import (
+    Allocation,
+    ArmState,
+    HandHeard,
+    Haptic,
+    LinkHealth,
+    Presses,
+    StopRecord,
+    Tick,
+)
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals, describe
@@ -214,7 +223,7 @@ class RobotLink(Listener):
         if message.operator != self._operator:
             self._operator = message.operator
             self._confirms = self._stops = 0
-            self._menu_presses = message.menu_presses
+            self._menu_presses = Presses(*message.presses).menu
         heard_ns = received.heard_ns
         if message.simulated and not self._config.rig.enabled:
             self._tell_once("a simulated operator moves no real arm: its samples are left out")
@@ -232,8 +241,9 @@ class RobotLink(Listener):
         if message.stops > self._stops:  # however old it is
             self._stops = message.stops
             self._signals.estop()
-        if message.menu_presses > self._menu_presses:  # also one that no sample has shown
-            self._menu_presses = message.menu_presses
+        menu_presses = Presses(*message.presses).menu
+        if menu_presses > self._menu_presses:  # also one that no sample has shown
+            self._menu_presses = menu_presses
             if self._output is not None and self._output.arming.is_armed:
                 self._signals.estop()
         if message.confirms > self._confirms:

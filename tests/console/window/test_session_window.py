@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tams_app.config import ClutchConfig
 from tams_app.console import app
 from tams_app.console.window.messages import TrialFacts, ViewFacts
 from tams_app.console.window.session_face import SILENT_NS, facts_of
 from tams_app.console.wishes import Wish
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.teleop.clutch import Clutch
 from tams_app.units import NS_PER_MS
 from tests.console.played_session import SNAPSHOT, PlayedSession, window_processes
 from tests.console.window.xvfb import Screen, virtual_screen, wait_for
@@ -128,6 +130,37 @@ def test_keys_held_in_the_window_move_the_hand_until_they_go_up_or_the_window_st
     assert session.failure == ""
     assert found["released"].status is ControllerStatus.OK
     assert found["still"].pose_ns < found["still"].buttons_ns + 200 * NS_PER_MS
+
+
+def test_every_tap_of_the_mode_s_key_toggles_it_once_however_short_it_is(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    clutch = Clutch(ClutchConfig(), 200 * NS_PER_MS)
+    toggled = tapped = 0
+
+    def sample() -> bool:
+        nonlocal toggled
+        now_ns = time.monotonic_ns()
+        read = clutch.update(session.keyboard.sample(now_ns), now_ns)
+        toggled += read.toggle_mode
+        return read.released
+
+    def tap() -> None:
+        nonlocal tapped
+        screen.focus("TAMS")
+        assert wait_for(sample)
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        assert wait_for(sample)
+        for tapped in range(1, 41):
+            screen.xdotool("key", "--delay", "0", "m")  # down and up at once
+            assert wait_for(lambda: sample() and toggled >= tapped, 10.0), tapped  # noqa: B023
+        session.end("tapped")
+
+    session.do = tap
+    show(session)
+    assert (session.reason, toggled) == ("tapped", tapped)
 
 
 def test_the_keyboard_s_hand_needs_a_display(

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import pytest
 
 from hw.desk.gamepad import Gamepad, sdl2
-from hw.desk.virtual_hand import NEUTRAL
+from hw.desk.virtual_hand import NEUTRAL, Deflection
 from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Haptic
+from tams_app.records import Haptic, Presses
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3
 from tests.hw.desk.virtual_pad import VirtualPad
@@ -95,8 +95,23 @@ def test_each_button_is_one_of_the_hands(
     pad.press(button)
     asked, _ = opened.read()
     assert [one for one in ("grip", "a", "b", "menu") if getattr(asked, one)] == [name]
+    assert asked.presses == Presses(**{name: 1})
     pad.press(button, down=False)
-    assert opened.read()[0] == NEUTRAL
+    assert opened.read()[0] == Deflection(presses=asked.presses)
+
+
+def test_every_tap_between_two_readings_counts_and_events_do_not_pile_up(
+    pad: VirtualPad, opened: Gamepad
+) -> None:
+    for number in range(1, 41):
+        for down in (True, False):
+            pad.press(sdl2.SDL_CONTROLLER_BUTTON_A, down)
+            sdl2.SDL_GameControllerUpdate()
+        pad.move(LEFT_X, number / 100)
+        asked, _ = opened.read()
+        assert (asked.a, asked.presses) == (False, Presses(a=number))
+    first, last = sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT
+    assert sdl2.SDL_PeepEvents(None, 0, sdl2.SDL_PEEKEVENT, first, last) == 0
 
 
 def test_a_pad_that_is_unplugged_is_a_device_error_and_can_be_opened_again(

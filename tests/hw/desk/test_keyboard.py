@@ -7,8 +7,9 @@ from itertools import combinations
 import pytest
 
 from hw.desk.keyboard import KEYS, HeldKeys, KeyboardController, deflection_of
+from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig, HandConfig
-from tams_app.records import ControllerStatus
+from tams_app.records import ControllerStatus, Presses
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -16,6 +17,10 @@ pytestmark = pytest.mark.untimed
 
 def held(*keys: str, focused: bool = True, t_ns: int = NS_PER_S) -> HeldKeys:
     return HeldKeys(frozenset(keys), focused, t_ns)
+
+
+def asked(*keys: str) -> Deflection:
+    return deflection_of(frozenset(keys), {})
 
 
 @pytest.fixture
@@ -26,18 +31,18 @@ def keyboard() -> KeyboardController:
 
 
 def test_each_key_asks_for_something_of_its_own() -> None:
-    asked = [deflection_of(frozenset({key})) for key in sorted(KEYS)]
-    assert all(one != another for one, another in combinations(asked, 2))
-    assert all(one != deflection_of(frozenset()) for one in asked)
+    found = [asked(key) for key in sorted(KEYS)]
+    assert all(one != another for one, another in combinations(found, 2))
+    assert all(one != asked() for one in found)
 
 
 @pytest.mark.parametrize("pair", ["ws", "ad", "rf"])
 def test_opposite_keys_cancel_each_other(pair: str) -> None:
-    assert deflection_of(frozenset(pair)) == deflection_of(frozenset())
+    assert asked(*pair) == asked()
 
 
 def test_keys_that_mean_nothing_ask_for_nothing() -> None:
-    assert deflection_of(frozenset({"x", "F1", ""})) == deflection_of(frozenset())
+    assert asked("x", "F1", "") == asked()
 
 
 def test_before_the_window_has_told_anything_the_controller_is_laid_down(
@@ -74,3 +79,12 @@ def test_a_hand_that_rests_is_no_frozen_pose(keyboard: KeyboardController) -> No
         now_ns = NS_PER_S + number * 8 * NS_PER_MS
         keyboard.feed(held("shift", t_ns=now_ns))
         assert keyboard.sample(now_ns).pose_ns == now_ns
+
+
+def test_a_key_that_was_down_for_less_than_a_sample_has_been_pressed(
+    keyboard: KeyboardController,
+) -> None:
+    keyboard.feed(HeldKeys(frozenset(), True, NS_PER_S, {"m": 1, "c": 2, "o": 3, "w": 4}))
+    sample = keyboard.sample(NS_PER_S)
+    assert sample.presses == Presses(grip=1, a=2, b=3)
+    assert not any((sample.grip, sample.a, sample.b))

@@ -9,7 +9,7 @@ import pytest
 from hw.desk.polled import PolledController, PolledDevice, beyond
 from hw.desk.virtual_hand import NEUTRAL, Deflection
 from hw.make_controller import DEVICES, make_controller
-from tams_app.config import ControllerConfig, DeskConfig, HandConfig
+from tams_app.config import ClutchConfig, ControllerConfig, DeskConfig, HandConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock
@@ -112,7 +112,7 @@ def test_an_error_that_no_driver_expects_is_told_and_is_a_controller_that_is_gon
 @pytest.mark.parametrize("device", sorted(DEVICES))
 def test_every_device_of_the_configuration_makes_a_controller(device: str) -> None:
     config = ControllerConfig.model_validate({"device": device})
-    made = make_controller(config, HandConfig(), MonotonicClock(), lambda *_: None)
+    made = make_controller(config, HandConfig(), ClutchConfig(), MonotonicClock(), lambda *_: None)
     assert made.sample(0).status is ControllerStatus.DISCONNECTED
     made.close()
 

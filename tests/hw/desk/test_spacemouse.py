@@ -12,6 +12,7 @@ from hw.desk.spacemouse import Reports, SpaceMouse
 from hw.desk.virtual_hand import NEUTRAL
 from tams_app.config import DeskConfig
 from tams_app.errors import DeviceError
+from tams_app.records import Presses
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3
 from tests.hw.desk.fake_mouse import LEFT, RIGHT, FakeMouse, axes_report, buttons_report
@@ -39,56 +40,46 @@ def test_a_report_of_axes_is_what_the_cap_does(
     reports: Reports, report: bytes, linear: Floats3, angular: Floats3
 ) -> None:
     reports.take(report, 0)
-    asked = reports.deflection(0)
+    asked = reports.deflection()
     assert asked.linear == pytest.approx(linear)
     assert asked.angular == pytest.approx(angular)
 
 
 def test_the_left_button_is_the_deadman(reports: Reports) -> None:
     reports.take(buttons_report(LEFT), 0)
-    assert reports.deflection(0).trigger == 1.0
+    assert reports.deflection().trigger == 1.0
     reports.take(buttons_report(0), 0)
-    assert reports.deflection(0).trigger == 0.0
+    assert reports.deflection().trigger == 0.0
+
+
+def press_right(reports: Reports, at_ns: int, for_ms: int, left: int = LEFT) -> Presses:
+    """How often the hand's buttons have gone down once the right one is up again."""
+    reports.take(buttons_report(left | RIGHT), at_ns)
+    reports.take(buttons_report(left), at_ns + for_ms * NS_PER_MS)
+    return reports.deflection().presses
 
 
 def test_brief_presses_of_the_right_button_close_and_open_in_turn(reports: Reports) -> None:
-    done = []
-    for press in range(3):
-        now_ns = press * NS_PER_S
-        reports.take(buttons_report(LEFT | RIGHT), now_ns)
-        assert not reports.deflection(now_ns).a
-        reports.take(buttons_report(LEFT), now_ns + 100 * NS_PER_MS)
-        asked = reports.deflection(now_ns + 110 * NS_PER_MS)
-        done.append((asked.a, asked.b, asked.grip, asked.trigger))
-        over = reports.deflection(now_ns + 300 * NS_PER_MS)
-        assert (over.a, over.b, over.grip) == (False, False, False)
-    close, opens = (True, False, False, 1.0), (False, True, False, 1.0)
-    assert done == [close, opens, close]
+    done = [press_right(reports, press * NS_PER_S, 100) for press in range(3)]
+    assert done == [Presses(a=1), Presses(a=1, b=1), Presses(a=2, b=1)]
+    assert reports.deflection().trigger == 1.0
 
 
 def test_a_brief_press_without_the_deadman_does_nothing_and_does_not_count(
     reports: Reports,
 ) -> None:
-    reports.take(buttons_report(RIGHT), 0)
-    reports.take(buttons_report(0), NS_PER_S)  # a long one, which has changed the mode
-    for now_ns in (2 * NS_PER_S, 3 * NS_PER_S):
-        reports.take(buttons_report(RIGHT), now_ns)
-        reports.take(buttons_report(0), now_ns + 100 * NS_PER_MS)
-        asked = reports.deflection(now_ns + 110 * NS_PER_MS)
-        assert (asked.grip, asked.a, asked.b) == (False, False, False)
-    reports.take(buttons_report(LEFT | RIGHT), 4 * NS_PER_S)
-    reports.take(buttons_report(LEFT), 4 * NS_PER_S + 100 * NS_PER_MS)
-    assert reports.deflection(4 * NS_PER_S + 110 * NS_PER_MS).a
+    assert press_right(reports, 0, 1000, left=0) == Presses(grip=1)
+    assert press_right(reports, 2 * NS_PER_S, 100, left=0) == Presses(grip=1)
+    assert press_right(reports, 4 * NS_PER_S, 100) == Presses(grip=1, a=1)
 
 
 def test_a_long_press_of_the_right_button_changes_the_mode_once(reports: Reports) -> None:
     reports.take(buttons_report(RIGHT), 0)
     reports.take(buttons_report(RIGHT), 500 * NS_PER_MS)  # it is told again while it is held
-    assert not reports.deflection(700 * NS_PER_MS).grip
+    assert reports.deflection().presses == Presses()
     reports.take(buttons_report(0), 800 * NS_PER_MS)
-    asked = reports.deflection(810 * NS_PER_MS)
-    assert (asked.grip, asked.a, asked.b) == (True, False, False)
-    assert not reports.deflection(NS_PER_S).grip
+    reports.take(buttons_report(0), 900 * NS_PER_MS)
+    assert reports.deflection().presses == Presses(grip=1)
 
 
 @given(st.lists(st.binary(max_size=16), max_size=20))
@@ -96,7 +87,7 @@ def test_whatever_is_reported_stays_within_the_axes(content: list[bytes]) -> Non
     reports = Reports(dead_zone=0.12)
     for number, report in enumerate(content):
         reports.take(report, number)
-        asked = reports.deflection(number)
+        asked = reports.deflection()
         assert all(abs(axis) <= 1.0 for axis in (*asked.linear, *asked.angular))
 
 

@@ -22,7 +22,7 @@ def hand_message(
     sample: ControllerSample, sent_ns: int, echo_ns: int, echo_heard_ns: int = 0
 ) -> HandMessage:
     """What the operator's side sends of a sample; every time but the echo is on its clock."""
-    pose = None
+    pose, presses = None, sample.presses
     if sample.pose is not None:
         x, y, z = sample.pose.position.tolist()
         pose = (x, y, z, *sample.pose.rotation)
@@ -42,6 +42,7 @@ def hand_message(
         b=sample.b,
         menu=sample.menu,
         shown=(),
+        presses=(presses.grip, presses.a, presses.b, presses.menu),
     )
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from hw.controller import Controller
-from tams_app.config import Config, load_config
+from tams_app.config import ClutchConfig, Config, load_config
 from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
 from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
+from tams_app.presses import PressCounter
 from tams_app.records import (
     Allocation,
     ControllerSample,
@@ -52,6 +53,7 @@ class HeldController(Controller):
         self.pulses: list[Haptic] = []
         self.trigger = 0.0
         self.menu = False
+        self._counter = PressCounter(ClutchConfig())
         self._x = 0.0
 
     def start(self) -> None: ...
@@ -60,7 +62,16 @@ class HeldController(Controller):
         self._x += 0.001
         pose = Pose(np.array([self._x, 1.0, 0.0]), Rotation.identity())
         return ControllerSample(
-            ControllerStatus.OK, pose, now_ns, now_ns, self.trigger, 0.0, False, False, self.menu
+            ControllerStatus.OK,
+            pose,
+            now_ns,
+            now_ns,
+            self.trigger,
+            0.0,
+            False,
+            False,
+            self.menu,
+            self._counter.update(0.0, False, False, self.menu),
         )
 
     def pulse(self, haptic: Haptic) -> None:

@@ -1,0 +1,38 @@
+"""How often buttons go down, counted where the device is read: no press is lost between samples."""
+
+from __future__ import annotations
+
+from tams_app.config import ClutchConfig
+from tams_app.records import Presses
+
+
+def hysteresis(value: float, was: bool | None, clutch: ClutchConfig) -> bool | None:
+    """Whether what is pulled by `value`, 0 to 1, is down; None: not known.
+
+    `was`: before, None if that is not known: then one that is down may be so since long ago.
+    """
+    if value <= clutch.release_below:
+        return False
+    if value >= clutch.engage_above:
+        return True if was is not None else None
+    return was
+
+
+class PressCounter:
+    """Counts presses from readings that come faster than samples are taken."""
+
+    def __init__(self, clutch: ClutchConfig) -> None:
+        self.presses = Presses()
+        self._clutch = clutch
+        self._down: tuple[bool | None, ...] = (None,) * 4
+
+    def update(self, grip: float, a: bool, b: bool, menu: bool) -> Presses:
+        """Take in a reading; what is down in the first one has not been pressed."""
+        was, last = self._down, self.presses
+        self._down = down = (hysteresis(grip, was[0], self._clutch), a, b, menu)
+        more = [now is True and before is False for now, before in zip(down, was, strict=True)]
+        if any(more):
+            self.presses = Presses(
+                last.grip + more[0], last.a + more[1], last.b + more[2], last.menu + more[3]
+            )
+        return self.presses
