@@ -16,7 +16,7 @@ from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_key, set_folder
 from tams_app.config.places import DEFAULT_CONFIG
-from tams_app.config.reader import read_yaml
+from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError, TamsError
 from tams_app.study.folder import write_atomically
 

@@ -22,7 +22,7 @@ from calibration.store import Calibration
 from calibration.ui import plain_table
 from tams_app.config import Config, HandConfig, MappingConfig
 from tams_app.config.calibrated import read_calibrated
-from tams_app.config.reader import read_yaml
+from tams_app.config.yaml_file import read_yaml
 
 KIND = "frame"
 _DIGITS = 9  # the configuration wants orthonormal to 1e-6

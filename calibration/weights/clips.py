@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from calibration.store import write_text
 from tams_app import gst
 from tams_app.config.problems import describe_validation_error
-from tams_app.config.reader import read_yaml
+from tams_app.config.yaml_file import read_yaml
 from tams_app.console.display import require_display
 from tams_app.errors import ConfigError, SetupError
 from tams_app.records import Image, Phase

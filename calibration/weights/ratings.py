@@ -24,7 +24,7 @@ from calibration.store import write_text
 from calibration.ui import WizardUI
 from calibration.weights.clips import Clip
 from tams_app.config.problems import describe_validation_error
-from tams_app.config.reader import read_yaml
+from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 

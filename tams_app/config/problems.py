@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 _LONGEST_VALUE = 60
+_MOST_TOLD = 50
 # What a configuration of one's own usually includes.
 _INCLUDED = {
     "networks": "networks.yaml",
@@ -34,12 +35,14 @@ class Problem:
 
 
 def find_problems(error: ValidationError, model: type[BaseModel] | None = None) -> list[Problem]:
-    """All that is wrong, unknown keys first, for they may explain the rest.
+    """What is wrong, unknown keys first, for they may explain the rest; at most 50 are named.
 
     `model`: whose keys an unknown one is compared with, for what may have been meant.
     """
     details = sorted(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
-    return [Problem(_key(one), _reason(one, model)) for one in details]
+    problems = [Problem(_key(one), _reason(one, model)) for one in details[:_MOST_TOLD]]
+    more = len(details) - len(problems)
+    return [*problems, Problem("", f"and {more} more")] if more else problems
 
 
 def describe_validation_error(error: ValidationError) -> str:

@@ -12,29 +12,8 @@ from tams_app.config.calibrated import Calibrated, files_in_force, read_calibrat
 from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.config.problems import find_problems
 from tams_app.config.whole import Config
+from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError
-
-
-class _RepeatedKeyError(yaml.YAMLError):
-    """One mapping has a key twice."""
-
-
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Refuses what YAML's own loader settles silently: of a key given twice the last would win."""
-
-    def compose_mapping_node(self, anchor: dict[Any, yaml.Node]) -> yaml.MappingNode:
-        node = super().compose_mapping_node(anchor)
-        lines: dict[tuple[str, str], int] = {}
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                continue
-            line, name = key.start_mark.line + 1, (key.tag, key.value)
-            if name in lines:
-                raise _RepeatedKeyError(
-                    f"line {line}: {key.value}: is already given in line {lines[name]}; keep one"
-                )
-            lines[name] = line
-        return node
 
 
 def load_config(path: Path | None = None, overrides: dict[str, Any] | None = None) -> Config:
@@ -125,22 +104,6 @@ def _included(path: Path, name: str) -> Path:
     """The file `name` as `path` means it: beside it, or else one of ours."""
     beside, ours = path.parent / name, CONFIG_DIRECTORY / name
     return ours if not beside.exists() and ours.exists() else beside
-
-
-def read_yaml(path: Path) -> dict[str, Any]:
-    """The keys and values of a YAML file; ConfigError if it holds anything else."""
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except _RepeatedKeyError as error:
-        raise ConfigError(f"{path}: {error}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        line = " ".join(str(error).split())
-        raise ConfigError(f"{path}: is not valid YAML: {line}") from error
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: must hold keys and values")
-    return content
 
 
 def _lay_over(base: dict[str, Any], top: dict[str, Any]) -> None:

@@ -1,0 +1,156 @@
+"""YAML of any kind and from anywhere: one sentence, in bounded time and memory."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tams_app.config import DEFAULT_CONFIG, load_config
+from tams_app.config.yaml_file import LONGEST_FILE_BYTES, MOST_REPEATED, read_yaml
+from tams_app.errors import ConfigError
+
+pytestmark = pytest.mark.untimed
+
+CPU_S, MEMORY_MB = 20, 150  # of reading one file; more memory than the interpreter has before
+
+
+def laughs(levels: int, first: str = "x") -> str:
+    """A list of nine, nine times that, and so on."""
+    lines = [f"a: &a [{', '.join([first] * 9)}]"]
+    for before, name in pairwise("abcdefghijk"[: levels + 1]):
+        lines.append(f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]")
+    return "\n".join(lines) + "\n"
+
+
+def included(path: object) -> str:
+    return f"version: 1\ninclude: [{path}]\n"
+
+
+ODD = {
+    "aliases of aliases": (laughs(8), "line 5: aliases stand for more than 10000 values"),
+    "aliases of text": (
+        f"a: &a {'x' * 100_000}\nb: [{', '.join(['*a'] * 100)}]\n",
+        "line 2: aliases stand for more than",
+    ),
+    "merged aliases": (
+        "a: &a {"
+        + ", ".join(f"k{n}: 1" for n in range(300))
+        + "}\n"
+        + "".join(
+            f"{name}: &{name} {{<<: [{', '.join([f'*{before}'] * 9)}]}}\n"
+            for before, name in pairwise("abcde")
+        ),
+        "aliases stand for more than",
+    ),
+    "an alias of itself": ("limits: &l {max_speed_mm_s: *l}\n", "an alias is part of what it"),
+    "deep lists": ("x: " + "[" * 100_000, "line 1: is nested more than 40 deep"),
+    "deep keys": ("{a: " * 50_000, "line 1: is nested more than 40 deep"),
+    "an integer of very many digits": ("seed: " + "9" * 200_000, "more than 100 characters"),
+    "an integer of more than 64 bits": ("seed: 99999999999999999999", "more than 64 bits"),
+    "an integer to base 60": ("seed: 1" + ":1" * 100_000, "more than 100 characters"),
+    "a fraction to base 60": ("seconds: 1" + ":1" * 100_000 + ".5", "more than 100 characters"),
+    "infinity": ("seconds: .inf", "seconds: must be a finite number (given: infinity)"),
+    "no number": ("seconds: .nan", "seconds: must be "),
+    "very many unknown keys": (
+        "".join(f"key{number}: 1\n" for number in range(15_000)),
+        "more",
+    ),
+    "a large file": ("# " + "x" * LONGEST_FILE_BYTES, "is larger than 256 kB"),
+    "bytes that are no text": ("version: 1\n\x00", "is not valid YAML"),
+    "an included folder": (included("/"), "/: cannot be read: Is a directory"),
+    "an included device": (included("/dev/zero"), "/dev/zero: cannot be read: is not a regular"),
+    "an included file of another kind": (included(DEFAULT_CONFIG.parents[1] / "setup.sh"), ": "),
+}
+
+_READS = """
+import resource, sys
+from pathlib import Path
+from tams_app.config import load_config
+from tams_app.errors import ConfigError
+def peak_mb():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+load_config()
+before_mb = peak_mb()
+try:
+    load_config(Path(sys.argv[1]))
+except ConfigError as error:
+    print(round(peak_mb() - before_mb), error)
+"""
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_yaml_is_one_sentence_in_bounded_time_and_memory(tmp_path: Path, name: str) -> None:
+    text, said = ODD[name]
+    path = tmp_path / "odd.yaml"
+    path.write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-c", _READS, str(path)],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S)),
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    more_mb, sentence = done.stdout.rstrip("\n").split(" ", 1)
+    assert said in sentence
+    assert "\n" not in sentence
+    assert len(sentence) < 10_000
+    assert int(more_mb) < MEMORY_MB
+
+
+def test_odd_yaml_given_to_a_command_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(laughs(8))
+    done = subprocess.run(
+        [sys.executable, "run_tams.py", "doctor", "--config", str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"tams: {path}: line 5: aliases stand for")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    begun_s = time.process_time()
+    with pytest.raises(ConfigError, match=r"pipe\.yaml: cannot be read: is not a regular file"):
+        load_config(pipe)
+    assert time.process_time() - begun_s < CPU_S
+
+
+def test_anchors_of_a_person_s_own_work_up_to_the_bound(tmp_path: Path) -> None:
+    path = tmp_path / "anchors.yaml"
+    lists = MOST_REPEATED // 10
+    path.write_text(
+        f"ten: &ten [{', '.join('123456789')}]\nmany: [{', '.join(['*ten'] * lists)}]\n"
+    )
+    assert read_yaml(path)["many"] == [list(range(1, 10))] * lists
+    path.write_text(path.read_text() + "one_more: *ten\n")
+    with pytest.raises(ConfigError, match="line 3: aliases stand for more than"):
+        read_yaml(path)
+
+
+def test_numbers_are_read_as_before(tmp_path: Path) -> None:
+    path = tmp_path / "numbers.yaml"
+    path.write_text(
+        "a: 12\nb: -1_000\nc: 0x1F\nd: 1:30\ne: 2.5\nf: -.inf\ng: 9223372036854775807\n"
+    )
+    assert read_yaml(path) == {
+        "a": 12,
+        "b": -1000,
+        "c": 31,
+        "d": 90,
+        "e": 2.5,
+        "f": float("-inf"),
+        "g": 2**63 - 1,
+    }
