@@ -77,7 +77,8 @@ def viewers_of(
         channels: list[Viewers] = []
         if has_channels:
             scene, pictures_per_s = scene_of(config), config.recording.pictures_per_s
-            channels.append(Telemetry(context, header, scene, pictures_per_s, address))
+            origins = config.recording.foxglove_origins
+            channels.append(Telemetry(context, header, scene, pictures_per_s, address, origins))
         return ViewerGroup(header, [*channels, *others])
 
     return make

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ipaddress
 import socket
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from foxglove import Context, start_server
-from foxglove.websocket import WebSocketServer
 
 from tams_app.errors import ConfigError, SetupError
+from tams_app.telemetry.gate import Gate, hidden_host
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,28 +49,50 @@ class Address:
 
 def check_address(address: Address) -> None:
     """SetupError in one sentence unless viewers can be served at `address` now."""
+    _bound(address).close()
+
+
+class LiveServer:
+    """Serves what a context has, in threads of its own; of a slow viewer messages are dropped."""
+
+    def __init__(
+        self, context: Context, address: Address, name: str, origins: Collection[str]
+    ) -> None:
+        """To programs, and to web pages of `origins`; SetupError if `address` is not to be had."""
+        listening = _bound(address)
+        try:
+            listening.listen()
+            inner = hidden_host()
+            self._server = start_server(
+                name=name, host=inner, port=0, capabilities=[], context=context
+            )
+        except (OSError, RuntimeError, ValueError) as error:
+            listening.close()
+            raise _refusal(address, str(error)) from error
+        self._gate = Gate(listening, (inner, self._server.port), origins)
+
+    def stop(self) -> None:
+        """Let the viewers go."""
+        self._server.stop()
+        self._gate.close()
+
+
+def _bound(address: Address) -> socket.socket:
+    """A socket at `address`; SetupError if it is not to be had."""
     try:
         family, kind, protocol, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM
         )[0]
-        with socket.socket(family, kind, protocol) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(place)
+        bound = socket.socket(family, kind, protocol)
+        try:
+            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            bound.bind(place)
+        except OSError:
+            bound.close()
+            raise
     except (OSError, UnicodeError) as error:
         raise _refusal(address, str(getattr(error, "strerror", "") or error)) from error
-
-
-def serve(context: Context, address: Address, name: str) -> WebSocketServer:
-    """Serve what `context` has to all who connect; SetupError if the address is not to be had.
-
-    It sends in threads of its own; of a viewer that is too slow messages are dropped.
-    """
-    try:
-        return start_server(
-            name=name, host=address.host, port=address.port, capabilities=[], context=context
-        )
-    except (OSError, RuntimeError, ValueError) as error:
-        raise _refusal(address, str(error)) from error
+    return bound
 
 
 def _refusal(address: Address, why: str) -> SetupError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from foxglove import Context, Schema
@@ -12,7 +12,7 @@ from tams_app.recording.codec import Codec
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Note, SceneTruth, ShownFrame, StopRecord, Tick
 from tams_app.telemetry.lines import LogLines
-from tams_app.telemetry.live import Address, serve
+from tams_app.telemetry.live import Address, LiveServer
 from tams_app.telemetry.motion import MotionChannels
 from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.pictures import Pictures
@@ -33,8 +33,12 @@ class Telemetry:
         scene: Scene,
         pictures_per_s: float,
         address: Address | None = None,
+        origins: Collection[str] = (),
     ) -> None:
-        """Channels of `context`, which everybody at `address` is served; SetupError if not."""
+        """Channels of `context`, served at `address` to programs and to pages of `origins`.
+
+        SetupError if they cannot be.
+        """
         offset_ns = header.wall_offset_ns
         self._offset_ns = offset_ns
         lines = LogLines(context, offset_ns)
@@ -55,7 +59,9 @@ class Telemetry:
             Rates: self._on_rates,
             ShownFrame: self._pictures.on_picture,
         }
-        self._server = None if address is None else serve(context, address, header.name)
+        self._server = (
+            None if address is None else LiveServer(context, address, header.name, origins)
+        )
 
     def hear(self, record: Any, now_ns: int) -> None:
         """A record that the log keeps, the rates of a second, or a frame shown that was wanted."""

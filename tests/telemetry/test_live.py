@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import ipaddress
 import json
 import logging
 import socket
 import struct
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from tams_app.config import load_config
@@ -23,6 +26,7 @@ from tams_app.records import Note
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
 from tams_app.telemetry import Address
+from tams_app.telemetry.gate import MOST_VIEWERS, hidden_host, refusal
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, header, tick
 from tests.telemetry.test_telemetry import shown_frames
@@ -121,6 +125,91 @@ def test_what_the_sdk_tells_of_viewers_is_not_for_the_operator_s_terminal(tmp_pa
         viewer.socket.close()  # without a word
     log.close()
     assert not [name for name in logging.root.manager.loggerDict if name.startswith("foxglove")]
+
+
+def status_for(port: int, origin: str | None) -> int:
+    """The HTTP status with which the server answers who asks to connect."""
+    try:
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], origin=origin):
+            return 101
+    except InvalidStatus as refused:
+        return refused.response.status_code
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        (None, 101),
+        ("https://app.foxglove.dev", 101),
+        ("file://", 101),
+        ("https://evil.example", 403),
+        ("http://app.foxglove.dev", 403),
+        ("https://app.foxglove.dev.evil.example", 403),
+        ("http://127.0.0.1:8765", 403),
+        ("null", 403),  # of a sandboxed frame in any page
+    ],
+)
+def test_web_pages_of_other_origins_do_not_see_the_session(
+    tmp_path: Path, origin: str | None, status: int
+) -> None:
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    try:
+        assert status_for(port, origin) == status
+    finally:
+        log.close()
+
+
+def test_a_web_page_finds_no_second_way_in(tmp_path: Path) -> None:
+    """The SDK's own server is not at an address that a page could guess."""
+    before = {one.laddr for one in psutil.Process().net_connections("tcp")}
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    listening = {
+        one.laddr
+        for one in psutil.Process().net_connections("tcp")
+        if one.status == psutil.CONN_LISTEN and one.laddr not in before
+    }
+    log.close()
+    known = {("127.0.0.1", port)}
+    assert known < listening
+    assert len({address.ip for address in listening - known} - {"127.0.0.1", "0.0.0.0"}) == 1
+    assert len({hidden_host() for _ in range(100)}) > 90
+    assert all(ipaddress.ip_address(hidden_host()).is_loopback for _ in range(100))
+
+
+def test_only_so_many_viewers_are_served_and_each_that_leaves_makes_room(tmp_path: Path) -> None:
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    with ExitStack() as viewers:
+        for _ in range(MOST_VIEWERS):
+            viewer = connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL])
+            viewers.enter_context(viewer)
+        assert status_for(port, None) == 503
+    begun_s = time.monotonic()
+    while status_for(port, None) != 101:  # the last ones have left some time after they closed
+        assert time.monotonic() - begun_s < DEADLINE_S
+    log.close()
+
+
+def test_who_asks_for_nothing_is_let_go_and_keeps_no_viewer_out(tmp_path: Path) -> None:
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(20)]
+    long = socket.create_connection(("127.0.0.1", port))
+    long.sendall(b"GET / HTTP/1.1\r\n" + b"X: " + b"x" * 20_000)
+    assert status_for(port, None) == 101
+    for caller in silent:
+        caller.settimeout(DEADLINE_S)
+        assert caller.recv(1) == b""
+        caller.close()
+    long.close()
+    log.close()
+
+
+def test_two_origins_in_one_request_are_one_too_many() -> None:
+    twice = b"GET / HTTP/1.1\r\nOrigin: file://\r\norigin: https://evil.example\r\n\r\n"
+    assert refusal(twice, ["file://", "https://evil.example"], 0) is not None
 
 
 def test_a_port_in_use_is_told_in_one_sentence_before_anything_is_made() -> None:
