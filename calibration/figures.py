@@ -7,7 +7,8 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tams_app.errors import ConfigError, TamsError
+from tams_app.errors import ConfigError
+from tams_app.outputs import made_folder, new_file
 
 SUFFIXES = (".png", ".jpg")
 
@@ -32,8 +33,6 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 def save_figure(figure: Figure, path: Path, dpi: int = 100) -> None:
     """Write it in the format of the suffix, the same bytes each time; TamsError if it fails."""
     metadata = {"Software": None} if path.suffix.lower() == ".png" else None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=dpi, metadata=metadata)
-    except OSError as error:
-        raise TamsError(f"{path}: cannot be written: {error.strerror}") from error
+    made_folder(path.parent)
+    with new_file(path) as file:
+        figure.savefig(file, dpi=dpi, metadata=metadata, format=path.suffix[1:].lower())

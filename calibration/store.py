@@ -18,7 +18,7 @@ from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_ke
 from tams_app.config.places import DEFAULT_CONFIG
 from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError, TamsError
-from tams_app.study.folder import write_atomically
+from tams_app.outputs import made_folder, write_file
 
 _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
@@ -36,11 +36,8 @@ def utc_now() -> datetime:
 
 def write_text(path: Path, text: str) -> None:
     """Write a whole file or none, and its folder if need be; TamsError if the disk refuses."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise TamsError(f"{path}: cannot be written: {error.strerror}") from error
-    write_atomically(path, text)
+    made_folder(path.parent)
+    write_file(path, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +217,7 @@ class CalibrationSet:
     def _replace_index(self, names: Mapping[str, str]) -> None:
         # a line for each: people edit them
         lines = yaml.safe_dump(dict(names), default_flow_style=False)
-        write_atomically(self.folder / IN_FORCE, _INDEX_HEADER + lines)
+        write_file(self.folder / IN_FORCE, _INDEX_HEADER + lines)
 
 
 def _dump(content: Mapping[str, Any]) -> str:

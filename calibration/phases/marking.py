@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats, Motion
 from calibration.ui import WizardUI
 from tams_app.errors import ConfigError
+from tams_app.outputs import write_file
 from tams_app.records import Phase, Tick
-from tams_app.study.folder import write_atomically
 
 FILE_NAME = "phases.csv"
 NOTHING = "-"
@@ -95,7 +95,7 @@ def write_marks(path: Path, marks: Iterable[Mark]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
     writer.writerows((f"{mark.t_s:.3f}", mark.name) for mark in marks)
-    write_atomically(path, text.getvalue())
+    write_file(path, text.getvalue())
 
 
 def read_marks(path: Path, last_s: float) -> list[Mark]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from calibration.store import write_text
 from tams_app import gst
@@ -16,6 +16,7 @@ from tams_app.config.problems import describe_validation_error
 from tams_app.config.yaml_file import read_yaml
 from tams_app.console.display import require_display
 from tams_app.errors import ConfigError, SetupError
+from tams_app.outputs import is_plain_name
 from tams_app.records import Image, Phase
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -57,10 +58,16 @@ class ClipTimes(BaseModel):
     seconds: float
 
 
+def _plain_name(text: str) -> str:
+    if not is_plain_name(text):
+        raise ValueError("must be a plain name, for files are named after it")
+    return text
+
+
 class _Index(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    sessions: dict[str, CutSession] = {}
+    sessions: dict[Annotated[str, AfterValidator(_plain_name)], CutSession] = {}
 
 
 class ClipFolder:

@@ -11,7 +11,7 @@ from typing import Any
 from rich.console import Console
 
 from tams_app.console.summary_tables import link_table, summary_tables
-from tams_app.errors import LogError, UnreadableLogError
+from tams_app.errors import UnreadableLogError
 from tams_app.progress import waiting
 from tams_app.recording import SessionLog, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
@@ -105,10 +105,7 @@ def _draw(
     from tams_app.study.figures import save_bitrates
     from tams_app.study.session_page import write_page
 
-    try:
-        save_bitrates(log, folder / FIGURE_NAME)
-    except OSError as error:
-        raise LogError(f"{folder}: the figure cannot be written: {error.strerror}") from error
+    save_bitrates(log, folder / FIGURE_NAME)
     write_page(log, summary, pictures, folder / PAGE_NAME)
 
 

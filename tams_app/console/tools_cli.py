@@ -12,6 +12,7 @@ import typer
 from tams_app.config import load_config
 from tams_app.console.options import JsonOption, StrategyOption, network_names
 from tams_app.errors import ConfigError
+from tams_app.outputs import write_file
 from tams_app.policy.allocation import make_strategy
 from tams_app.study.cli import ConfigOption
 
@@ -102,7 +103,7 @@ def phases(
     if out is None:
         typer.echo(labelled, nl=False)
     else:
-        _write(out, labelled)
+        write_file(out, labelled)
 
 
 def _phases() -> list[str]:
@@ -161,10 +162,3 @@ def _read(path: Path) -> str:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text") from error
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error

@@ -16,17 +16,17 @@ from tams_app.recording.topics import PICTURE_PREFIX, PROFILE
 from tams_app.units import NS_PER_S
 
 _AT_MOST_NS = 2 * NS_PER_S
+_JPEG = b"jpeg"
 _DATA_FIELD, _FORMAT_FIELD = 2, 3  # of foxglove.CompressedImage
 
 
 @dataclass(frozen=True, slots=True)
 class ShownPicture:
-    """A frame as it was shown; `shown_ns` in nanoseconds since 1970, `format` as `jpeg`."""
+    """A frame as it was shown: a JPEG file; `shown_ns` in nanoseconds since 1970."""
 
     view: str
     shown_ns: int
     data: bytes
-    format: str
 
 
 def read_pictures(path: Path) -> Iterator[ShownPicture]:
@@ -34,7 +34,7 @@ def read_pictures(path: Path) -> Iterator[ShownPicture]:
     for topic, message in McapStream(path, PROFILE):
         if not topic.startswith(PICTURE_PREFIX):
             continue
-        yield _picture(topic, message)
+        yield _picture(path, topic, message)
 
 
 class PictureFinder:
@@ -71,7 +71,7 @@ class PictureFinder:
                 if not topics:
                     return []
                 return [
-                    _picture(channel.topic, message)
+                    _picture(self._path, channel.topic, message)
                     for _, channel, message in reader.iter_messages(
                         topics, starting_at=start_ns, ending_before=end_ns
                     )
@@ -80,9 +80,12 @@ class PictureFinder:
             raise UnreadableLogError(f"{self._path}: pictures cannot be read: {error}") from error
 
 
-def _picture(topic: str, message: Message) -> ShownPicture:
-    fields = wire.fields(message.data)
-    data, kind = fields.get(_DATA_FIELD, b""), fields.get(_FORMAT_FIELD, b"")
-    assert isinstance(data, bytes)
-    assert isinstance(kind, bytes)
-    return ShownPicture(topic.removeprefix(PICTURE_PREFIX), message.log_time, data, kind.decode())
+def _picture(path: Path, topic: str, message: Message) -> ShownPicture:
+    try:
+        fields = wire.fields(message.data)
+    except ValueError as error:
+        raise UnreadableLogError(f"{path}: {topic!r} holds no picture: {error}") from error
+    data = fields.get(_DATA_FIELD)
+    if fields.get(_FORMAT_FIELD) != _JPEG or not isinstance(data, bytes):
+        raise UnreadableLogError(f"{path}: {topic!r} holds what is no JPEG picture")
+    return ShownPicture(topic.removeprefix(PICTURE_PREFIX), message.log_time, data)

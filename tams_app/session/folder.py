@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tams_app.config import Config, dump_config
 from tams_app.errors import ConfigError, LogError
+from tams_app.outputs import write_file
 from tams_app.recording.disk import require_free_space
 
 
@@ -37,10 +38,7 @@ def furnish_session_folder(config: Config, folder: Path) -> None:
     LogError if it cannot be written or the disk is nearly full.
     """
     require_free_space(folder, config.recording.min_free_mb)
-    try:
-        (folder / "config.yaml").write_text(dump_config(config), encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"{folder}: cannot be written ({error.strerror})") from error
+    write_file(folder / "config.yaml", dump_config(config))
 
 
 def recording_directory(config: Config) -> Path:

@@ -17,6 +17,7 @@ from rich.table import Table
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
+from tams_app.outputs import inner_folder
 from tams_app.progress import waiting
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
@@ -208,8 +209,9 @@ def report_study(
     if not len(data.trials):
         raise ConfigError(f"{folder}: no trial is done yet: run `study run` first")
     with _writing():
-        written = write_tables(data, folder / TABLES_NAME)
-        page = _write_report(data, folder, out or folder / REPORT_NAME, tolerance_ssim)
+        written = write_tables(data, inner_folder(folder, TABLES_NAME))
+        out = out or inner_folder(folder, REPORT_NAME)
+        page = _write_report(data, folder, out, tolerance_ssim)
     for path in (page, *written):
         console.print(f"[bold]{path}[/]", highlight=False)
     return 0

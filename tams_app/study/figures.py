@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from tams_app.outputs import new_file
 from tams_app.palette import view_colour
 from tams_app.recording import SessionLog
 from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targets
@@ -116,7 +117,8 @@ def bitrates_figure(log: SessionLog) -> Figure:
 
 def save_bitrates(log: SessionLog, path: Path) -> None:
     """Write bitrates.png."""
-    bitrates_figure(log).savefig(path, dpi=DPI)
+    with new_file(path) as file:
+        bitrates_figure(log).savefig(file, dpi=DPI, format="png")
 
 
 def _draw_view(

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from tams_app.config import Config, dump_config, load_config
 from tams_app.config.problems import describe_validation_error
 from tams_app.errors import ConfigError, LogError
+from tams_app.outputs import inner_folder, open_lock, write_file
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan
 from tams_app.study.runner import MACHINE_NAME, SUMMARY_NAME
 
@@ -46,7 +47,7 @@ class StudyFolder:
         with self.locked():
             if self.exists:
                 raise ConfigError(f"{self.path}: holds a study already: choose another folder")
-            write_atomically(self.path / CONFIG_NAME, dump_config(config))
+            write_file(self.path / CONFIG_NAME, dump_config(config))
             self.save(plan)
 
     def config(self) -> Config:
@@ -69,13 +70,12 @@ class StudyFolder:
 
     def save(self, plan: Plan) -> None:
         """Put `plan` in the place of the old one in one step."""
-        write_atomically(self.path / PLAN_NAME, plan.model_dump_json(indent=1) + "\n")
+        write_file(self.path / PLAN_NAME, plan.model_dump_json(indent=1) + "\n")
 
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Keep other commands from this study; ConfigError if one works on it."""
-        with _told(self.path):
-            handle = os.open(self.path / _LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        handle = open_lock(self.path / _LOCK_NAME)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -93,9 +93,9 @@ class StudyFolder:
         trial = plan.trial(trial_id)
         number = len(trial.attempts) + 1
         while True:
-            relative = Path(TRIALS_NAME, trial.participant, f"{trial_id}-a{number}")
+            parent = inner_folder(self.path, TRIALS_NAME, trial.participant)
+            relative = parent.relative_to(self.path) / f"{trial_id}-a{number}"
             with _told(self.path):
-                (self.path / relative.parent).mkdir(parents=True, exist_ok=True)
                 try:
                     (self.path / relative).mkdir()
                     break
@@ -154,29 +154,13 @@ class StudyFolder:
 
     def _finish_forgetting(self, plan: Plan, pseudonym: str) -> Plan:
         with _told(self.path):
-            for doomed in (Path(TRIALS_NAME, pseudonym), Path(TABLES_NAME), Path(REPORT_NAME)):
-                if (self.path / doomed).exists():
-                    shutil.rmtree(self.path / doomed)
+            for inside in ((TRIALS_NAME, pseudonym), (TABLES_NAME,), (REPORT_NAME,)):
+                if self.path.joinpath(*inside).exists():
+                    shutil.rmtree(inner_folder(self.path, *inside))
         gone = plan.participant(pseudonym).model_copy(update={"state": ParticipantState.FORGOTTEN})
         plan = plan.with_participant(gone).without_trials_of(pseudonym)
         self.save(plan)
         return plan
-
-
-def write_atomically(path: Path, content: str) -> None:
-    """Write a whole file or none: readers and crashes see the old content or the new one."""
-    temporary = path.with_name(f".{path.name}.new")
-    with _told(path.parent):
-        with temporary.open("w", encoding="utf-8") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-        directory = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(directory)
-        finally:
-            os.close(directory)
 
 
 @contextmanager

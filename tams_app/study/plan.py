@@ -6,13 +6,26 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from tams_app.config import Config
 from tams_app.config.section import NonNegative, Section
 from tams_app.errors import ConfigError
+from tams_app.outputs import is_plain_name
 
 PARTICIPANT_PATTERN = r"^P[0-9]{2,4}$"
+
+
+def _plain_name(text: str) -> str:
+    if not is_plain_name(text):
+        raise ValueError("must be a plain name, for folders are named after it")
+    return text
+
+
+def _inner_path(text: str) -> str:
+    if not all(map(is_plain_name, text.split("/"))):
+        raise ValueError("must be a folder within that of the study")
+    return text
 
 
 class AttemptState(StrEnum):
@@ -46,7 +59,7 @@ class Verdict(Section):
 class Attempt(Section):
     """One attempt; `folder` is relative to the study's. Attempts are never deleted or reused."""
 
-    folder: str
+    folder: Annotated[str, AfterValidator(_inner_path)]
     state: AttemptState = AttemptState.STARTED
     reason: str = ""
     verdict: Verdict | None = None
@@ -60,7 +73,7 @@ class PlannedTrial(Section):
     simulated participant is, the same in all their trials.
     """
 
-    id: str
+    id: Annotated[str, AfterValidator(_plain_name)]
     participant: Annotated[str, Field(pattern=PARTICIPANT_PATTERN)]
     order: Annotated[int, Field(ge=1)]
     strategy: str

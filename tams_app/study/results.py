@@ -9,7 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from tams_app.config import Config
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import ConfigError
+from tams_app.outputs import made_folder, new_file
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
@@ -109,15 +110,14 @@ def write_tables(data: StudyData, directory: Path) -> list[Path]:
         PHASES_TABLE: data.phases.drop(columns=_SHARE),
     }
     written = []
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for name, table in tables.items():
-            paths = [directory / f"{name}.csv", directory / f"{name}.parquet"]
-            table.to_csv(paths[0], index=False)
-            table.to_parquet(paths[1], index=False)
-            written += paths
-    except OSError as error:
-        raise LogError(f"{directory}: the tables cannot be written: {error.strerror}") from error
+    folder = made_folder(directory)
+    for name, table in tables.items():
+        paths = [folder / f"{name}.csv", folder / f"{name}.parquet"]
+        with new_file(paths[0]) as file:
+            table.to_csv(file, index=False)
+        with new_file(paths[1]) as file:
+            table.to_parquet(file, index=False)
+        written += paths
     return written
 
 

@@ -7,6 +7,7 @@ import platform
 from pathlib import Path
 from typing import Protocol
 
+from tams_app.outputs import write_file
 from tams_app.study.plan import PlannedTrial
 
 SUMMARY_NAME = "summary.json"
@@ -27,7 +28,7 @@ class TrialRunner(Protocol):
 def mark_ended(folder: Path) -> None:
     """Write machine.json into a trial's folder, after everything else."""
     text = json.dumps(machine(), indent=1) + "\n"
-    (folder / MACHINE_NAME).write_text(text, encoding="utf-8")
+    write_file(folder / MACHINE_NAME, text)
 
 
 def machine() -> dict[str, str]:

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from tams_app import __version__
-from tams_app.errors import LogError
+from tams_app.outputs import write_file
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import ShownPicture
@@ -44,7 +44,7 @@ class PhaseStills:
 
     phase: Stretch
     primary: str
-    pictures: Mapping[str, Markup]  # the source of an image, by view
+    pictures: Mapping[str, str]  # the source of an image, by view
 
 
 def write_page(
@@ -55,10 +55,7 @@ def write_page(
     `pictures`: those that were shown, with times by the log's wall clock.
     """
     page = session_page(log, summary, stills_of(log, pictures), path.parent.name)
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+    write_file(path, page)
 
 
 def session_page(
@@ -117,9 +114,8 @@ def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseSt
     ]
 
 
-def _source(picture: ShownPicture) -> Markup:
-    coded = base64.b64encode(picture.data).decode("ascii")
-    return Markup(f"data:image/{picture.format};base64,{coded}")
+def _source(picture: ShownPicture) -> str:
+    return f"data:image/jpeg;base64,{base64.b64encode(picture.data).decode('ascii')}"
 
 
 def _svg(figure: Figure) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tams_app.errors import LogError
+from tams_app.outputs import write_file
 from tams_app.recording import Gap, SessionLog
 from tams_app.records import Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
@@ -89,12 +88,9 @@ def write_summary(summary: dict[str, Any], folder: Path) -> None:
     """Write a summary into `folder`, beside a complete one from before; LogError if it cannot."""
     text = json.dumps(summary, indent=2) + "\n"
     path = folder / SUMMARY_NAME
-    try:
-        if not summary["complete"] and _is_complete(path):
-            os.replace(path, folder / BEFORE_NAME)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"{folder}: the summary cannot be written: {error.strerror}") from error
+    if not summary["complete"] and _is_complete(path):
+        write_file(folder / BEFORE_NAME, path.read_bytes())
+    write_file(path, text)
 
 
 def _view(

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+import tams_app.outputs as outputs_module
 import tams_app.study.folder as folder_module
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.study.folder import StudyFolder, write_atomically
+from tams_app.outputs import write_file
+from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import make_plan
 from tams_app.study.runner import mark_ended
@@ -62,20 +64,20 @@ def test_a_crash_while_writing_leaves_the_old_file_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "plan.json"
-    write_atomically(path, "old")
+    write_file(path, "old")
 
     def crash(*_: object) -> None:
         raise Crash
 
-    monkeypatch.setattr(folder_module.os, "replace", crash)
+    monkeypatch.setattr(outputs_module.os, "replace", crash)
     with pytest.raises(Crash):
-        write_atomically(path, "new")
+        write_file(path, "new")
     assert path.read_text() == "old"
 
 
 def test_a_disk_that_refuses_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be written"):
-        write_atomically(tmp_path / "missing" / "plan.json", "text")
+        write_file(tmp_path / "missing" / "plan.json", "text")
 
 
 def test_an_attempt_never_takes_a_folder_that_is_there(tmp_path: Path) -> None:

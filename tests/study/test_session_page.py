@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from tams_app import palette
+from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.report import PAGE_NAME, write_summary
 from tams_app.recording import SessionLog, read_log
+from tams_app.recording import pictures as pictures_module
 from tams_app.recording.pictures import read_pictures
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note, Phase, PhaseChange, ShownFrame, StopRecord
@@ -133,6 +135,26 @@ def test_a_log_without_pictures_says_so(folder: Path, tmp_path: Path) -> None:
     assert "has no pictures as they were shown" in (bare / PAGE_NAME).read_text(encoding="utf-8")
     assert list(read_pictures(bare / "session.mcap")) == []
     assert len(list(read_pictures(folder / "session.mcap"))) == 9
+
+
+@pytest.mark.parametrize(
+    "kind", [b'x" onerror="alert(document.domain)', b"\xff", b"svg+xml", b"\x1b[2J", b""]
+)
+def test_a_picture_that_is_no_jpeg_is_refused_in_one_sentence(
+    tmp_path: Path,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    kind: bytes,
+) -> None:
+    fields = pictures_module.wire.fields
+    monkeypatch.setattr(pictures_module.wire, "fields", lambda data: fields(data) | {3: kind})
+    code = _main(["report", str(folder)])
+    assert (code, capsys.readouterr().err) == (
+        2,
+        f"tams: {folder / 'session.mcap'}: '/shown/eih' holds what is no JPEG picture\n",
+    )
+    assert not (folder / PAGE_NAME).exists()
 
 
 def with_arming(*states: ArmingState) -> SessionLog:

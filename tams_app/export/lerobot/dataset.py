@@ -18,6 +18,7 @@ from tams_app.export.lerobot.files import DataFiles, VideoFiles
 from tams_app.export.lerobot.layout import FileNumber, video_key
 from tams_app.export.lerobot.samples import PHASES
 from tams_app.export.lerobot.statistics import Statistics, as_lists, merged, statistics_of
+from tams_app.outputs import write_file
 
 _SESSION_TYPES = {
     "success": pa.bool_(),
@@ -159,4 +160,4 @@ def _write_names(path: Path, kind: str, names: list[str]) -> None:
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=4) + "\n", encoding="utf-8")
+    write_file(path, json.dumps(content, indent=4) + "\n")

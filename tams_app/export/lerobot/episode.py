@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tams_app.errors import UnreadableLogError
 from tams_app.export.lerobot.samples import Samples, TickTable
+from tams_app.outputs import is_plain_name
 from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Outcome, ServoMode
@@ -125,6 +126,9 @@ def _grid(start_ns: int, rows: int, fps: int) -> NDArray[np.int64]:
 
 def _shape(path: Path, header: Header) -> Shape:
     video = header.config.get("video", {})
+    for view in header.views:  # a folder of the dataset is named after it
+        if not is_plain_name(view):
+            raise UnreadableLogError(f"{path.parent}: a view is named {view!r}: cannot be a folder")
     try:
         size = int(video["width"]), int(video["height"])
         return Shape(header.fps, *size, ServoMode(header.servo), tuple(header.views))

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from tams_app.config.streaming import PhasesConfig
-from tams_app.errors import LogError
+from tams_app.outputs import made_folder, write_file
 from tams_app.recording import read_log
 from tams_app.study.figures import bitrates_figure
 from tams_app.study.pages import page_environment
@@ -43,15 +43,10 @@ class Report:
 
     def write(self, directory: Path) -> Path:
         """Write the page and the figures beside it; the page's path. LogError where they cannot."""
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            for name, png in self.figures.items():
-                (directory / f"{name}.png").write_bytes(png)
-            (directory / HTML_NAME).write_text(self.html, encoding="utf-8")
-        except OSError as error:
-            raise LogError(
-                f"{directory}: the report cannot be written: {error.strerror}"
-            ) from error
+        folder = made_folder(directory)
+        for name, png in self.figures.items():
+            write_file(folder / f"{name}.png", png)
+        write_file(folder / HTML_NAME, self.html)
         return directory / HTML_NAME
 
 
