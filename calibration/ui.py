@@ -6,7 +6,7 @@ import sys
 from io import StringIO
 from typing import Any, Self, TypeVar
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.live import Live
 from rich.prompt import Confirm, Prompt, PromptBase
 from rich.table import Table
@@ -15,6 +15,7 @@ from rich.text import Text
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
 from tams_app.errors import ConfigError
+from tams_app.printing import Console
 
 T = TypeVar("T")
 _TEXT_WIDTH = 100

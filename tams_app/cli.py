@@ -85,7 +85,9 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     except TamsError as error:
         if debug:
             raise
-        typer.echo(f"tams: {error}", err=True)
+        from tams_app.printing import plain
+
+        typer.echo(f"tams: {plain(str(error))}", err=True)
         return error.exit_code
     except OSError as error:  # what files do is handled where they are used
         typer.echo(f"tams: standard output cannot be written: {error.strerror}", err=True)

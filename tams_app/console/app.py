@@ -9,8 +9,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Protocol
 
-from rich.console import Console
-
 from tams_app.config import Config
 from tams_app.console.display import has_display
 from tams_app.console.headset.session_headset import SessionHeadset, headset_is_wanted
@@ -26,6 +24,7 @@ from tams_app.console.window.session_face import (
 from tams_app.console.window.session_window import SessionWindow
 from tams_app.console.wishes import Wish, actions_of
 from tams_app.errors import SetupError, SignalledError, TamsError
+from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views

@@ -8,13 +8,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
-from rich.console import Console
-
 from hw.arms import arm_kind
 from hw.openvr.devices import ControllerInfo, list_controllers
 from hw.v4l2.devices import CameraInfo, choose_camera, list_cameras
 from tams_app.config import CameraConfig, Config
 from tams_app.errors import TamsError
+from tams_app.printing import Console
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 
@@ -111,7 +110,7 @@ def show_devices(config: Config, as_json: bool = False, console: Console | None 
         ("Controllers", [problem] if problem else controller_lines(controllers)),
         ("Cameras", camera_lines(cameras, config.cameras)),
     ):
-        console.print(f"[bold]{title}[/]")
+        console.print(title, style="bold")
         for line in lines:
             console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
     return 0

@@ -11,7 +11,7 @@ import typer
 from tams_app.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from tams_app.printing import Console
 
 Export: TypeAlias = Callable[[Sequence[Path], Path | None, str, "Console"], None]
 """Writes logs into a folder (None: its default); the words say what they show."""
@@ -36,9 +36,8 @@ def export(
     task: Annotated[str, typer.Option(help="What the sessions show, in words; lerobot.")] = _TASK,
 ) -> None:
     """Write session logs in the format of another program; the logs stay as they are."""
-    from rich.console import Console
-
     from tams_app.console.report import session_log
+    from tams_app.printing import Console
 
     if kind not in FORMATS:
         raise ConfigError(f"--format: {kind!r} is none of {', '.join(FORMATS)}")

@@ -6,8 +6,6 @@ import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from rich.console import Console
-
 from hw.arm import Arm
 from hw.arms import arm_kind
 from hw.boundary import reach_boundary
@@ -15,6 +13,7 @@ from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from tams_app.config import Config
 from tams_app.console.terminal import TerminalKeys, handled_signals
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
+from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.process import HelperProcess

@@ -12,7 +12,6 @@ from typing import cast
 
 import numpy as np
 from pydantic import ValidationError
-from rich.console import Console
 
 from tams_app import __version__
 from tams_app.config import LinkConfig
@@ -33,6 +32,7 @@ from tams_app.link.probing import (
     train_of,
 )
 from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
+from tams_app.printing import Console
 from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S

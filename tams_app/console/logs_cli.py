@@ -53,9 +53,8 @@ def report(
     a complete one from before is kept as summary.json.before. That of two sides has the frames as
     they were shown, and what the link did; it is written into the folder of the robot's side.
     """
-    from rich.console import Console
-
     from tams_app.console.report import report_both, report_session
+    from tams_app.printing import Console
 
     consoles = Console(quiet=as_json), Console(stderr=as_json)
     summary = (
@@ -99,8 +98,9 @@ def list_sessions(
     as_json: JsonOption = False,
 ) -> None:
     """The sessions in a folder, with what each came to (from its summary.json)."""
-    from rich.console import Console
     from rich.table import Table
+
+    from tams_app.printing import Console
 
     sessions = list(_sessions(directory))
     if as_json:
@@ -131,10 +131,10 @@ def show(
     """The topics of a session's log, how much there is of each and from when to when."""
     from dataclasses import asdict
 
-    from rich.console import Console
     from rich.table import Table
 
     from tams_app.console.report import session_log
+    from tams_app.printing import Console
     from tams_app.recording.tables import messages_of, topic_counts
 
     path = session_log(session)
@@ -171,7 +171,9 @@ def to_csv(
     path = session_log(session)
     columns = columns_of(path, topic)
     if out is None:
-        write_csv(path, topic, columns, sys.stdout)
+        from tams_app.printing import PlainOutput
+
+        write_csv(path, topic, columns, PlainOutput(sys.stdout))
         return
     try:
         with out.open("x", encoding="utf-8", newline="") as file:
@@ -193,29 +195,37 @@ def _sessions(directory: Path) -> Iterator[dict[str, Any]]:
         raise LogError(f"{directory}: cannot be read: {error.strerror}") from error
     for folder in folders:
         summary = _summary(folder)
-        arm, outcome = summary.get("arm", {}), summary.get("outcome", {})
+        arm, outcome = _part(summary, "arm"), _part(summary, "outcome")
+        stops = arm.get("stops")
         yield {
             "session": folder.name,
             "duration_s": summary.get("duration_s"),
             "strategy": summary.get("strategy"),
             "network": summary.get("network"),
             "outcome": _outcome(outcome) if summary else "no summary: run report",
-            "stops": len(arm["stops"]) if "stops" in arm else None,
+            "stops": len(stops) if isinstance(stops, list) else None,
         }
 
 
 def _summary(folder: Path) -> dict[str, Any]:
     try:
         found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 
 
+def _part(summary: dict[str, Any], name: str) -> dict[str, Any]:
+    """A section of a summary, empty where it is none of ours."""
+    found = summary.get(name)
+    return found if isinstance(found, dict) else {}
+
+
 def _outcome(outcome: dict[str, Any]) -> str:
-    if outcome.get("success"):
-        return f"placed after {outcome['completion_time_s']:.1f} s"
-    return outcome.get("reason") or "not judged"
+    time_s = outcome.get("completion_time_s")
+    if outcome.get("success") and isinstance(time_s, int | float):
+        return f"placed after {time_s:.1f} s"
+    return str(outcome.get("reason") or "not judged")
 
 
 def _cell(value: Any) -> str:

@@ -8,10 +8,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from tams_app.console.summary_tables import link_table, summary_tables
 from tams_app.errors import UnreadableLogError
+from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.recording import SessionLog, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures

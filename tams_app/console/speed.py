@@ -9,12 +9,12 @@ from dataclasses import asdict, dataclass
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from rich.console import Console
 
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.display import has_display
 from tams_app.errors import SignalledError, TamsError
+from tams_app.printing import Console
 from tams_app.recording import SessionLog, read_log
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Self, TypeAlias
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
+from tams_app.printing import Console
 from tams_app.session.status import StatusSnapshot, ViewStatus
 from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import words_of_hand

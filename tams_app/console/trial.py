@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
-from rich.console import Console
-
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.report import write_summary
@@ -25,6 +23,7 @@ from tams_app.console.terminal import TerminalKeys
 from tams_app.console.window.messages import TrialFacts
 from tams_app.console.wishes import Action, Wish
 from tams_app.errors import TamsError
+from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views

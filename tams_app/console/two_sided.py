@@ -7,13 +7,12 @@ import shlex
 import socket
 from pathlib import Path
 
-from rich.console import Console
-
 from tams_app.config import Config
 from tams_app.console.app import check_session, run_and_report
 from tams_app.errors import ConfigError
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.keys import read_key
+from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.two_sided.operator import OperatorSession
 from tams_app.session.two_sided.robot import RobotSession

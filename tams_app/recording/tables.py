@@ -7,12 +7,15 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 from tams_app.errors import UnreadableLogError
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.topics import HEADER, PROFILE
 from tams_app.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 TIME_COLUMN = "log_t_s"  # seconds since the session began
 _OBJECT = b"{"[0]  # our own messages are JSON objects, those of Foxglove's schemas are binary
@@ -72,7 +75,7 @@ def columns_of(path: Path, topic: str) -> list[str]:
     return list(columns)
 
 
-def write_csv(path: Path, topic: str, columns: list[str], out: IO[str]) -> int:
+def write_csv(path: Path, topic: str, columns: list[str], out: SupportsWrite[str]) -> int:
     """The messages of a topic as rows of the columns that it has; how many."""
     rows = csv.DictWriter(out, columns, restval="")
     rows.writeheader()

@@ -252,6 +252,6 @@ def _folder(given: Path | None, out: Path | None = None) -> Path:
 
 
 def _console() -> Any:
-    from rich.console import Console
+    from tams_app.printing import Console
 
     return Console()

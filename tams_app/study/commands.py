@@ -10,7 +10,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.markup import escape
 from rich.prompt import Confirm
 from rich.table import Table
@@ -18,6 +17,7 @@ from rich.table import Table
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.outputs import inner_folder
+from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
@@ -191,7 +191,7 @@ def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
         table.add_row(*person.row)
     console.print(table)
     console.print(balance_sentence(plan), highlight=False, soft_wrap=True)
-    console.print(f"[bold]{folder}[/]", highlight=False)
+    console.print(str(folder), style="bold", highlight=False)
     return 0
 
 
@@ -213,7 +213,7 @@ def report_study(
         out = out or inner_folder(folder, REPORT_NAME)
         page = _write_report(data, folder, out, tolerance_ssim)
     for path in (page, *written):
-        console.print(f"[bold]{path}[/]", highlight=False)
+        console.print(str(path), style="bold", highlight=False)
     return 0
 
 
@@ -231,7 +231,7 @@ def report_tables(
     data = read_tables(folder, config)
     with _writing():
         page = _write_report(data, folder, out or folder, tolerance_ssim)
-    console.print(f"[bold]{page}[/]", highlight=False)
+    console.print(str(page), style="bold", highlight=False)
     return 0
 
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rich.console import Console
 from rich.prompt import Confirm, FloatPrompt, IntPrompt, InvalidResponse, Prompt
 
 from tams_app.config import Config, TrialConfig
 from tams_app.errors import ConfigError, TamsError
+from tams_app.printing import Console
 from tams_app.study.folder import StudyFolder
 from tams_app.study.marks import MAX_DROPS, Marks
 from tams_app.study.plan import (

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Protocol
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -16,6 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from tams_app.printing import Console
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.trial_process import Job, TrialPool

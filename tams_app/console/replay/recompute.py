@@ -7,11 +7,11 @@ import math
 from pathlib import Path
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.report import session_log
+from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.recording import SessionLog, read_log
 from tams_app.session.recompute import Comparison, Recomputed, recompute

@@ -5,8 +5,6 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from rich.console import Console
-
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.display import has_display
@@ -15,6 +13,7 @@ from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
 from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, SignalledError, TamsError
+from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.recording import read_log
 from tams_app.recording.pictures import PictureFinder

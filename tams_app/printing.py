@@ -1,0 +1,55 @@
+"""Text on the terminal: what a file holds is shown and never obeyed.
+
+A log or a study may come from elsewhere. Control characters in its text could move the cursor,
+rename the window or hide what was printed; brackets could be taken for rich's markup.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any, TextIO
+
+from rich.console import Console as RichConsole  # noqa: TID251  everything else uses ours
+from rich.console import ConsoleOptions, RenderableType
+from rich.segment import Segment
+from rich.text import Text
+
+# C0 but tabulator and line feed, DEL, C1, and what changes the direction of text that follows
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+
+def plain(text: str) -> str:
+    """`text` without the characters that a terminal obeys."""
+    return _CONTROL.sub("", text)
+
+
+class Console(RichConsole):
+    """A console that prints text as it is, without markup and control characters."""
+
+    def __init__(self, **options: Any) -> None:
+        """`options`: those of rich."""
+        super().__init__(**({"markup": False, "emoji": False} | options))
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            if segment.control is None and _CONTROL.search(segment.text):
+                segment = Segment(plain(segment.text), segment.style)
+            yield segment
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        """As rich does it; measured without what will not be printed."""
+        return super().render_str(plain(text), **how)
+
+
+class PlainOutput:
+    """A text file for programs, that leaves out control characters where a person reads it."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+        self._person = file.isatty()
+
+    def write(self, text: str) -> int:
+        return self._file.write(plain(text.replace("\r\n", "\n")) if self._person else text)
