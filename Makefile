@@ -90,12 +90,15 @@ $(SITE)/.ready: $(READY) pyproject.toml
 
 setup: $(READY)
 
-$(READY): setup.sh apt-packages.txt requirements.lock
+$(READY): setup.sh apt-packages.txt requirements.lock requirements-build.lock
 	./setup.sh
 
-# The lock names versions and hashes only; where they come from is the machine's business.
+# The locks name versions and hashes only; where they come from is the machine's business.
+COMPILE := $(PY) -m uv pip compile --universal --generate-hashes --no-emit-index-url --quiet
+
 lock: $(READY)
 	$(PY) -m pip install --quiet uv
-	$(PY) -m uv pip compile --universal --generate-hashes --no-emit-index-url \
-		--extra study --extra ros2 --extra dask --extra dev \
-		--quiet -o requirements.lock pyproject.toml
+	$(COMPILE) --extra study --extra ros2 --extra dask --extra dev -o requirements.lock pyproject.toml
+	for group in build audit; do \
+		$(COMPILE) --group pyproject.toml:$$group -o requirements-$$group.lock || exit 1; \
+	done

@@ -48,7 +48,21 @@ else
 fi
 python=$(find_python)
 [ -x .venv/bin/python ] || "$python" -m venv .venv
+install_pinned() {
+    PATH="$PWD/.venv/bin:$PATH" .venv/bin/python -m pip install --quiet \
+        --disable-pip-version-check --require-hashes "$@"
+}
+
+pinned() {  # one package of requirements.lock, with its hashes
+    awk -v start="$1==" '/^[^ #]/ { wanted = index($0, start) == 1 } wanted' requirements.lock
+}
+
+# Of PyGObject and pycairo there are no wheels: they are built here, with what is pinned as well.
+# Left to itself pip would fetch whatever versions of that are the newest. Nothing else is built.
 echo "Installing the pinned Python packages into .venv"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes \
-    --requirement requirements.lock
+install_pinned --only-binary :all: --requirement requirements-build.lock
+for package in pycairo pygobject; do  # in this order: PyGObject is built with pycairo
+    install_pinned --no-build-isolation --no-deps --requirement <(pinned "$package")
+done
+install_pinned --only-binary :all: --requirement requirements.lock
 touch .venv/.ready
