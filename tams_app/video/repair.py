@@ -64,7 +64,8 @@ def repair_rule(
 
     Args:
         network: its one-way latency and jitter [ms] are used.
-        pli_min_interval_ms: PLIs of a view are at least this and a round trip apart.
+        pli_min_interval_ms: PLIs of a view are at least this apart, and a round trip; in mode
+            `adaptive` two, with what jitter and queue add.
         wanted: `video.repair`: the mode; RTX and parity forced on or off; without PLI.
         latency_bound_ms: of mode `adaptive`.
     """
@@ -76,6 +77,9 @@ def repair_rule(
         rtx = _choose(wanted.rtx, resend_ms <= _RTX_WORTH_MS)
         latency_ms = math.ceil(resend_ms if rtx else without_rtx_ms)
         return RepairRule(rtx, latency_ms, pli_interval_ms, wanted.pli)
+    # The sender's rtpsession ignores a request less than two round trips, as it measures them with
+    # queue and jitter, after the last: one sent again too soon would be missed for two intervals.
+    pli_interval_ms = max(2.0 * (round_trip_ms + without_rtx_ms), pli_min_interval_ms)
     spare_ms = latency_bound_ms - network.latency_ms - network.jitter_ms
     longest_ms = max(spare_ms, without_rtx_ms)
     rtx = _choose(wanted.rtx, round_trip_ms + _MARGIN_MS <= spare_ms)

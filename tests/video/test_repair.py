@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.config import Network, RepairConfig
+from tams_app.config import Network, RepairConfig, load_config
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import KeyframeRequests, RepairRule, repair_rule
 
@@ -93,6 +93,20 @@ def test_adaptive_repair_waits_for_no_resend_beyond_the_bound(
     wait_ms = rule.wait_ms(NS_PER_S // rate_hz)
     for_jitter_ms = 2 * jitter_ms + 20
     assert wait_ms <= max(bound_ms - latency_ms - jitter_ms, for_jitter_ms) + 1
+
+
+@pytest.mark.parametrize(
+    ("network", "paper_ms", "adaptive_ms"), [("s1", 300, 300), ("s2", 300, 300), ("s3", 300, 420)]
+)
+def test_adaptive_repair_repeats_no_request_so_soon_that_the_sender_ignores_it(
+    network: str, paper_ms: float, adaptive_ms: float
+) -> None:
+    """rtpsession obeys none that follows another by less than two round trips, as it measures."""
+    found = load_config().networks[network]
+    assert repair_rule(found, 300.0).pli_interval_ms == paper_ms
+    assert repair_rule(found, 300.0, ADAPTIVE).pli_interval_ms == adaptive_ms
+    longest_round_trip_ms = 2 * found.latency_ms + found.jitter_ms
+    assert adaptive_ms >= 2 * longest_round_trip_ms + found.jitter_ms
 
 
 def test_parity_can_be_switched_on_and_off_and_the_paper_has_none() -> None:
