@@ -16,10 +16,12 @@ from pydantic import ValidationError
 from tams_app import __version__
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
-from tams_app.link.ends import GOODBYE, Address, OperatorEnd
-from tams_app.link.gateway_client import Endpoint
+from tams_app.link.ends import GOODBYE
+from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.messages import PROTOCOL, Greeting, encode
+from tams_app.link.operator_end import OperatorEnd
+from tams_app.link.peer import Address
 from tams_app.link.probing import (
     PART,
     PONG,
@@ -31,7 +33,7 @@ from tams_app.link.probing import (
     report_of,
     train_of,
 )
-from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
+from tams_app.link.sealing import sealed_bytes
 from tams_app.printing import Console
 from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.clock import Clock, MonotonicClock
@@ -158,18 +160,12 @@ class _Prober:
         """Call until there is an answer; HelperError with the reason if there is none."""
         deadline_ns = self._clock.now_ns() + _ANSWER_NS
         while not self._end.connected:
-            if self._end.refused:
-                raise HelperError(
-                    "the robot's side has another key: use the same file on both computers"
-                )
             if self._end.busy:
                 raise HelperError(
                     "the robot's side has another operator: measure when they have left"
                 )
             if self._clock.now_ns() >= deadline_ns:
-                raise HelperError(
-                    "nothing answers there: start `robot` first, and let UDP to it through"
-                )
+                raise HelperError(f"{NO_ANSWER}; is `robot` running there?")
             for call in self._end.step(self._clock.now_ns()):
                 self._socket.sendto(*call)
             list(self._heard(NS_PER_S // 20))
@@ -193,7 +189,7 @@ class _Prober:
         self._send(ask(1, _TRAIN_PARTS))
         for now_ns, message in self._heard(_TRAIN_NS):
             if numbers_of(message, PART):
-                size_bytes = len(message) + MESSAGE_OVERHEAD_BYTES + IP_UDP_HEADER_BYTES
+                size_bytes = sealed_bytes(len(message)) + IP_UDP_HEADER_BYTES
                 receiver.part(now_ns, size_bytes)
                 if len(receiver.arrivals) == _TRAIN_PARTS:
                     break
@@ -211,7 +207,7 @@ class _Prober:
         return report
 
     def _send(self, message: bytes) -> None:
-        if (addressed := self._end.message(message)) is not None:
+        if (addressed := self._end.message(message, self._clock.now_ns())) is not None:
             try:
                 self._socket.sendto(*addressed)
             except BlockingIOError:
@@ -226,6 +222,8 @@ class _Prober:
             datagram, address = self._socket.recvfrom(65_536)
             now_ns = self._clock.now_ns()
             heard = self._end.receive(datagram, address, now_ns)
+            for reply in heard.replies:
+                self._socket.sendto(*reply)
             if heard.connected:
                 self._send(ping(_PINGS))  # the first message confirms the call
             if heard.message is not None:

@@ -85,7 +85,14 @@ OutOption = Annotated[Path | None, typer.Option(help="Where session folders are 
 JsonOption = Annotated[bool, typer.Option("--json", help="For a program to read.")]
 KeyOption = Annotated[
     Path | None,
-    typer.Option("--key", help="The key file of both computers; none needed on loopback."),
+    typer.Option("--key", help="This computer's key, a file; none needed on loopback."),
+]
+KeysOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--key",
+        help="The operator's key, a file, or a folder of operators' keys; none needed on loopback.",
+    ),
 ]
 
 

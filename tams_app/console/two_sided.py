@@ -11,7 +11,7 @@ from tams_app.config import Config
 from tams_app.console.app import check_session, run_and_report
 from tams_app.errors import ConfigError
 from tams_app.link.gateway_client import Endpoint
-from tams_app.link.keys import read_key
+from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.two_sided.operator import OperatorSession
@@ -24,8 +24,9 @@ def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bo
 
     def make(folder: Path) -> RobotSession:
         session = RobotSession(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
-        key = "" if endpoint.key is None else " with the same key"
-        session.board.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{key}")
+        names = [] if endpoint.key is None else [key.name for key in accepted_keys(endpoint.key)]
+        keys = f" with the key of {' or '.join(names)}" if names else ""
+        session.board.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
         return session
 
     return run_and_report(config, make)
@@ -44,8 +45,13 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     return run_and_report(config, make, _tell_where)
 
 
-def endpoint_of(option: str, given: str, key: Path | None) -> Endpoint:
-    """HOST:PORT (IPv6: [HOST]:PORT) and the key; ConfigError unless they can be used together."""
+def endpoint_of(
+    option: str, given: str, key: Path | None, accepts_several: bool = False
+) -> Endpoint:
+    """HOST:PORT (IPv6: [HOST]:PORT) and the key; ConfigError unless they can be used together.
+
+    `accepts_several`: on the robot's side the key may be a folder of keys.
+    """
     host, colon, port = given.rpartition(":")
     host = host.strip("[]")
     if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -62,7 +68,11 @@ def endpoint_of(option: str, given: str, key: Path | None) -> Endpoint:
         )
     if key is None:
         return Endpoint(str(address), int(port), None)  # what was judged, not what it is later
-    read_key(key)  # what is wrong with it is told before anything is started
+    # what is wrong with it is told before anything is started
+    if accepts_several:
+        accepted_keys(key)
+    else:
+        read_key(key)
     return Endpoint(host, int(port), key)
 
 

@@ -17,6 +17,7 @@ from tams_app.console.options import (
     HandOption,
     HeadlessOption,
     KeyOption,
+    KeysOption,
     OutOption,
     ReferenceOption,
     Ros2Option,
@@ -42,7 +43,7 @@ def add_two_sided(app: typer.Typer) -> None:
 
 def robot(
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where operators call.")],
-    key: KeyOption = None,
+    key: KeysOption = None,
     config: ConfigOption = None,
     sim: SimOption = False,
     strategy: StrategyOption = None,
@@ -90,7 +91,7 @@ def robot(
     typer.echo("starting: arm, cameras, link …")  # before what takes long to import
     from tams_app.console.two_sided import endpoint_of, run_robot
 
-    raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key), arm, dry_run))
+    raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key, True), arm, dry_run))
 
 
 def operate(
@@ -132,13 +133,41 @@ def operate(
 
 @key_app.callback()
 def _key() -> None:
-    """The secret that two computers share."""
+    """The secrets that two computers share."""
+
+
+NameOption = Annotated[
+    str | None,
+    typer.Option("--for", metavar="NAME", help="Whose key it is; by default the file's."),
+]
 
 
 @key_app.command("new")
-def new_key_file(file: Annotated[Path, typer.Argument(metavar="FILE")]) -> None:
-    """Make a key; copy the file to the other computer over a way that you trust (scp, a stick)."""
+def new_key_file(
+    file: Annotated[Path, typer.Argument(metavar="FILE")], name: NameOption = None
+) -> None:
+    """Make a key, as FILE or in the folder FILE; copy it to the other computer by a safe way."""
     from tams_app.link.keys import new_key
 
-    new_key(file)
-    typer.echo(f"{file}: a new key, which only you can read; the other computer needs a copy")
+    made = new_key(file, name)
+    typer.echo(f"{made}: a new key, which only you can read; the other computer needs a copy")
+
+
+@key_app.command("list")
+def list_keys(path: Annotated[Path, typer.Argument(metavar="FILE_OR_FOLDER")]) -> None:
+    """Say whose keys these are; of a folder, whom the robot's side accepts with it."""
+    from tams_app.link.keys import accepted_keys
+
+    for key in accepted_keys(path):
+        typer.echo(key.name)
+
+
+@key_app.command("revoke")
+def revoke(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
+    name: Annotated[str, typer.Argument(metavar="NAME")],
+) -> None:
+    """Delete NAME's key from FOLDER: `robot --key FOLDER` lets them go within a second."""
+    from tams_app.link.keys import revoke_key
+
+    typer.echo(f"{revoke_key(folder, name)}: deleted; the robot's side accepts it no longer")

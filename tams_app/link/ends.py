@@ -1,47 +1,63 @@
 """What each end of the link does with a datagram: pure, with times and addresses as arguments.
 
 One UDP port carries everything; the first byte tells what a datagram is (as RFC 7983 has it: 128 to
-191 are RTP and RTCP; ours are above). A datagram that the other side's key did not make changes
-nothing but a counter.
+191 are RTP and RTCP; ours are above). A datagram that no key of ours made is not answered and
+changes nothing but a counter.
 
-`RobotEnd` waits to be called. A caller becomes the operator with the first message under the keys
-of its own call, so that a recorded call, sent again, is answered and nothing more. There is one
-operator at a time: while one is heard, or was a moment ago, others are told that it is busy.
-`OperatorEnd` calls until it is answered, and calls again when nothing is heard any more, or when it
-hears the robot's side again after a long time.
+`RobotEnd` here is called; `operator_end.OperatorEnd` calls. A caller becomes the operator with the
+first message under the keys of its own handshake, so that a recorded one, sent again, comes to
+nothing. There is one operator at a time: while one is heard, or was a moment ago, others are told
+that it is busy. Nothing goes to an operator who is silent (consent, as RFC 7675 has it), or to an
+address that has not answered a question (as RFC 9000, 8.2, has it).
 """
 
 from __future__ import annotations
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
 
-from tams_app.link.handshake import Answerer, Dialer, HandshakeError, SessionKeys
-from tams_app.link.sealing import Media, MessageOpener, MessageSealer
+from tams_app.link.handshake import (
+    BUSY,
+    COOKIE,
+    EPHEMERAL_BYTES,
+    INITIATION,
+    INITIATION_BYTES,
+    MAC_BYTES,
+    PROLOGUE,
+    REKEY_PROLOGUE,
+    RESPONSE,
+    TAG_BYTES,
+    Cookies,
+    Initiation,
+    answer,
+    filled,
+    read_initiation,
+    session_keys,
+)
+from tams_app.link.keys import Key
+from tams_app.link.noise import OVERHEAD_BYTES, NoiseError, Responder
+from tams_app.link.peer import MESSAGE, Address, Peer, Session
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-Address: TypeAlias = tuple[str, int] | tuple[str, int, int, int]  # of IPv4, of IPv6
-
-HELLO, ANSWER, MESSAGE, REFUSAL = 0xC1, 0xC2, 0xC3, 0xC4
-TAG_BYTES = 8  # of a call, chosen by the caller: tells which call an answer is to
-_MEDIA = range(128, 192)
-GOODBYE = b"\0goodbye"  # beside messages of the applications, which begin otherwise
-BUSY, WELCOME = b"\1", b"\0"  # the first byte of an answer's content
+MEDIA = range(128, 192)
+# Beside messages of the applications, which begin otherwise:
+GOODBYE = b"\0goodbye"
+REKEY, REKEYED = b"\0rekey", b"\0keyed"  # and a message of Noise
+QUESTION, REPLY = b"\0where", b"\0here!"  # and a token: is the operator at this address?
 
 LET_GO_NS = 3 * NS_PER_S  # an operator who is not heard for so long has let go
-REDIAL_NS = 2 * NS_PER_S  # not heard for so long: call again
-# Not heard for so long: what is heard then begins a session anew. SRTP's packet index is lost after
-# 32,768 packets that did not arrive (RFC 3711, 3.3.1); a view sends at most some 1,000 a second.
-_OUTLIVED_NS = 30 * NS_PER_S
-_RING_NS = 250 * NS_PER_MS  # between two calls
-_ATTEMPT_NS = 5 * NS_PER_S  # a call that is not answered is begun anew, with other keys
-# A flood must not take the time of the operator who is there: a call is looked at in .1 ms.
-_CALLS_PER_S = 500
-_CALLS_KEPT = 4
-_ANSWERS_TO_A_CALL = 40  # of an attempt's ring each; a recorded one is not worth reflecting
-_CALL_KEPT_NS = 2 * _ATTEMPT_NS  # what was recorded of a call that came to nothing is void then
+ATTEMPT_NS = 5 * NS_PER_S  # a handshake that came to nothing is begun anew, with other keys
+OUTWORN_NS = 600 * NS_PER_S  # keys that are older are not used
+_WELCOME_BYTES = INITIATION_BYTES - 1 - TAG_BYTES - OVERHEAD_BYTES - MAC_BYTES
+_TOKEN_BYTES = 8
+_QUESTION_NS = 100 * NS_PER_MS
+# More than an operator's side can begin while one cookie is valid, so that recordings of its own
+# initiations, sent from its address, take no place from it and cost one exchange each.
+_CALLS_OF_AN_ADDRESS = 8
+_ADDRESSES = 64
+_RESPONSES_TO_A_CALL = 40  # of an attempt's initiations each; more are recordings
+_CALL_KEPT_NS = 2 * ATTEMPT_NS
 
 
 @dataclass(slots=True)
@@ -51,85 +67,75 @@ class Heard:
     replies: list[tuple[bytes, Address]] = field(default_factory=list)
     message: bytes | None = None
     media: bytes | None = None
-    connected: bool = False  # a new session has begun with this datagram
-    left: bool = False  # the other side has said goodbye
+    connected: bool = False  # a new session with an operator has begun with this datagram
+    left: bool = False  # the other side has said goodbye, or its key is accepted no longer
 
 
-class _Peer:
-    """The other side, under the keys of one session."""
-
-    def __init__(self, keys: SessionKeys) -> None:
-        self.media = Media(keys)
-        self._sealer = MessageSealer(keys.send.messages, MESSAGE)
-        self._opener = MessageOpener(keys.receive.messages)
-        self.address: Address = ("", 0)
-        self.heard_ns = 0
-
-    @property
-    def late(self) -> int:
-        """Messages that were repeated or overtaken."""
-        return self._opener.late
-
-    def seal(self, message: bytes) -> bytes:
-        return self._sealer.seal(message)
-
-    def open(self, datagram: bytes) -> bytes | None:
-        return self._opener.open(datagram)
-
-
-@dataclass(slots=True)
-class _Call:
-    """A call that was answered, and not confirmed yet."""
-
-    hello: bytes
-    answer: bytes
-    peer: _Peer
-    answered_ns: int  # the first time
-    answers: int = 1
-
-
-class _End:
+class End:
     """What both ends do."""
 
-    def __init__(self) -> None:
+    def __init__(self, random: Callable[[int], bytes]) -> None:
+        """`random`: so many random bytes."""
         self.counts: Counter[str] = Counter()  # datagrams that changed nothing, by reason
-        self._peer: _Peer | None = None
+        self._random = random
+        self._peer: Peer | None = None
 
     @property
     def connected(self) -> bool:
         """Whether there is a session; the other side may be silent all the same."""
         return self._peer is not None
 
+    @property
+    def address(self) -> Address:
+        """Where the other side is, or was."""
+        return ("", 0) if self._peer is None else self._peer.address
+
+    @property
+    def renewals(self) -> int:
+        """How often the keys of the session that there is were replaced."""
+        return 0 if self._peer is None else self._peer.sessions - 1
+
     def silent_ns(self, now_ns: int) -> int | None:
         """Since when nothing was heard; None without a session."""
         return None if self._peer is None else now_ns - self._peer.heard_ns
 
-    def message(self, content: bytes) -> tuple[bytes, Address] | None:
-        """The datagram that carries a message, and where to; None without a session."""
-        peer = self._peer
+    def message(self, content: bytes, now_ns: int) -> tuple[bytes, Address] | None:
+        """The datagram that carries a message, and where to; None if nothing may be sent."""
+        peer = self._may_send(now_ns)
         return None if peer is None else (peer.seal(content), peer.address)
 
-    def media(self, packet: bytes) -> tuple[bytes, Address] | None:
-        """The datagram of an RTP or RTCP packet, and where to; None if it is neither."""
-        peer = self._peer
-        protected = None if peer is None else peer.media.protect(packet)
+    def media(self, packet: bytes, now_ns: int) -> tuple[bytes, Address] | None:
+        """The datagram of an RTP or RTCP packet, and where to; None if it is neither, or no."""
+        peer = self._may_send(now_ns)
+        protected = None if peer is None else peer.protect(packet)
         return None if peer is None or protected is None else (protected, peer.address)
 
-    def _take(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
+    def _may_send(self, now_ns: int) -> Peer | None:
+        self._wear_out(now_ns)
+        return self._peer
+
+    def _wear_out(self, now_ns: int) -> None:
+        """Without new keys for so long there is no session any more."""
+        if self._peer is not None and now_ns - self._peer.began_ns >= OUTWORN_NS:
+            self._peer = None
+
+    def _open(self, datagram: bytes, now_ns: int) -> Heard:
         """A message or a packet of the session that there is."""
         heard, peer = Heard(), self._peer
         if peer is None:
             return self._refuse(heard, "without a session")
         if datagram[0] == MESSAGE:
-            before = peer.late
-            heard.message = peer.open(datagram)
+            late = peer.late
+            heard.message = peer.open(datagram, now_ns)
             if heard.message is None:
-                return self._refuse(heard, "late" if peer.late > before else "not authentic")
-            peer.address = address  # a newer message from elsewhere: the other side has moved
+                return self._refuse(heard, "late" if peer.late > late else "not authentic")
         else:
-            heard.media = peer.media.unprotect(datagram)
+            heard.media = peer.unprotect(datagram, now_ns)
             if heard.media is None:
                 return self._refuse(heard, "media not authentic")
+        self._wear_out(now_ns)
+        if self._peer is None:
+            return self._refuse(Heard(), "without a session")
         peer.heard_ns = now_ns
         if heard.message == GOODBYE:
             heard.message, heard.left = None, True
@@ -141,161 +147,189 @@ class _End:
         return heard
 
 
-class RobotEnd(_End):
+@dataclass(slots=True)
+class _Call:
+    """An initiation that was answered, and not confirmed yet."""
+
+    key: Key
+    noise: bytes
+    response: bytes
+    session: Session
+    address: Address
+    answered_ns: int  # the first time
+    answers: int = 0
+
+
+@dataclass(slots=True)
+class _Question:
+    """Asked at an address that a message came from: who receives there can send the token back."""
+
+    address: Address
+    token: bytes
+    asked_ns: int
+
+
+class RobotEnd(End):
     """The end that waits for an operator."""
 
-    def __init__(self, key: bytes, welcome: bytes) -> None:
-        """`welcome`: what an operator is told when they connect."""
-        super().__init__()
-        self._key = key
+    def __init__(
+        self, keys: Mapping[bytes, Key], welcome: bytes, random: Callable[[int], bytes]
+    ) -> None:
+        """`keys`: those that are accepted, by identity. `welcome`: what an operator is told."""
+        super().__init__(random)
+        self.operator = ""  # the name of the key of the operator who is there, or was last
+        self._keys = keys
+        self._key: Key | None = None  # theirs
         self._welcome = welcome
-        self._calls: OrderedDict[bytes, _Call] = OrderedDict()
-        self._second = -1
-        self._calls_this_second = 0
+        self._cookies = Cookies(random(EPHEMERAL_BYTES))
+        self._calls: OrderedDict[tuple[Address, bytes], _Call] = OrderedDict()
+        self._rekeyed: tuple[bytes, bytes] | None = None  # what was asked, and answered
+        self._question: _Question | None = None
+
+    def accept(self, keys: Mapping[bytes, Key], now_ns: int) -> Heard:
+        """Accept these keys from now on; who is there with another one is let go."""
+        self._keys = keys
+        for name, call in list(self._calls.items()):
+            if call.key.identity not in keys:
+                del self._calls[name]
+        heard = Heard()
+        if self._peer is not None and self._key is not None and self._key.identity not in keys:
+            goodbye = self.message(GOODBYE, now_ns)
+            heard.replies = [] if goodbye is None else [goodbye]
+            heard.left, self._peer = True, None
+        return heard
 
     def receive(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
         """Take one datagram in."""
         kind = datagram[0] if datagram else 0
-        if kind == HELLO:
+        if kind == INITIATION:
             return self._called(datagram, address, now_ns)
-        if kind == MESSAGE and (heard := self._confirmed(datagram, address, now_ns)):
-            return heard
-        if kind == MESSAGE or kind in _MEDIA:
-            return self._take(datagram, address, now_ns)
+        if kind == MESSAGE:
+            return self._confirmed(datagram, now_ns) or self._said(datagram, address, now_ns)
+        if kind in MEDIA:
+            return self._open(datagram, now_ns)
         return self._refuse(Heard(), "of no known kind")
+
+    # --- who gets in ----------------------------------------------------------------------------
 
     def _called(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
         heard = Heard()
-        tag, hello = datagram[1 : 1 + TAG_BYTES], datagram[1 + TAG_BYTES :]
-        self._forget_calls(now_ns)
-        call = self._calls.get(tag)
-        if call is not None and call.hello == hello:  # the answer was lost, or it comes again
-            call.answers += 1
-            if call.answers > _ANSWERS_TO_A_CALL:
-                return self._refuse(heard, "calls that were answered")
-            heard.replies.append((call.answer, address))
-            return heard
-        if not self._has_time_for_a_call(now_ns):
-            return self._refuse(heard, "calls beyond what is looked at")
-        try:
-            caller = Answerer(self._key, hello)
-        except HandshakeError:
-            heard.replies.append((bytes((REFUSAL,)) + tag, address))
-            return self._refuse(heard, "calls with another key")
-        silent_ns = self.silent_ns(now_ns)
-        busy = silent_ns is not None and silent_ns < LET_GO_NS
-        content, keys = caller.answer(BUSY if busy else WELCOME + self._welcome)
-        answer = bytes((ANSWER,)) + tag + content
-        if not busy:  # one that is busy now may not be when the same caller calls anew
-            self._calls[tag] = _Call(hello, answer, _Peer(keys), now_ns)
-            while len(self._calls) > _CALLS_KEPT:
-                self._calls.popitem(last=False)
-        heard.replies.append((answer, address))
+        call = read_initiation(datagram, self._keys)
+        if call is None:
+            return self._refuse(heard, "initiations that no key made")
+        if not self._cookies.is_valid(call.cookie, address, now_ns):
+            kind, content = COOKIE, self._cookies.of(address, now_ns)
+        elif self._is_busy(now_ns):
+            kind, content = BUSY, b""
+        else:
+            response = self._response(call, address, now_ns)
+            if response is None:
+                return self._refuse(heard, "initiations that were answered")
+            kind, content = RESPONSE, response
+        heard.replies.append((answer(kind, call.tag, call.key, call.mac, content), address))
         return heard
 
-    def _forget_calls(self, now_ns: int) -> None:
-        for tag, call in list(self._calls.items()):
-            if now_ns - call.answered_ns > _CALL_KEPT_NS:
-                del self._calls[tag]
-
-    def _has_time_for_a_call(self, now_ns: int) -> bool:
-        second = now_ns // NS_PER_S
-        if second != self._second:
-            self._second, self._calls_this_second = second, 0
-        self._calls_this_second += 1
-        return self._calls_this_second <= _CALLS_PER_S
-
-    def _confirmed(self, datagram: bytes, address: Address, now_ns: int) -> Heard | None:
-        """The first message of a call: the caller is who they say, now. None if it is not one."""
+    def _is_busy(self, now_ns: int) -> bool:
+        self._wear_out(now_ns)
         silent_ns = self.silent_ns(now_ns)
-        if silent_ns is not None and silent_ns < LET_GO_NS:
+        return silent_ns is not None and silent_ns < LET_GO_NS
+
+    def _response(self, initiation: Initiation, address: Address, now_ns: int) -> bytes | None:
+        """What answers an initiation of who is there, at this address; None if often enough."""
+        self._forget_calls(now_ns)
+        name = (address, initiation.tag)
+        call = self._calls.get(name)
+        if call is None or call.noise != initiation.noise:
+            try:
+                responder = Responder(initiation.key.secret, PROLOGUE, initiation.noise)
+                response, split = responder.answer(
+                    self._random(EPHEMERAL_BYTES), filled(self._welcome, _WELCOME_BYTES)
+                )
+            except NoiseError:  # its MAC was ours: the other side is not sound
+                return None
+            session = Session(session_keys(split, initiator=False), now_ns)
+            call = _Call(initiation.key, initiation.noise, response, session, address, now_ns)
+            self._keep(name, call)
+        call.answers += 1
+        return call.response if call.answers <= _RESPONSES_TO_A_CALL else None
+
+    def _keep(self, name: tuple[Address, bytes], call: _Call) -> None:
+        self._calls[name] = call
+        of_address = [one for one in self._calls if one[0] == call.address]
+        for one in of_address[:-_CALLS_OF_AN_ADDRESS]:
+            del self._calls[one]
+        while len(self._calls) > _CALLS_OF_AN_ADDRESS * _ADDRESSES:
+            self._calls.popitem(last=False)
+
+    def _forget_calls(self, now_ns: int) -> None:
+        for name, call in list(self._calls.items()):
+            if now_ns - call.answered_ns > _CALL_KEPT_NS:
+                del self._calls[name]
+
+    def _confirmed(self, datagram: bytes, now_ns: int) -> Heard | None:
+        """The first message of a call: the caller is who they say, now. None if it is not one."""
+        if not self._calls or self._is_busy(now_ns):
             return None
         self._forget_calls(now_ns)
-        for tag, call in self._calls.items():
-            message = call.peer.open(datagram)
+        for name, call in self._calls.items():
+            peer = Peer(call.session, call.address, now_ns, asks=False)
+            message = peer.open(datagram, now_ns)
             if message is None:
                 continue
-            del self._calls[tag]
+            del self._calls[name]
             if message == GOODBYE:  # of a caller who has not become the operator
                 return Heard()
-            self._peer = call.peer
-            self._peer.address, self._peer.heard_ns = address, now_ns
+            self._peer, self._key, self.operator = peer, call.key, call.key.name
+            self._rekeyed = self._question = None
             return Heard(message=message, connected=True)
         return None
 
+    # --- who is in ------------------------------------------------------------------------------
 
-class OperatorEnd(_End):
-    """The end that calls."""
+    def _may_send(self, now_ns: int) -> Peer | None:
+        """To who was heard a moment ago only."""
+        return super()._may_send(now_ns) if self._is_busy(now_ns) else None
 
-    def __init__(
-        self, key: bytes, robot: Address, greeting: bytes, random: Callable[[int], bytes]
-    ) -> None:
-        """`greeting`: what the robot's side is told. `random`: so many random bytes."""
-        super().__init__()
-        self.welcome: bytes | None = None  # what the robot's side said last
-        self.busy = False  # the robot's side has another operator
-        self.refused = False  # something answers there, but does not hold our key
-        self._key, self._robot, self._greeting, self._random = key, robot, greeting, random
-        self._dialer: Dialer | None = None
-        self._tag = b""
-        self._began_ns = self._rang_ns = -_ATTEMPT_NS
-
-    def step(self, now_ns: int) -> list[tuple[bytes, Address]]:
-        """Calls that are to be sent now."""
-        silent_ns = self.silent_ns(now_ns)
-        if silent_ns is not None and silent_ns < REDIAL_NS:
-            self._dialer = None
-            return []
-        if now_ns - self._rang_ns < _RING_NS:  # also after an answer that came to nothing
-            return []
-        if self._dialer is None or now_ns - self._began_ns >= _ATTEMPT_NS:
-            self._dialer = Dialer(self._key, self._greeting)
-            self._tag = self._random(TAG_BYTES)
-            self._began_ns = now_ns
-        self._rang_ns = now_ns
-        return [(bytes((HELLO,)) + self._tag + self._dialer.hello, self._robot)]
-
-    def receive(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
-        """Take one datagram in."""
-        kind = datagram[0] if datagram else 0
-        if kind == ANSWER:
-            return self._answered(datagram, address, now_ns)
-        if kind == REFUSAL and datagram[1:] == self._tag:  # not authentic: for people to read
-            self.refused = not self.connected
-            return Heard()
-        if kind == MESSAGE or kind in _MEDIA:
-            silent_ns = self.silent_ns(now_ns)
-            heard = self._take(datagram, address, now_ns)
-            if heard.message is None and heard.media is None:
-                return heard
-            self.busy = False  # said while it heard us, and we did not hear it
-            if silent_ns is not None and silent_ns >= _OUTLIVED_NS:
-                heard = self._hang_up()
+    def _said(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
+        heard, peer = self._open(datagram, now_ns), self._peer
+        if heard.message is None or peer is None:
             return heard
-        return self._refuse(Heard(), "of no known kind")
-
-    def _hang_up(self) -> Heard:
-        """Tell the other side, which is then free for the next call."""
-        goodbye = self.message(GOODBYE)
-        self._peer = self._dialer = None
-        return Heard(replies=[] if goodbye is None else [goodbye])
-
-    def _answered(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
-        heard = Heard()
-        tag, content = datagram[1 : 1 + TAG_BYTES], datagram[1 + TAG_BYTES :]
-        if self._dialer is None or tag != self._tag:
-            return self._refuse(heard, "answers to no call")
-        dialer, self._dialer = self._dialer, None
-        try:
-            said, keys = dialer.finish(content)
-        except HandshakeError:
-            return self._refuse(heard, "answers with another key")
-        self.refused = False
-        self.busy = said[:1] == BUSY
-        if self.busy:
-            return heard
-        self.welcome = said[1:]
-        self._peer = _Peer(keys)
-        self._peer.address, self._peer.heard_ns = address, now_ns
-        heard.connected = True
+        said = heard.message
+        if said.startswith(REKEY):
+            heard.message = None
+            heard.replies += self._rekey(peer, said[len(REKEY) :], address, now_ns)
+        elif said.startswith(REPLY):
+            heard.message, asked = None, self._question
+            if asked is not None and (asked.address, asked.token) == (address, said[len(REPLY) :]):
+                peer.address, self._question = address, None
+        if address != peer.address:
+            heard.replies += self._ask(peer, address, now_ns)
         return heard
+
+    def _ask(self, peer: Peer, address: Address, now_ns: int) -> list[tuple[bytes, Address]]:
+        """Ask at an address whether the operator is there: no other datagram goes there before."""
+        asked = self._question
+        if asked is None or asked.address != address:
+            token = self._random(_TOKEN_BYTES)
+            asked = self._question = _Question(address, token, now_ns - _QUESTION_NS)
+        if now_ns - asked.asked_ns < _QUESTION_NS:
+            return []
+        asked.asked_ns = now_ns
+        return [(peer.seal(QUESTION + asked.token), address)]
+
+    def _rekey(
+        self, peer: Peer, asked: bytes, address: Address, now_ns: int
+    ) -> list[tuple[bytes, Address]]:
+        """Agree on new keys with the operator who is there."""
+        if self._key is None or address != peer.address:
+            return []  # it asks again, from where it is then known to be
+        if self._rekeyed is None or self._rekeyed[0] != asked:
+            try:
+                responder = Responder(self._key.secret, REKEY_PROLOGUE, asked)
+                response, split = responder.answer(self._random(EPHEMERAL_BYTES), b"")
+            except NoiseError:
+                self.counts["new keys that came to nothing"] += 1
+                return []
+            peer.agree(Session(session_keys(split, initiator=False), now_ns))
+            self._rekeyed = asked, response
+        return [(peer.seal(REKEYED + self._rekeyed[1]), address)]

@@ -4,8 +4,9 @@ Started by `gateway_client.Gateway`. It encrypts what the application's streams 
 the other computer, and hands over what comes from there and is authentic. Messages go through a
 socket pair, packets of the streams through loopback ports. Killing this process is a lost link.
 
-Specification: side (robot or operator), key (path or null), host and port (to listen on, or to
-call), content (base64: what the other side is told when the link begins), channel (descriptor).
+Specification: side (robot or operator), key (path, on the robot's side also of a folder, or null),
+host and port (to listen on, or to call), content (base64: what the other side is told when the link
+begins), channel (descriptor).
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ from typing import Any, Final, cast
 import msgspec
 
 from tams_app.errors import TamsError
-from tams_app.link.ends import GOODBYE, Address, Heard, OperatorEnd, RobotEnd
-from tams_app.link.keys import LOOPBACK_KEY, read_key
+from tams_app.link.ends import GOODBYE, Heard, RobotEnd
+from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
+from tams_app.link.operator_end import OperatorEnd
+from tams_app.link.peer import Address
 from tams_app.link.probing import PREFIX, Answering
-from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES, is_rtcp
+from tams_app.link.sealing import is_rtcp, sealed_bytes, ssrc_of
 from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
@@ -43,7 +46,7 @@ _READS_IN_A_ROW = 32  # from one socket: a flood at one port must not hold the o
 _STEP_S = 0.05
 _EVENT_NS = 500 * NS_PER_MS
 _LOOK_NS = 50 * NS_PER_MS
-_RTP_SSRC, _RTCP_SSRC = slice(8, 12), slice(4, 8)
+_KEYS_NS = 500 * NS_PER_MS
 
 
 class Routes(msgspec.Struct, frozen=True):
@@ -56,14 +59,19 @@ class Routes(msgspec.Struct, frozen=True):
 class LinkEvent(msgspec.Struct, frozen=True):
     """How the link stands; the application hears of it twice a second and when it changes.
 
-    counts: datagrams that changed nothing, by reason. welcome: what the robot's side says.
+    sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
+    key the operator has who is there, or was last, "" on loopback without keys. revoked: they were
+    let go because their key is accepted no longer. counts: datagrams that changed nothing, by
+    reason. welcome: what the robot's side says.
     """
 
     connected: bool
     sessions: int
     left: bool
     busy: bool
-    refused: bool
+    operator: str
+    revoked: bool
+    renewals: int
     address: str
     counts: dict[str, int]
     welcome: bytes | None
@@ -95,7 +103,7 @@ class Streams:
         """Give a packet to the stream that its SSRC names; whether there is one."""
         rtcp = is_rtcp(packet)
         ports = self._routes.rtcp if rtcp else self._routes.rtp
-        port = ports.get(int.from_bytes(packet[_RTCP_SSRC if rtcp else _RTP_SSRC], "big"))
+        port = ports.get(ssrc_of(packet))
         if port is None:
             return False
         with suppress(OSError):  # the stream is gone: what a network does is lose it
@@ -116,17 +124,20 @@ class Carrier:
         outer: socket.socket,
         channel: socket.socket,
         streams: Streams,
+        keys: AcceptedKeys | None = None,
         now_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
+        """`keys`: what the robot's side accepts; looked at again twice a second."""
         self._end: Final = end
+        self._keys = keys
         self._outer, self._channel, self._streams = outer, channel, streams
         self._now_ns = now_ns
         self._answering = Answering()
         self._sessions = 0
-        self._left = False
-        self._peer: Address = ("", 0)
+        self._left = self._revoked = False
+        self._address: Address = ("", 0)
         self._told: LinkEvent | None = None
-        self._told_ns = self._looked_ns = 0
+        self._told_ns = self._looked_ns = self._keys_looked_ns = 0
         self._changed = False  # more than counts may have
         self._selector = selectors.DefaultSelector()
         self._selector.register(outer, selectors.EVENT_READ, self._from_outside)
@@ -144,7 +155,7 @@ class Carrier:
             for key, _ in self._selector.select(_STEP_S):
                 key.data(key.fileobj)
             self._step()
-        self._send(self._end.message(GOODBYE))
+        self._send(self._end.message(GOODBYE, self._now_ns()))
 
     def close(self) -> None:
         """Close everything."""
@@ -156,10 +167,22 @@ class Carrier:
     def _step(self) -> None:
         now_ns = self._now_ns()
         if isinstance(self._end, OperatorEnd):
-            for call in self._end.step(now_ns):
-                self._send(call)
+            for datagram in self._end.step(now_ns):
+                self._send(datagram)
+        elif now_ns - self._keys_looked_ns >= _KEYS_NS:
+            self._keys_looked_ns = now_ns
+            self._look_at_the_keys(self._end, now_ns)
         if not self._changed and now_ns - self._looked_ns < _LOOK_NS:
             return
+        self._report(now_ns)
+
+    def _look_at_the_keys(self, end: RobotEnd, now_ns: int) -> None:
+        if self._keys is not None and self._keys.look():
+            heard = end.accept(self._keys.keys, now_ns)
+            self._revoked = self._revoked or heard.left
+            self._act(heard, now_ns)
+
+    def _report(self, now_ns: int) -> None:
         self._changed, self._looked_ns = False, now_ns
         event = self._event()
         if event == self._told:
@@ -176,8 +199,10 @@ class Carrier:
             sessions=self._sessions,
             left=self._left,
             busy=caller is not None and caller.busy,
-            refused=caller is not None and caller.refused,
-            address=f"{self._peer[0]}:{self._peer[1]}",
+            operator="" if isinstance(end, OperatorEnd) else end.operator,
+            revoked=self._revoked,
+            renewals=end.renewals,
+            address=f"{self._address[0]}:{self._address[1]}",
             counts=dict(end.counts),
             welcome=None if caller is None else caller.welcome,
         )
@@ -192,21 +217,23 @@ class Carrier:
                 continue
             now_ns = self._now_ns()
             heard = self._end.receive(datagram, address, now_ns)
-            self._act(heard, address, now_ns)
+            self._act(heard, now_ns)
 
-    def _act(self, heard: Heard, address: Address, now_ns: int) -> None:
+    def _act(self, heard: Heard, now_ns: int) -> None:
         for reply in heard.replies:
             self._send(reply)
-        if heard.connected:
-            self._sessions += 1
         if heard.connected or heard.left:
             self._left, self._changed = heard.left, True
-        if address != self._peer and (heard.connected or heard.message is not None):
-            self._peer, self._changed = address, True
+        if self._end.connected and self._end.address != self._address:
+            self._address, self._changed = self._end.address, True
+        if heard.connected:
+            self._sessions += 1
+            self._revoked = False
+            self._report(now_ns)  # before its first message
         if heard.message is not None and heard.message.startswith(PREFIX):
-            size_bytes = len(heard.message) + MESSAGE_OVERHEAD_BYTES + IP_UDP_HEADER_BYTES
+            size_bytes = sealed_bytes(len(heard.message)) + IP_UDP_HEADER_BYTES
             for answer in self._answering.answers(heard.message, now_ns, size_bytes):
-                self._send(self._end.message(answer))
+                self._send(self._end.message(answer, now_ns))
         elif heard.message is not None:
             self._tell(MESSAGE + HEARD.pack(now_ns, self._sessions) + heard.message)
         if heard.media is not None and not self._streams.hand_over(heard.media):
@@ -225,9 +252,13 @@ class Carrier:
                 return
             kind, content = content[:1], content[1:]
             if kind == ROUTES:
-                self._streams.follow(msgspec.msgpack.decode(content, type=Routes))
+                routes = msgspec.msgpack.decode(content, type=Routes)
+                self._streams.follow(routes)
+                if isinstance(self._end, OperatorEnd):
+                    self._end.follow(routes.rtp)
             else:
-                self._send(self._end.message(GOODBYE if kind == BYE else content))
+                message = GOODBYE if kind == BYE else content
+                self._send(self._end.message(message, self._now_ns()))
 
     def _from_stream(self, entrance: socket.socket) -> None:
         for _ in range(_READS_IN_A_ROW):
@@ -236,7 +267,7 @@ class Carrier:
             except BlockingIOError:
                 return
             if self._streams.is_ours(source):
-                self._send(self._end.media(packet))
+                self._send(self._end.media(packet, self._now_ns()))
             else:
                 self._end.counts["of another program"] += 1
 
@@ -273,16 +304,20 @@ def _udp(family: int, host: str, port: int) -> socket.socket:
 
 def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrier, int]:
     """The carrier that is asked for, and the outer port; OSError, TamsError if impossible."""
-    key_path = specification["key"]
-    key = LOOPBACK_KEY if key_path is None else read_key(Path(key_path))
+    given = specification["key"]
+    path = None if given is None else Path(given)
     content = base64.b64decode(specification["content"])
     host, port = specification["host"], int(specification["port"])
     robot = specification["side"] == "robot"
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     end: RobotEnd | OperatorEnd
+    keys = None
     if robot:
-        end, outer = RobotEnd(key, content), _udp(family, str(address[0]), port)
+        keys = AcceptedKeys(path)
+        end = RobotEnd(keys.keys, content, os.urandom)
+        outer = _udp(family, str(address[0]), port)
     else:
+        key = LOOPBACK_KEY if path is None else read_key(path)
         # bound to no address of this computer: it may get another one on the way
         anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
         called = cast("Address", address)  # whole: of IPv6 with its scope
@@ -292,7 +327,7 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     channel.setblocking(False)
     streams = Streams()
     stack.callback(streams.close)
-    return Carrier(end, outer, channel, streams), int(outer.getsockname()[1])
+    return Carrier(end, outer, channel, streams, keys), int(outer.getsockname()[1])
 
 
 def main() -> None:

@@ -23,6 +23,8 @@ from tams_app.link.gateway import (
 from tams_app.runtime.process import HelperProcess
 
 _CHANNEL_BUFFER_BYTES = 1_000_000
+# A robot's side is silent to whom it does not know, so that these cannot be told apart:
+NO_ANSWER = "no answer: a wrong address, no network, or a key that the robot's side does not accept"
 _AT_ONCE = 256  # messages taken in one call: a second of them, after a stall
 
 
@@ -30,7 +32,8 @@ _AT_ONCE = 256  # messages taken in one call: a second of them, after a stall
 class Endpoint:
     """Where the robot's side listens, and what it shares with the operator's.
 
-    key: the key's file; None: no secret, which loopback alone may have.
+    key: the key's file; on the robot's side also a folder of keys that it accepts; None: no secret,
+        which loopback alone may have.
     """
 
     host: str
@@ -52,7 +55,9 @@ NO_EVENT = LinkEvent(
     sessions=0,
     left=False,
     busy=False,
-    refused=False,
+    operator="",
+    revoked=False,
+    renewals=0,
     address="",
     counts={},
     welcome=None,

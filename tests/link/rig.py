@@ -5,14 +5,22 @@ from __future__ import annotations
 import random
 import struct
 from collections.abc import Callable, Sequence
+from itertools import count
 
-from tams_app.link.ends import HELLO, Address, Heard, OperatorEnd, RobotEnd
+from tams_app.link.ends import Heard, RobotEnd
+from tams_app.link.handshake import BUSY, COOKIE, INITIATION, RESPONSE
+from tams_app.link.keys import Key
+from tams_app.link.operator_end import OperatorEnd
+from tams_app.link.peer import MESSAGE, Address
 from tams_app.units import NS_PER_MS
 
-KEY = b"k" * 32
+KEY, OTHER_KEY = Key("kim", b"k" * 32), Key("kay", b"k" * 31 + b"l")
+KINDS = (INITIATION, COOKIE, BUSY, RESPONSE, MESSAGE, 0x80, 0x81, 0xBF)
 ROBOT: Address = ("10.0.0.1", 5000)
 DESK: Address = ("10.0.0.2", 40_000)
 STEP_NS = 10 * NS_PER_MS
+
+_RUNS = count()  # each robot's end draws numbers of its own
 
 Deliver = Callable[[bytes], bool]
 
@@ -61,7 +69,7 @@ def hostile(number: int, real: Sequence[bytes], draw: random.Random) -> bytes:
         case 0:
             return draw.randbytes(draw.randrange(1500))
         case 1:
-            first = draw.choice((0x80, 0x81, 0xBF, HELLO, 0xC2, 0xC3, 0xC4))
+            first = draw.choice(KINDS)
             return bytes((first,)) + draw.randbytes(draw.randrange(120))
         case 2:
             return spoilt(draw.choice(real), draw)
@@ -75,20 +83,27 @@ def hostile(number: int, real: Sequence[bytes], draw: random.Random) -> bytes:
 class Desk:
     """An operator's end, where it is in the network, and all that it has sent."""
 
-    def __init__(self, key: bytes = KEY, address: Address = DESK, seed: int = 0) -> None:
+    def __init__(self, key: Key = KEY, address: Address = DESK, seed: int = 0) -> None:
         self.end = OperatorEnd(key, ROBOT, b"greeting", random.Random(seed).randbytes)
         self.address = address
         self.sent: list[bytes] = []
         self.heard: list[bytes] = []
         self.media: list[bytes] = []
         self.calls = 0
+        self.sessions = 0
+
+
+def robot(*keys: Key) -> RobotEnd:
+    """The robot's end as it starts; it accepts these keys, or `KEY`."""
+    draw = random.Random(next(_RUNS)).randbytes
+    return RobotEnd({key.identity: key for key in keys or (KEY,)}, b"welcome", draw)
 
 
 class Rig:
     """The robot's end and the network; operators' ends are given to each call."""
 
     def __init__(self) -> None:
-        self.robot = RobotEnd(KEY, b"welcome")
+        self.robot = robot()
         self.now_ns = 1_000_000_000_000
         self.up: Deliver = everything  # from an operator's end to the robot's
         self.down: Deliver = everything
@@ -113,6 +128,7 @@ class Rig:
     def at_desk(self, desk: Desk, datagram: bytes) -> Heard:
         """A datagram reaches an operator's port."""
         heard = desk.end.receive(datagram, ROBOT, self.now_ns)
+        desk.sessions += heard.connected
         if heard.message is not None:
             desk.heard.append(heard.message)
         if heard.media is not None:
@@ -128,21 +144,22 @@ class Rig:
         if not self.up(datagram):
             return
         for reply, to in self.at_robot(datagram, desk.address).replies:
-            assert to == desk.address
             self.answers.append(reply)
+            if to != desk.address:
+                continue
             if self.down(reply):
                 self.at_desk(desk, reply)
 
     def say(self, desk: Desk, content: bytes) -> None:
         """The operator's application sends a message, if there is a session."""
-        addressed = desk.end.message(content)
+        addressed = desk.end.message(content, self.now_ns)
         if addressed is not None:
             assert addressed[1] == ROBOT
             self.send_up(desk, addressed[0])
 
     def tell(self, desk: Desk, content: bytes) -> bool:
         """The robot's application sends a message; whether it was sent to this operator."""
-        addressed = self.robot.message(content)
+        addressed = self.robot.message(content, self.now_ns)
         if addressed is None or addressed[1] != desk.address:
             return False
         if self.down(addressed[0]):
@@ -153,9 +170,9 @@ class Rig:
         """Ten milliseconds: each end calls if it must, and both sides send one message."""
         self.now_ns += STEP_NS
         for desk in desks:
-            for call, _ in desk.end.step(self.now_ns):
-                desk.calls += 1
-                self.send_up(desk, call)
+            for datagram, _ in desk.end.step(self.now_ns):
+                desk.calls += datagram[0] == INITIATION
+                self.send_up(desk, datagram)
             self.say(desk, b"hand")
             self.tell(desk, b"state")
 

@@ -18,7 +18,9 @@ from tams_app.errors import HelperError
 from tams_app.link.ends import RobotEnd
 from tams_app.link.gateway import EVENT, HEARD, MESSAGE, Carrier, LinkEvent, Routes, Streams
 from tams_app.link.gateway_client import Endpoint, Gateway
-from tams_app.link.keys import new_key, read_key
+from tams_app.link.handshake import COOKIE, INITIATION, RESPONSE
+from tams_app.link.keys import LOOPBACK_KEY, new_key, read_key, revoke_key
+from tams_app.link.peer import MESSAGE as SEALED
 from tams_app.units import NS_PER_S
 from tests.link.gateways import LOOPBACK, Network, Pair, port_of, udp
 from tests.link.rig import hostile, rtcp, rtp
@@ -58,6 +60,7 @@ def test_messages_pass_both_ways(pair: Pair) -> None:
     event = pair.robot.event
     assert (event.connected, event.sessions, event.left) == (True, 1, False)
     assert event.address == f"{LOOPBACK}:{operator.port}"
+    assert (event.operator, event.revoked, operator.event.operator) == ("arm", False, "")
 
 
 def test_a_message_tells_when_it_was_heard_and_in_which_session(pair: Pair) -> None:
@@ -179,19 +182,42 @@ def streams_of(stack: ExitStack, gateway: Gateway) -> socket.socket:
 # --- who gets in ----------------------------------------------------------------------------------
 
 
-def test_another_key_is_told_and_gets_nowhere(pair: Pair, tmp_path: Path) -> None:
-    new_key(tmp_path / "other.key")
-    stranger = pair.gateway("operator", pair.robot.port, tmp_path / "other.key")
-    pair.until(lambda: stranger.event.refused, lambda: stranger.send(b"move"))
+@pytest.mark.parametrize("other", [True, False], ids=["another key", "none"])
+def test_a_key_that_is_not_accepted_is_not_answered(
+    stack: ExitStack, pair: Pair, tmp_path: Path, other: bool
+) -> None:
+    network = Network(stack, pair.robot.port)
+    key = new_key(tmp_path / "other.key") if other else None
+    stranger = pair.gateway("operator", network.port, key)
+    ignored = "initiations that no key made"
+    pair.until(lambda: pair.robot.event.counts.get(ignored, 0) > 2, lambda: stranger.send(b"move"))
+    assert {datagram[0] for datagram in network.recorded} == {INITIATION}
     assert not stranger.event.connected
-    pair.until(lambda: pair.robot.event.counts.get("calls with another key", 0) > 0)
     assert (pair.robot.event.connected, pair.heard[pair.robot]) == (False, [])
     pair.passes(pair.operator(), pair.robot, b"ours")
 
 
-def test_no_key_is_another_key(pair: Pair) -> None:
-    stranger = pair.gateway("operator", pair.robot.port, None)
-    pair.until(lambda: stranger.event.refused)
+def test_of_a_folder_of_keys_each_gets_in_until_it_is_revoked(
+    stack: ExitStack, tmp_path: Path
+) -> None:
+    folder = tmp_path / "keys"
+    folder.mkdir()
+    robot = Pair(stack, tmp_path, new_key(folder, "ann")).robot
+    robot.close()
+    pair = Pair(stack, tmp_path / "keys", folder)
+    pair.key = folder / "ann.key"
+    ann = pair.operator()
+    pair.passes(ann, pair.robot, b"of ann")
+    assert pair.robot.event.operator == "ann"
+    copy = (folder / "ann.key").read_bytes()
+    revoke_key(folder, "ann")
+    pair.until(lambda: pair.robot.event.revoked and pair.robot.event.left)
+    assert not pair.robot.event.connected
+    pair.key = new_key(folder, "bo")  # while it runs
+    pair.passes(pair.operator(), pair.robot, b"of bo")
+    assert (pair.robot.event.operator, pair.robot.event.revoked) == ("bo", False)
+    assert copy
+    assert ann.event.sessions == 1
 
 
 def test_a_second_operator_waits_until_the_first_says_goodbye(pair: Pair) -> None:
@@ -215,7 +241,7 @@ def test_the_key_is_in_no_command_line_log_or_event(
     pair.passes(operator, pair.robot, b"up")
     new_key(tmp_path / "other.key")
     other = pair.gateway("operator", pair.robot.port, tmp_path / "other.key")
-    pair.until(lambda: other.event.refused)
+    pair.until(lambda: pair.robot.event.counts.get("initiations that no key made", 0) > 0)
     told = [msgspec.json.encode(one.event) for one in (operator, pair.robot, other)]
     for gateway in (operator, pair.robot, other):
         for name in ("cmdline", "environ"):
@@ -224,7 +250,7 @@ def test_the_key_is_in_no_command_line_log_or_event(
     logs = [path for path in tmp_path.rglob("*") if path.is_file() and path.suffix != ".key"]
     assert len(logs) == 3
     told += [path.read_bytes() for path in logs]
-    for secret in (read_key(key), read_key(tmp_path / "other.key")):
+    for secret in (read_key(key).secret, read_key(tmp_path / "other.key").secret):
         forms = (secret, base64.b64encode(secret), secret.hex().encode(), repr(secret).encode())
         assert not any(form in text for form in forms for text in told)
 
@@ -298,8 +324,9 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
         one.setblocking(False)
     outer = udp(stack)
     outer.setblocking(False)
-    end, times_ns = RobotEnd(bytes(32), b""), iter(range(NS_PER_S, 10**12, NS_PER_S))
-    carrier = Carrier(end, outer, theirs, Streams(), lambda: next(times_ns))
+    times_ns = iter(range(NS_PER_S, 10**12, NS_PER_S))
+    end = RobotEnd({LOOPBACK_KEY.identity: LOOPBACK_KEY}, b"", os.urandom)
+    carrier = Carrier(end, outer, theirs, Streams(), None, lambda: next(times_ns))
     stack.callback(carrier.close)
     filling = 0
     with suppress(BlockingIOError):
@@ -347,7 +374,7 @@ def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagram
             source.sendto(packet, (LOOPBACK, pair.robot.entrance_port))
             assert end.recv(2000) == packet
     real = list(network.recorded)
-    assert {datagram[0] for datagram in real} >= {0x80, 0x81, 0xC1, 0xC2, 0xC3}
+    assert {datagram[0] for datagram in real} >= {0x80, 0x81, INITIATION, COOKIE, RESPONSE, SEALED}
     draw = random.Random(datagrams)
     for heard in pair.heard.values():
         heard.clear()

@@ -1,4 +1,4 @@
-"""The handshake: nothing comes of it without the key, and every session has keys of its own."""
+"""The handshake's datagrams: nothing comes of them without the key, each session has its own."""
 
 from __future__ import annotations
 
@@ -6,56 +6,69 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.link import handshake
 from tams_app.link.handshake import (
+    BUSY,
+    COOKIE_BYTES,
+    GREETING_BYTES,
+    INITIATION_BYTES,
+    MAC_BYTES,
     MEDIA_KEY_BYTES,
     MESSAGE_KEY_BYTES,
-    Answerer,
-    Dialer,
-    HandshakeError,
+    NO_COOKIE,
+    PROLOGUE,
+    RESPONSE,
+    TAG_BYTES,
+    Cookies,
     SessionKeys,
+    answer,
+    filled,
+    initiation,
+    read_answer,
+    read_initiation,
+    session_keys,
+    unfilled,
 )
+from tams_app.link.noise import Initiator, Responder
+from tams_app.units import NS_PER_S
+from tests.link.rig import DESK, KEY, OTHER_KEY, ROBOT
 
 pytestmark = pytest.mark.untimed
 
-KEY, OTHER_KEY = b"k" * 32, b"k" * 31 + b"l"
+TAG = b"t" * TAG_BYTES
+KEYS = {KEY.identity: KEY}
 
 
-def shake(key: bytes = KEY) -> tuple[SessionKeys, SessionKeys]:
+def noise(seed: bytes = b"e" * 32) -> Initiator:
+    return Initiator(KEY.secret, PROLOGUE, seed, filled(b"greeting", GREETING_BYTES))
+
+
+def shake(seed: int = 0) -> tuple[SessionKeys, SessionKeys]:
     """The keys of both sides."""
-    dialer = Dialer(key, b"hello")
-    answer, theirs = Answerer(key, dialer.hello).answer(b"welcome")
-    return dialer.finish(answer)[1], theirs
+    initiator = Initiator(KEY.secret, PROLOGUE, bytes((seed,)) * 32, b"")
+    responder = Responder(KEY.secret, PROLOGUE, initiator.message)
+    message, theirs = responder.answer(bytes((seed + 1,)) * 32, b"")
+    ours = initiator.finish(message)[1]
+    return session_keys(ours, initiator=True), session_keys(theirs, initiator=False)
 
 
 def all_keys(keys: SessionKeys) -> list[bytes]:
-    return [
-        keys.send.messages,
-        keys.send.media,
-        keys.receive.messages,
-        keys.receive.media,
-    ]
+    return [keys.send.messages, keys.send.media, keys.receive.messages, keys.receive.media]
 
 
-def flipped(datagram: bytes) -> list[bytes]:
-    """Every copy of it with one bit changed."""
-    whole = int.from_bytes(datagram, "big")
-    return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in range(8 * len(datagram))]
+def flipped(datagram: bytes, step: int = 1) -> list[bytes]:
+    """Copies of it with one bit changed, every `step`-th."""
+    whole, bits = int.from_bytes(datagram, "big"), range(0, 8 * len(datagram), step)
+    return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in bits]
 
 
-@given(st.binary(max_size=1000), st.binary(max_size=1000))
-def test_each_side_hears_what_the_other_says(greeting: bytes, content: bytes) -> None:
-    dialer = Dialer(KEY, greeting)
-    answerer = Answerer(KEY, dialer.hello)
-    answer, _ = answerer.answer(content)
-    assert answerer.greeting == greeting
-    assert dialer.finish(answer)[0] == content
+# --- keys -----------------------------------------------------------------------------------------
 
 
 def test_what_one_side_sends_with_the_other_receives_with() -> None:
     ours, theirs = shake()
     assert ours.send == theirs.receive
     assert ours.receive == theirs.send
+    assert ours.number == theirs.number
 
 
 def test_directions_and_purposes_have_keys_of_their_own() -> None:
@@ -66,108 +79,89 @@ def test_directions_and_purposes_have_keys_of_their_own() -> None:
 
 
 def test_every_session_has_fresh_keys() -> None:
-    keys = [key for _ in range(20) for key in all_keys(shake()[0])]
+    sessions = [shake(seed)[0] for seed in range(1, 100, 2)]
+    keys = [key for session in sessions for key in all_keys(session)]
     assert len(set(keys)) == len(keys)
-    assert KEY not in keys
+    assert KEY.secret not in keys
+    assert len({session.number for session in sessions}) == len(sessions)
 
 
-def test_what_is_said_cannot_be_read_on_the_way() -> None:
-    greeting, content = b"a greeting of the operator", b"a welcome of the robot"
-    dialer = Dialer(KEY, greeting)
-    answer, _ = Answerer(KEY, dialer.hello).answer(content)
-    assert greeting not in dialer.hello
-    assert content not in answer
+# --- initiations ----------------------------------------------------------------------------------
 
 
-def test_two_answers_to_one_call_have_different_keys() -> None:
-    dialer = Dialer(KEY, b"")
-    (_, first), (_, second) = (Answerer(KEY, dialer.hello).answer(b"") for _ in range(2))
-    assert not set(all_keys(first)) & set(all_keys(second))
+def test_an_initiation_is_read_as_it_was_made() -> None:
+    cookie = b"c" * COOKIE_BYTES
+    datagram = initiation(KEY, TAG, cookie, noise().message)
+    assert len(datagram) == INITIATION_BYTES
+    read = read_initiation(datagram, KEYS)
+    assert read is not None
+    assert (read.tag, read.key, read.cookie, read.noise) == (TAG, KEY, cookie, noise().message)
+    responder = Responder(KEY.secret, PROLOGUE, read.noise)
+    assert unfilled(responder.payload) == b"greeting"
+    assert b"greeting" not in datagram
 
 
-def test_a_call_with_another_key_is_refused() -> None:
-    with pytest.raises(HandshakeError):
-        Answerer(KEY, Dialer(OTHER_KEY, b"hello").hello)
+def test_an_initiation_with_a_key_that_is_not_accepted_is_none() -> None:
+    datagram = initiation(KEY, TAG, NO_COOKIE, noise().message)
+    assert read_initiation(datagram, {OTHER_KEY.identity: OTHER_KEY}) is None
+    assert read_initiation(datagram, {KEY.identity: OTHER_KEY}) is None
+    assert read_initiation(datagram, {}) is None
 
 
-def test_an_answer_with_another_key_is_refused() -> None:
-    dialer = Dialer(KEY, b"")
-    answer, _ = Answerer(OTHER_KEY, Dialer(OTHER_KEY, b"").hello).answer(b"")
-    with pytest.raises(HandshakeError):
-        dialer.finish(answer)
+def test_a_changed_initiation_is_none() -> None:
+    datagram = initiation(KEY, TAG, NO_COOKIE, noise().message)
+    assert read_initiation(datagram + b"\0", KEYS) is None
+    for length in range(INITIATION_BYTES):
+        assert read_initiation(datagram[:length], KEYS) is None
+    for changed in flipped(datagram[1:], 7):  # the first byte is the kind, by which it gets here
+        assert read_initiation(datagram[:1] + changed, KEYS) is None
 
 
-def test_an_answer_to_another_call_is_refused() -> None:
-    answer, _ = Answerer(KEY, Dialer(KEY, b"").hello).answer(b"")
-    with pytest.raises(HandshakeError):
-        Dialer(KEY, b"").finish(answer)
+@given(st.binary(max_size=1300))
+def test_nonsense_is_no_initiation_and_no_answer(nonsense: bytes) -> None:
+    assert read_initiation(nonsense, KEYS) is None
+    assert read_initiation(nonsense.ljust(INITIATION_BYTES, b"\0"), KEYS) is None
+    assert read_answer(nonsense, TAG, KEY, bytes(MAC_BYTES)) is None
 
 
-def test_a_call_or_answer_of_another_protocol_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    dialer = Dialer(KEY, b"")
-    with monkeypatch.context() as other:
-        other.setattr(handshake, "_PROLOGUE", b"TAMS link 2")
-        foreign = Dialer(KEY, b"").hello
-        with pytest.raises(HandshakeError):
-            Answerer(KEY, dialer.hello)
-        answer, _ = Answerer(KEY, foreign).answer(b"")
-    with pytest.raises(HandshakeError):
-        dialer.finish(answer)
-    with pytest.raises(HandshakeError):
-        Answerer(KEY, foreign)
+# --- answers --------------------------------------------------------------------------------------
 
 
-def test_every_flipped_bit_of_a_call_is_refused() -> None:
-    for hello in flipped(Dialer(KEY, b"hi").hello):
-        with pytest.raises(HandshakeError):
-            Answerer(KEY, hello)
+@given(st.binary(max_size=1200))
+def test_an_answer_fits_its_initiation_alone(content: bytes) -> None:
+    mac = b"m" * MAC_BYTES
+    made = answer(RESPONSE, TAG, KEY, mac, content)
+    assert read_answer(made, TAG, KEY, mac) == content
+    assert read_answer(made, b"T" * TAG_BYTES, KEY, mac) is None
+    assert read_answer(made, TAG, OTHER_KEY, mac) is None
+    assert read_answer(made, TAG, KEY, b"M" * MAC_BYTES) is None
+    assert read_answer(bytes((BUSY,)) + made[1:], TAG, KEY, mac) is None
 
 
-def test_every_flipped_bit_of_an_answer_is_refused() -> None:
-    dialer = Dialer(KEY, b"")
-    answer, _ = Answerer(KEY, dialer.hello).answer(b"ok")
-    for spoilt in flipped(answer):
-        with pytest.raises(HandshakeError):
-            _copy(dialer).finish(spoilt)
-    assert _copy(dialer).finish(answer)[0] == b"ok"
+def test_a_changed_answer_is_none() -> None:
+    mac = b"m" * MAC_BYTES
+    made = answer(RESPONSE, TAG, KEY, mac, b"content")
+    changed = flipped(made) + [made[:length] for length in range(len(made))] + [made + b"\0"]
+    assert {read_answer(one, TAG, KEY, mac) for one in changed} == {None}
 
 
-def _copy(dialer: Dialer) -> Dialer:
-    """The same attempt once more: a wrong answer ends one."""
-    again = Dialer(KEY, b"")
-    state = dialer._noise.noise_protocol.handshake_state
-    ours = again._noise.noise_protocol.handshake_state
-    ours.e = state.e
-    symmetric = ours.symmetric_state
-    symmetric.h, symmetric.ck = state.symmetric_state.h, state.symmetric_state.ck
-    symmetric.cipher_state.initialize_key(state.symmetric_state.cipher_state.k)
-    symmetric.cipher_state.n = state.symmetric_state.cipher_state.n
-    return again
+@given(st.binary(max_size=300), st.integers(2, 300))
+def test_what_is_filled_up_comes_back(content: bytes, size: int) -> None:
+    assert unfilled(filled(content, size)) == content
+    assert len(filled(content, size)) == max(size, len(content) + 2)
 
 
-@given(st.binary(max_size=200))
-def test_anything_else_is_refused_and_raises_nothing_else(nonsense: bytes) -> None:
-    with pytest.raises(HandshakeError):
-        Answerer(KEY, nonsense)
-    with pytest.raises(HandshakeError):
-        Dialer(KEY, b"").finish(nonsense)
+# --- cookies --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("length", [0, 31, 32, 47, 48, 65_507])
-def test_a_call_of_any_length_is_refused(length: int) -> None:
-    for filling in (b"\0", b"\xff"):  # the first: a point of low order
-        with pytest.raises(HandshakeError):
-            Answerer(KEY, filling * length)
-        with pytest.raises(HandshakeError):
-            Dialer(KEY, b"").finish(filling * length)
-
-
-def test_a_truncated_call_or_answer_is_refused() -> None:
-    dialer = Dialer(KEY, b"hello")
-    answer, _ = Answerer(KEY, dialer.hello).answer(b"welcome")
-    for length in range(len(dialer.hello)):
-        with pytest.raises(HandshakeError):
-            Answerer(KEY, dialer.hello[:length])
-    for length in range(len(answer)):
-        with pytest.raises(HandshakeError):
-            _copy(dialer).finish(answer[:length])
+@given(st.integers(0, 10**15))
+def test_a_cookie_is_valid_for_five_to_ten_seconds_at_its_address_alone(given_ns: int) -> None:
+    cookies = Cookies(b"s" * 32)
+    cookie = cookies.of(DESK, given_ns)
+    assert len(cookie) == COOKIE_BYTES
+    for later_ns, valid in ((0, True), (5 * NS_PER_S, True), (10 * NS_PER_S, False)):
+        assert cookies.is_valid(cookie, DESK, given_ns + later_ns) == valid
+    assert not cookies.is_valid(cookie, ROBOT, given_ns)
+    assert not cookies.is_valid(cookie, (DESK[0], DESK[1] + 1), given_ns)
+    assert not Cookies(b"t" * 32).is_valid(cookie, DESK, given_ns)
+    assert not cookies.is_valid(NO_COOKIE, DESK, given_ns)

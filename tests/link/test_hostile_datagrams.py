@@ -1,67 +1,42 @@
-"""Floods, recordings and nonsense at both ends: nothing changes but counters."""
+"""Floods, recordings and nonsense at both ends: only counters change, and operators get in."""
 
 from __future__ import annotations
 
 import random
+from collections.abc import Callable, Iterator
+from heapq import heappop, heappush
+from itertools import count
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.link.ends import ANSWER, HELLO, MESSAGE, REFUSAL, TAG_BYTES, Address
+from tams_app.link.handshake import INITIATION, INITIATION_BYTES, RESPONSE
+from tams_app.link.peer import Address
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.link.rig import ROBOT, Desk, Rig, connected, rtcp, rtp, spoilt
+from tests.link.rig import (
+    DESK,
+    KINDS,
+    OTHER_KEY,
+    ROBOT,
+    Desk,
+    Rig,
+    connected,
+    hostile,
+    nothing,
+    rtcp,
+    rtp,
+    spoilt,
+)
 
 pytestmark = pytest.mark.untimed
 
 THIEF: Address = ("203.0.113.9", 666)
+GETS_IN_MS = 1000
+Attack = Iterator[tuple[bytes, Address]]
 
 
-@pytest.mark.parametrize("key", [b"k" * 32, b"x" * 32], ids=["recorded", "another key"])
-def test_a_flood_of_calls_does_not_stop_the_operator_who_is_there(key: bytes) -> None:
-    rig, desk = connected()
-    for number in range(3000):
-        caller = Desk(key=key, seed=number)
-        for call, _ in caller.end.step(rig.now_ns):
-            rig.at_robot(call, THIEF)
-        if number % 60 == 0:
-            rig.step(desk)
-            assert rig.gets_through(desk)
-    assert rig.sessions == 1
-    assert rig.robot.counts["calls beyond what is looked at"] > 1000
-    assert len(rig.robot._calls) <= 4
-
-
-def test_few_calls_that_come_to_nothing_are_kept() -> None:
-    rig = Rig()
-    for number in range(100):
-        rig.now_ns += NS_PER_S // 10
-        for call, _ in Desk(seed=number).end.step(rig.now_ns):
-            rig.at_robot(call, THIEF)
-        assert len(rig.robot._calls) <= 4
-    rig.run_ms(1500, desk := Desk())
-    assert rig.gets_through(desk)
-
-
-def test_only_so_many_calls_a_second_are_looked_at() -> None:
-    rig = Rig()
-    answered = 0
-    for number in range(3000):
-        rig.now_ns += NS_PER_S // 10_000
-        call = bytes((HELLO,)) + random.Random(number).randbytes(90)
-        answered += len(rig.at_robot(call, THIEF).replies)
-    assert 400 <= answered <= 1000
-
-
-def test_no_reply_is_longer_than_a_call_with_another_key() -> None:
-    """What anyone can send must not make the robot's computer flood a third one."""
-    rig = Rig()
-    draw = random.Random(3)
-    for length in range(200):
-        rig.now_ns += NS_PER_S
-        call = bytes((HELLO,)) + draw.randbytes(length)
-        for reply, _ in rig.at_robot(call, THIEF).replies:
-            assert len(reply) <= len(call)
+# --- what was received ----------------------------------------------------------------------------
 
 
 def state_of(rig: Rig, desk: Desk) -> tuple[object, ...]:
@@ -73,17 +48,19 @@ def state_of(rig: Rig, desk: Desk) -> tuple[object, ...]:
         id(robot),
         robot.address,
         robot.heard_ns,
-        robot._opener._newest,
+        robot._session.opener._newest,
+        rig.robot.renewals,
         id(operator),
         operator.address,
         operator.heard_ns,
-        operator._opener._newest,
+        operator._session.opener._newest,
+        desk.end.renewals,
         desk.end.busy,
-        desk.end.refused,
         desk.end.welcome,
         desk.end.step(rig.now_ns),
         rig.sessions,
         rig.departures,
+        len(rig.robot._calls),
         len(rig.heard),
         len(desk.heard),
         len(rig.media),
@@ -93,27 +70,27 @@ def state_of(rig: Rig, desk: Desk) -> tuple[object, ...]:
 
 def exchanged(rig: Rig, desk: Desk) -> list[bytes]:
     """Real datagrams of every kind and both directions that were received."""
-    up = [desk.sent[0], rig.answers[0], bytes((REFUSAL,)) + desk.sent[0][1 : 1 + TAG_BYTES]]
+    real = [*desk.sent[:2], *rig.answers[:2]]
     for number in range(20):
         for end in (desk.end, rig.robot):
             for addressed in (
-                end.message(b"m" * number),
-                end.media(rtp(number)),
-                end.media(rtcp()),
+                end.message(b"m" * number, rig.now_ns),
+                end.media(rtp(number), rig.now_ns),
+                end.media(rtcp(), rig.now_ns),
             ):
                 assert addressed is not None
-                up.append(addressed[0])
-    for datagram in up:
+                real.append(addressed[0])
+    for datagram in real:
         rig.at_robot(datagram, desk.address)
         rig.at_desk(desk, datagram)
-    return up
+    return real
 
 
 @given(st.binary(max_size=1600))
 def test_any_datagram_leaves_a_session_as_it_is(nonsense: bytes) -> None:
     rig, desk = connected()
     before = state_of(rig, desk)
-    rig.at_robot(nonsense, THIEF)
+    assert rig.at_robot(nonsense, THIEF).replies == []
     rig.at_desk(desk, nonsense)
     assert state_of(rig, desk) == before
     assert rig.gets_through(desk)
@@ -129,8 +106,7 @@ def test_twenty_thousand_hostile_datagrams_leave_a_session_as_it_is() -> None:
             case 0:
                 datagram = draw.randbytes(draw.randrange(200))
             case 1:
-                first = draw.choice((HELLO, ANSWER, MESSAGE, REFUSAL, 0x80, 0x81, 0xBF))
-                datagram = bytes((first,)) + draw.randbytes(draw.randrange(200))
+                datagram = bytes((draw.choice(KINDS),)) + draw.randbytes(draw.randrange(200))
             case 2:
                 datagram = spoilt(draw.choice(real), draw)
             case _:
@@ -147,7 +123,7 @@ def test_twenty_thousand_hostile_datagrams_leave_a_session_as_it_is() -> None:
     assert sum(rig.robot.counts.values()) > 15_000
     assert sum(desk.end.counts.values()) > 15_000
     for end, other in ((desk.end, rig.robot), (rig.robot, desk.end)):
-        addressed = end.media(rtp(100))
+        addressed = end.media(rtp(100), rig.now_ns)
         assert addressed is not None
         assert other.receive(addressed[0], desk.address, rig.now_ns).media == rtp(100)
 
@@ -164,3 +140,211 @@ def test_hostile_datagrams_before_a_call_begin_no_session() -> None:
     assert (rig.robot.connected, rig.heard, rig.media) == (False, [], [])
     rig.run_ms(1500, caller := Desk(seed=9))
     assert rig.gets_through(caller)
+
+
+def test_of_initiations_that_came_to_nothing_few_are_kept() -> None:
+    rig = Rig()
+    rig.up = nothing
+    for number in range(100):
+        rig.now_ns += NS_PER_S // 10
+        desk = Desk(seed=number, address=(DESK[0], 1 + number % 3))
+        for call, _ in desk.end.step(rig.now_ns):
+            for cookie, _ in rig.at_robot(call, desk.address).replies:
+                for second, _ in desk.end.receive(cookie, ROBOT, rig.now_ns).replies:
+                    assert rig.at_robot(second, desk.address).replies
+        assert len(rig.robot._calls) <= 3 * 8
+
+
+# --- who gets in ----------------------------------------------------------------------------------
+
+
+def one_byte(_: random.Random) -> Attack:
+    """Datagrams of one byte, the kind of an initiation."""
+    while True:
+        yield bytes((INITIATION,)), THIEF
+
+
+def junk(draw: random.Random) -> Attack:
+    """Nonsense as long as an initiation, and other nonsense."""
+    for number in count():
+        length = INITIATION_BYTES if number % 2 else draw.randrange(200)
+        yield (bytes((draw.choice(KINDS),)) + draw.randbytes(length))[:length], THIEF
+
+
+def recorded_initiations(draw: random.Random) -> list[bytes]:
+    """Of operators whom another robot's side answered: first and second initiations."""
+    real: list[bytes] = []
+    for seed in range(5):
+        rig, desk = Rig(), Desk(seed=100 + seed, address=DESK)
+        rig.step(desk)
+        real += [one for one in desk.sent if one[0] == INITIATION]
+    draw.shuffle(real)
+    return real
+
+
+def recorded(draw: random.Random) -> Attack:
+    """Initiations that were recorded, again and again from one address."""
+    real = recorded_initiations(draw)
+    while True:
+        yield draw.choice(real), THIEF
+
+
+def spoofed(draw: random.Random) -> Attack:
+    """Initiations that were recorded, from any address, also the operator's own."""
+    real = recorded_initiations(draw)
+    for number in count():
+        address = DESK if number % 3 == 0 else (f"198.51.100.{number % 256}", number % 60_000)
+        yield draw.choice(real), address
+
+
+def mixed(draw: random.Random) -> Attack:
+    """All of them, and what both sides of a session have sent."""
+    rig, desk = connected()
+    real, attacks = (
+        exchanged(rig, desk),
+        [one_byte(draw), junk(draw), recorded(draw), spoofed(draw)],
+    )
+    for number in count():
+        yield next(attacks[number % 5]) if number % 5 < 4 else (hostile(number, real, draw), THIEF)
+
+
+ATTACKS: dict[str, Callable[[random.Random], Attack]] = {
+    "one byte": one_byte,
+    "junk": junk,
+    "recorded": recorded,
+    "spoofed": spoofed,
+    "mixed": mixed,
+}
+
+
+class Siege:
+    """Virtual time in steps of 1 ms, a network of 20 ms each way, and hostile datagrams."""
+
+    def __init__(self, attack: Attack, rate_hz: int) -> None:
+        self.rig = Rig()
+        self.hostile = 0
+        self.hostile_bytes = self.answered_bytes = 0
+        self._attack, self._rate_hz = attack, rate_hz
+        self._owed = 0.0
+        self._coming: list[tuple[int, int, bool, bytes, Desk]] = []
+        self._numbers = count()
+
+    def run_ms(self, duration_ms: int, desk: Desk | None, until_in: bool = False) -> int | None:
+        """Let time pass; after how long the operator was in, if that is waited for."""
+        for ms in range(duration_ms):
+            self._step(desk)
+            if until_in and desk is not None and desk.end.connected and self.rig.robot.connected:
+                return ms + 1
+        return None
+
+    def _step(self, desk: Desk | None) -> None:
+        rig = self.rig
+        rig.now_ns += NS_PER_MS
+        self._owed += self._rate_hz / 1000
+        while self._owed >= 1:
+            self._owed -= 1
+            datagram, address = next(self._attack)
+            self.hostile += 1
+            self.hostile_bytes += len(datagram)
+            for reply, to in rig.at_robot(datagram, address).replies:
+                self.answered_bytes += len(reply)
+                if desk is not None and to == desk.address:
+                    self._send(False, reply, desk)
+        if desk is not None:
+            self._let_talk(desk)
+        while self._coming and self._coming[0][0] <= rig.now_ns:
+            _, _, up, datagram, one = heappop(self._coming)
+            if up:
+                for reply, to in rig.at_robot(datagram, one.address).replies:
+                    assert to == one.address
+                    self._send(False, reply, one)
+            else:
+                for reply, _ in one.end.receive(datagram, ROBOT, rig.now_ns).replies:
+                    self._send(True, reply, one)
+
+    def _let_talk(self, desk: Desk) -> None:
+        now_ns = self.rig.now_ns
+        for datagram, _ in desk.end.step(now_ns):
+            self._send(True, datagram, desk)
+        if now_ns // NS_PER_MS % 8 == 0 and (hand := desk.end.message(b"hand", now_ns)):
+            self._send(True, hand[0], desk)
+        if now_ns // NS_PER_MS % 16 == 0 and (state := self.rig.robot.message(b"s", now_ns)):
+            self._send(False, state[0], desk)
+
+    def _send(self, up: bool, datagram: bytes, desk: Desk) -> None:
+        at_ns = self.rig.now_ns + 20 * NS_PER_MS
+        heappush(self._coming, (at_ns, next(self._numbers), up, datagram, desk))
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize(
+    ("rate_hz", "datagrams"),
+    [(120, 600), (10_000, 20_000), pytest.param(50_000, 1_000_000, marks=pytest.mark.verify)],
+)
+def test_an_operator_gets_in_within_a_second_whatever_arrives_beside_them(
+    attack: str, rate_hz: int, datagrams: int
+) -> None:
+    """While no operator is connected, and while one calls; again and again."""
+    siege = Siege(ATTACKS[attack](random.Random(rate_hz)), rate_hz)
+    siege.run_ms(1000 * datagrams // rate_hz // 2, None)
+    tried = 0
+    while tried < 3 or siege.hostile < datagrams:
+        desk = Desk(seed=tried)
+        in_ms = siege.run_ms(GETS_IN_MS, desk, until_in=True)
+        assert in_ms is not None, f"not in after {tried} others"
+        tried += 1
+        assert siege.rig.sessions == tried
+        siege.run_ms(200, desk)
+        assert siege.rig.heard
+        siege.rig.robot._peer = None  # as if it had left
+        siege.run_ms(200, None)
+    assert siege.answered_bytes <= siege.hostile_bytes
+    assert len(siege.rig.robot._calls) <= tried
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_an_operator_who_is_there_stays_whatever_arrives_beside_them(attack: str) -> None:
+    siege = Siege(ATTACKS[attack](random.Random(0)), 10_000)
+    desk = Desk()
+    assert siege.run_ms(GETS_IN_MS, desk, until_in=True)
+    heard = len(siege.rig.heard)
+    siege.run_ms(2000, desk)
+    assert len(siege.rig.heard) - heard >= 248
+    assert siege.rig.sessions == 1
+    assert desk.end.step(siege.rig.now_ns) == []
+
+
+def test_the_operators_own_calls_sent_again_from_their_own_address_keep_nobody_out() -> None:
+    """With cookies that are valid there: the robot's side looks at each initiation once."""
+    rig, desk = Rig(), Desk()
+    rig.up = lambda datagram: datagram[0] == INITIATION
+    rig.run_ms(9_000, desk)  # no message of theirs arrives
+    calls = [datagram for datagram in desk.sent if datagram[0] == INITIATION]
+    drawn = rig.robot._random
+    asked = 0
+
+    def counted(length: int) -> bytes:
+        nonlocal asked
+        asked += 1
+        return drawn(length)
+
+    rig.robot._random = counted  # each handshake needs random numbers
+    answered = 0
+    for number in range(20_000):
+        rig.now_ns += NS_PER_MS // 10
+        replies = rig.at_robot(calls[number % len(calls)], desk.address).replies
+        answered += sum(reply[0] == RESPONSE for reply, _ in replies)
+    assert asked <= len(calls) / 2
+    assert answered <= 40 * len(calls)
+    rig.up = lambda _: True
+    rig.run_ms(GETS_IN_MS, desk)
+    assert rig.gets_through(desk)
+
+
+def test_a_stranger_with_another_key_disturbs_nobody() -> None:
+    rig, desk = connected()
+    strangers = [Desk(key=OTHER_KEY, seed=number) for number in range(20)]
+    rig.run_ms(2000, desk, *strangers)
+    assert rig.gets_through(desk)
+    assert rig.robot.counts["initiations that no key made"] >= 100
+    assert set(rig.robot.counts) == {"initiations that no key made"}

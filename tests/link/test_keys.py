@@ -11,7 +11,16 @@ from pathlib import Path
 import pytest
 
 from tams_app.errors import ConfigError
-from tams_app.link.keys import KEY_BYTES, LOOPBACK_KEY, new_key, read_key
+from tams_app.link.keys import (
+    KEY_BYTES,
+    LOOPBACK_KEY,
+    AcceptedKeys,
+    Key,
+    accepted_keys,
+    new_key,
+    read_key,
+    revoke_key,
+)
 
 pytestmark = pytest.mark.untimed
 
@@ -30,14 +39,18 @@ def write(path: Path, content: bytes, mode: int = 0o600) -> None:
 
 def test_a_new_key_can_be_read_back(path: Path) -> None:
     new_key(path)
-    assert len(read_key(path)) == KEY_BYTES
-    assert read_key(path) == read_key(path) != LOOPBACK_KEY
+    key = read_key(path)
+    assert (len(key.secret), key.name) == (KEY_BYTES, "arm")
+    assert key == read_key(path)
+    assert key.secret != LOOPBACK_KEY.secret
 
 
 def test_two_new_keys_differ(tmp_path: Path) -> None:
     new_key(tmp_path / "a")
     new_key(tmp_path / "b")
-    assert read_key(tmp_path / "a") != read_key(tmp_path / "b")
+    keys = [read_key(tmp_path / name) for name in "ab"]
+    for part in ("secret", "identity", "mac_key"):
+        assert len({getattr(key, part) for key in keys}) == 2
 
 
 @pytest.mark.parametrize("umask", [0, 0o022, 0o077])
@@ -68,7 +81,7 @@ def test_a_new_key_where_nothing_can_be_written_is_refused(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o610, 0o601, 0o644])
 def test_a_key_that_others_can_reach_is_refused(path: Path, mode: int) -> None:
-    write(path, f"tams-key-1 {SECRET}\n".encode(), mode)
+    write(path, f"tams-key-2 kim {SECRET}\n".encode(), mode)
     with pytest.raises(ConfigError) as refused:
         read_key(path)
     assert f"chmod 600 {path}" in str(refused.value)
@@ -76,8 +89,13 @@ def test_a_key_that_others_can_reach_is_refused(path: Path, mode: int) -> None:
 
 
 def test_a_file_of_its_owner_alone_is_read(path: Path) -> None:
-    write(path, f"tams-key-1 {SECRET}\n".encode(), 0o400)
-    assert read_key(path) == bytes(range(100, 100 + KEY_BYTES))
+    write(path, f"tams-key-2 kim {SECRET}\n".encode(), 0o400)
+    assert read_key(path) == Key("kim", bytes(range(100, 100 + KEY_BYTES)))
+
+
+def test_a_key_shown_by_mistake_shows_its_name_alone(path: Path) -> None:
+    write(path, f"tams-key-2 kim {SECRET}\n".encode())
+    assert repr(read_key(path)) == "Key(name='kim')"
 
 
 @pytest.mark.parametrize(
@@ -85,13 +103,15 @@ def test_a_file_of_its_owner_alone_is_read(path: Path) -> None:
     [
         b"",
         SECRET.encode(),
+        f"tams-key-1 {SECRET}".encode(),
         f"tams-key-2 {SECRET}".encode(),
-        f"tams-key-1{SECRET}".encode(),
-        f"tams-key-1 {SECRET[:-4]}".encode(),
-        f"tams-key-1 {SECRET}AAAA".encode(),
-        f"tams-key-1 {SECRET} {SECRET}".encode(),
-        f"tams-key-1 {SECRET[:20]}\n{SECRET[20:]}".encode(),
-        b"tams-key-1 \xff\xfe" + SECRET.encode(),
+        f"tams-key-2 k/im {SECRET}".encode(),
+        f"tams-key-2kim {SECRET}".encode(),
+        f"tams-key-2 kim {SECRET[:-4]}".encode(),
+        f"tams-key-2 kim {SECRET}AAAA".encode(),
+        f"tams-key-2 kim {SECRET} {SECRET}".encode(),
+        f"tams-key-2 kim {SECRET[:20]}\n{SECRET[20:]}".encode(),
+        b"tams-key-2 kim \xff\xfe" + SECRET.encode(),
         b"-----BEGIN OPENSSH PRIVATE KEY-----\n" + SECRET.encode(),
         bytes(range(256)) * 40,
     ],
@@ -120,3 +140,87 @@ def test_what_cannot_be_read_is_refused_with_what_to_do(
     make(path)
     with pytest.raises(ConfigError, match=r"cannot be read \(.+\); name a file that key new FILE"):
         read_key(path)
+
+
+# --- several ------------------------------------------------------------------------------------
+
+
+def names(accepted: AcceptedKeys) -> set[str]:
+    return {key.name for key in accepted.keys.values()}
+
+
+def test_a_key_is_for_whom_it_was_made(tmp_path: Path) -> None:
+    assert read_key(new_key(tmp_path / "a.key", "kim")).name == "kim"
+    assert new_key(tmp_path, "kay") == tmp_path / "kay.key"
+    assert read_key(tmp_path / "kay.key").name == "kay"
+    assert {key.name for key in accepted_keys(tmp_path)} == {"kim", "kay"}
+    assert [key.name for key in accepted_keys(tmp_path / "a.key")] == ["kim"]
+
+
+def test_in_a_folder_a_key_needs_a_name(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--for NAME"):
+        new_key(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["", "a b", "../x", ".x", "x" * 33, "a\n", "[red]x", "é"])
+def test_what_is_no_name_is_refused_and_makes_no_file(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ConfigError, match="is no name"):
+        new_key(tmp_path, name)
+    with pytest.raises(ConfigError, match="is no name"):
+        new_key(tmp_path / "x.key", name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_without_keys_or_with_one_name_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="has no key"):
+        accepted_keys(tmp_path)
+    new_key(tmp_path / "a.key", "kim")
+    new_key(tmp_path / "b.key", "kim")
+    with pytest.raises(ConfigError, match="two keys are for kim"):
+        accepted_keys(tmp_path)
+
+
+def test_a_revoked_key_is_accepted_no_longer_and_a_new_one_is_at_the_next_look(
+    tmp_path: Path,
+) -> None:
+    new_key(tmp_path, "kim")
+    new_key(tmp_path, "kay")
+    accepted = AcceptedKeys(tmp_path)
+    assert names(accepted) == {"kim", "kay"}
+    assert not accepted.look()
+    assert revoke_key(tmp_path, "kim") == tmp_path / "kim.key"
+    assert not (tmp_path / "kim.key").exists()
+    assert accepted.look()
+    assert names(accepted) == {"kay"}
+    new_key(tmp_path, "kit")
+    assert accepted.look()
+    assert names(accepted) == {"kay", "kit"}
+    assert not accepted.look()
+
+
+def test_a_key_that_others_can_reach_meanwhile_is_accepted_no_longer(tmp_path: Path) -> None:
+    path = new_key(tmp_path, "kim")
+    accepted = AcceptedKeys(path)
+    path.chmod(0o644)
+    assert accepted.look()
+    assert names(accepted) == set()
+    path.chmod(0o600)
+    assert accepted.look()
+    assert names(accepted) == {"kim"}
+    path.unlink()
+    assert accepted.look()
+    assert names(accepted) == set()
+
+
+def test_to_revoke_what_is_not_there_is_refused_with_what_is(tmp_path: Path) -> None:
+    new_key(tmp_path, "kim")
+    with pytest.raises(ConfigError, match="has no one key for 'kay'; it has: kim"):
+        revoke_key(tmp_path, "kay")
+    assert [key.name for key in accepted_keys(tmp_path)] == ["kim"]
+
+
+def test_without_a_file_one_computer_shares_no_secret() -> None:
+    accepted = AcceptedKeys(None)
+    assert list(accepted.keys.values()) == [LOOPBACK_KEY]
+    assert not accepted.look()

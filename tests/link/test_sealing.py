@@ -3,39 +3,49 @@
 from __future__ import annotations
 
 import random
+import secrets
 import struct
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.link.handshake import Answerer, Dialer, SessionKeys
+from tams_app.link.handshake import SessionKeys, session_keys
+from tams_app.link.noise import Initiator, Responder
 from tams_app.link.sealing import (
+    LONGEST_DATAGRAM_BYTES,
+    LONGEST_MESSAGE_BYTES,
     LONGEST_PLAIN_BYTES,
     MEDIA_OVERHEAD_BYTES,
-    MESSAGE_OVERHEAD_BYTES,
     Media,
     MessageOpener,
     MessageSealer,
     is_rtcp,
+    sealed_bytes,
+    session_number,
 )
 
 pytestmark = pytest.mark.untimed
 
-KEY = b"k" * 32
+SECRET = b"k" * 32
 KIND = 0xC3
 
 
 def session() -> tuple[SessionKeys, SessionKeys]:
     """The keys of both sides of a new session."""
-    dialer = Dialer(KEY, b"")
-    answer, theirs = Answerer(KEY, dialer.hello).answer(b"")
-    return dialer.finish(answer)[1], theirs
+    initiator = Initiator(SECRET, b"", secrets.token_bytes(32), b"")
+    message, theirs = Responder(SECRET, b"", initiator.message).answer(secrets.token_bytes(32), b"")
+    ours = initiator.finish(message)[1]
+    return session_keys(ours, initiator=True), session_keys(theirs, initiator=False)
+
+
+def sealer_of(keys: SessionKeys) -> MessageSealer:
+    return MessageSealer(keys.send.messages, KIND, keys.number)
 
 
 def messages() -> tuple[MessageSealer, MessageOpener]:
     ours, theirs = session()
-    return MessageSealer(ours.send.messages, KIND), MessageOpener(theirs.receive.messages)
+    return sealer_of(ours), MessageOpener(theirs.receive.messages)
 
 
 def media() -> tuple[Media, Media]:
@@ -67,9 +77,26 @@ def test_messages_open_as_they_were(contents: list[bytes]) -> None:
     for content in contents:
         datagram = sealer.seal(content)
         assert datagram[0] == KIND
-        assert len(datagram) == len(content) + MESSAGE_OVERHEAD_BYTES
+        assert len(datagram) == sealed_bytes(len(content))
         assert opener.open(datagram) == content
     assert opener.late == 0
+
+
+@given(st.binary(max_size=LONGEST_MESSAGE_BYTES))
+def test_a_message_that_ends_in_any_bytes_fits_a_datagram_of_one_of_four_sizes(
+    content: bytes,
+) -> None:
+    sealer, opener = messages()
+    for message in (content, content[:-1] + b"\0", content[:-1] + b"\x80"):
+        datagram = sealer.seal(message[:LONGEST_MESSAGE_BYTES])
+        assert opener.open(datagram) == message[:LONGEST_MESSAGE_BYTES]
+        assert len(datagram) in {93, 285, 541, LONGEST_DATAGRAM_BYTES}
+
+
+def test_a_message_names_its_session() -> None:
+    ours, theirs = session()
+    datagram = sealer_of(ours).seal(b"x")
+    assert session_number(datagram) == ours.number == theirs.number
 
 
 def test_a_message_cannot_be_read_on_the_way() -> None:
@@ -121,7 +148,7 @@ def test_a_message_of_any_other_length_is_refused() -> None:
 
 def test_a_message_of_the_other_direction_is_refused() -> None:
     ours, theirs = session()
-    back = MessageSealer(theirs.send.messages, KIND).seal(b"reflected")
+    back = sealer_of(theirs).seal(b"reflected")
     assert MessageOpener(theirs.receive.messages).open(back) is None
     assert MessageOpener(ours.receive.messages).open(back) == b"reflected"
 

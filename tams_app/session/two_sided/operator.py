@@ -16,7 +16,7 @@ from hw.make_controller import keyboard_of, make_controller
 from tams_app import __version__
 from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
-from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
 from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
 from tams_app.records import OperatorGlance, ShownFrame
 from tams_app.runtime.clock import Clock
@@ -40,7 +40,6 @@ from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tams_app.video.repair import RepairRule
 
 _CALL_POLL_NS = 50 * NS_PER_MS
-_REFUSED_NS = NS_PER_S
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
 _STOP_TOLD_S = 0.1
 _GREETING = encode(Greeting(PROTOCOL, __version__))
@@ -134,8 +133,8 @@ class OperatorSession(Ending):
         load.start()
 
     def _call(self) -> Welcome:
-        """Wait for the robot's side to answer; TamsError if it has another key, or we are ended."""
-        told_ns = refused_ns = self._clock.now_ns()
+        """Wait for the robot's side to answer; TamsError if we are ended before."""
+        told_ns = self._clock.now_ns()
         busy = False
         where = f"{self._endpoint.host}:{self._endpoint.port}"
         while (welcome := welcome_of(self._gateway.event)) is None:
@@ -143,24 +142,17 @@ class OperatorSession(Ending):
             now_ns, event = self._clock.now_ns(), self._gateway.event
             if self._gateway.process.exit_code is not None:
                 raise HelperError(f"the gateway ended unasked; see {self.folder}/helpers")
-            if not event.refused:
-                refused_ns = now_ns
-            elif now_ns - refused_ns > _REFUSED_NS:  # not authentic: an answer still may come
-                raise TamsError(
-                    f"the robot's side at {where} has another key: "
-                    "use the same key file on both computers"
-                )
             if self._requested_end:
                 raise TamsError(f"{self._requested_end} before the robot's side had answered")
             if self.time_is_up:
-                what = "another operator was connected" if busy else "nothing answered"
-                raise TamsError(f"{what} at {where} for {self.config.seconds:g} s")
+                what = "another operator was connected" if busy else NO_ANSWER
+                raise TamsError(f"{what} (called {where} for {self.config.seconds:g} s)")
             if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
                 told_ns, busy = now_ns, event.busy
                 self._say(
                     "another operator is connected: waiting until they leave"
                     if busy
-                    else f"calling {where}: no answer yet"
+                    else f"calling {where}: {NO_ANSWER}"
                 )
             self._clock.sleep_until_ns(now_ns + _CALL_POLL_NS)
         return welcome

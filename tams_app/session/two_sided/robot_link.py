@@ -25,7 +25,7 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
-from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MESSAGE_OVERHEAD_BYTES
+from tams_app.link.sealing import LONGEST_MESSAGE_BYTES
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import (
     Allocation,
@@ -55,7 +55,6 @@ _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's ti
 _HEALTH_NS = NS_PER_S // 10
 _NOTES_KEPT = 3
 _NOTE_BYTES = 220
-_LONGEST_BYTES = LONGEST_DATAGRAM_BYTES - MESSAGE_OVERHEAD_BYTES
 _CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _FAREWELLS = 5
 
@@ -88,6 +87,7 @@ class RobotLink(Listener):
         self._first_capture_ns: Callable[[str], int | None] = lambda _view: None
         self._told: set[str] = set()
         self._session = 0
+        self._revoked = False
         self._operator: int | None = None
         self._message: HandMessage | None = None  # the newest, whether it counted or not
         self._message_heard_ns = 0
@@ -211,6 +211,10 @@ class RobotLink(Listener):
                 self._tell_once(f"messages of the operator's side are left out: {error}")
         if gateway.event.left:
             self.controller.let_go()
+        if gateway.event.revoked and not self._revoked:
+            name = gateway.event.operator
+            self._log.note("warning", f"the key of {name} was revoked: its operator is let go")
+        self._revoked = gateway.event.revoked
 
     def _take(self, received: Received, message: HandMessage) -> None:
         if received.session != self._session:
@@ -219,7 +223,7 @@ class RobotLink(Listener):
             self._offset = OffsetEstimate()
             self._shown = dict.fromkeys(self._views)
             self._damaged = dict.fromkeys(self._views, False)
-            self._log.note("info", "an operator is connected")
+            self._log.note("info", f"an operator is connected{_with_key(self.event)}")
         if message.operator != self._operator:
             self._operator = message.operator
             self._confirms = self._stops = 0
@@ -368,10 +372,15 @@ class RobotLink(Listener):
         )
 
 
+def _with_key(event: LinkEvent | None) -> str:
+    """Whose key the operator has, where they have one."""
+    return f", with the key of {event.operator}" if event is not None and event.operator else ""
+
+
 def _datagram(state: StateMessage) -> bytes:
     """The message, without the oldest of its sentences where it would be too long with them."""
     content = encode(state)
-    while len(content) > _LONGEST_BYTES and state.notes:
+    while len(content) > LONGEST_MESSAGE_BYTES and state.notes:
         state = msgspec.structs.replace(state, notes=state.notes[1:])
         content = encode(state)
     return content

@@ -174,11 +174,18 @@ def test_a_robot_of_another_version_is_refused_in_a_sentence(robot, endpoint, tm
     assert "install the same" in start(endpoint, tmp_path)
 
 
-def test_another_key_ends_the_call_in_a_sentence(robot, endpoint, tmp_path):
+def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, endpoint, tmp_path):
     robot(welcome())
     new_key(tmp_path / "other")
     other = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
-    assert "use the same key file on both computers" in start(other, tmp_path)
+    said: list[str] = []
+
+    def say(session: OperatorSession, text: str) -> None:
+        said.append(text)
+        session.request_end("ended by SIGINT")
+
+    start(other, tmp_path, say=say)
+    assert "a key that the robot's side does not accept" in said[0]
 
 
 def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
@@ -189,12 +196,12 @@ def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
         session.request_end("ended by SIGINT")
 
     assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, say=say)
-    assert "no answer yet" in said[0]
+    assert "no answer: a wrong address" in said[0]
 
 
 def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):
     config = simulated(seconds=1.0)
-    assert "nothing answered at 127.0.0.1" in start(endpoint, tmp_path, config)
+    assert "for 1 s" in start(endpoint, tmp_path, config)
 
 
 def test_a_gateway_that_is_killed_while_it_calls_is_noticed(endpoint, tmp_path):

@@ -11,7 +11,7 @@ import pytest
 from hw.controller import Controller
 from tams_app.config import ClutchConfig, Config, load_config
 from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
-from tams_app.link.sealing import MESSAGE_OVERHEAD_BYTES
+from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.presses import PressCounter
 from tams_app.records import (
     Allocation,
@@ -222,6 +222,39 @@ def test_the_menu_button_stops_nothing_where_the_arm_is_not_armed_or_it_went_dow
     assert sides.stopped == 0
 
 
+def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked():
+    sides = Sides()
+    there = sides.there
+    there.event = msgspec.structs.replace(there.event, operator="kim")
+    sides.run(0.2)
+    assert "an operator is connected, with the key of kim" in sides.robot_log.notes
+    there.event = msgspec.structs.replace(there.event, left=True, revoked=True)
+    sides.run(0.1)
+    revoked = "the key of kim was revoked: its operator is let go"
+    assert sides.robot_log.notes.count(revoked) == 1
+    assert sides.sample is not None
+    assert sides.sample.status is not ControllerStatus.OK
+
+
+def test_how_long_a_datagram_is_tells_neither_the_arming_state_nor_the_reason():
+    sizes = set()
+    for reason in (None, *Reason):
+        for state in ArmingState:
+            sides = Sides()
+            sides.run(0.1)
+            told = output(state) if reason is None else output(state, reason)
+            sides.robot.on_output(0, replace(told, detail="d" * 150), None)
+            sides.hand.menu = sides.hand.a = state is ArmingState.READY
+            sides.there.sent.clear()
+            sides.here.sent.clear()
+            sides.run(0.02)
+            for gateway in (sides.there, sides.here):
+                robots = gateway is sides.there
+                least_bytes = STATE_BYTES if robots else HAND_BYTES
+                sizes.add((robots, sealed_bytes(len(gateway.sent[-1]), least_bytes)))
+    assert len(sizes) == 2
+
+
 def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
     sides = Sides()
     sides.run(1.0)
@@ -232,7 +265,7 @@ def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
     sides.run(0.01)
     sides.robot.end("r" * 400, failed=True)
     sizes = [len(content) for content in sides.there.sent]
-    assert max(sizes) <= 1200 - MESSAGE_OVERHEAD_BYTES
+    assert max(sizes) <= LONGEST_MESSAGE_BYTES
     told = decode(sides.there.sent[-1], StateMessage)
     assert told.failed
     assert told.notes

@@ -1,0 +1,318 @@
+"""While there is a session: new keys without a gap, consent to receive, and who moves where."""
+
+from __future__ import annotations
+
+import random
+from itertools import count
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tams_app.link.ends import ATTEMPT_NS, LET_GO_NS, OUTWORN_NS, QUESTION, REKEY, RobotEnd
+from tams_app.link.operator_end import REFUSED_NS, REKEY_NS
+from tams_app.link.peer import OVERLAP_NS, Address
+from tams_app.link.sealing import sealed_bytes
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.link.rig import (
+    STEP_NS,
+    Desk,
+    Rig,
+    connected,
+    everything,
+    nothing,
+    rtcp,
+    rtp,
+    spoilt,
+)
+
+pytestmark = pytest.mark.untimed
+
+THIEF: Address = ("203.0.113.9", 666)
+ELSEWHERE: Address = ("192.168.7.7", 1234)
+SECOND_MS = 1000.0
+REKEY_MS = REKEY_NS / NS_PER_MS
+LET_GO_MS = LET_GO_NS / NS_PER_MS
+REFUSED_MS = REFUSED_NS / NS_PER_MS
+PACKETS_A_SECOND = 1000
+
+
+def shown(rig: Rig, desk: Desk, packet: bytes) -> bytes | None:
+    """What the operator gets of a packet that the robot's side sends them."""
+    addressed = rig.robot.media(packet, rig.now_ns)
+    if addressed is None or addressed[1] != desk.address or not rig.down(addressed[0]):
+        return None
+    return rig.at_desk(desk, addressed[0]).media
+
+
+def sent_to(rig: Rig) -> Address | None:
+    """Where the robot's side sends now."""
+    addressed = rig.robot.message(b"state", rig.now_ns)
+    return None if addressed is None else addressed[1]
+
+
+# --- new keys -------------------------------------------------------------------------------------
+
+
+def test_the_keys_of_a_session_are_replaced_every_two_minutes_and_nothing_is_lost() -> None:
+    rig, desk = connected()
+    heard, told, sequence = len(rig.heard), len(desk.heard), count(1)
+    steps = round(20 * 60 * NS_PER_S / STEP_NS)
+    for _ in range(steps // 5):
+        rig.step(desk)
+        packet = rtp(next(sequence))
+        assert shown(rig, desk, packet) == packet
+        feedback = desk.end.media(rtcp(), rig.now_ns)
+        assert feedback is not None
+        assert rig.at_robot(feedback[0], desk.address).media == rtcp()
+        rig.now_ns += 4 * STEP_NS
+    assert rig.robot.renewals == desk.end.renewals >= 9
+    assert len(rig.heard) - heard == len(desk.heard) - told == steps // 5
+    assert (rig.sessions, desk.sessions, desk.calls) == (1, 1, 1)
+    assert rig.robot.counts == desk.end.counts == {}
+
+
+def test_new_keys_have_nothing_of_the_old_ones() -> None:
+    rig, desk = connected()
+    numbers = set()
+    for _ in range(5):
+        rig.run_ms(REKEY_MS + SECOND_MS, desk)
+        assert rig.robot._peer is not None
+        numbers.add(rig.robot._peer._session.number)
+    assert len(numbers) == 5
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32), st.floats(0, 0.5), st.floats(0, 0.5))
+def test_keys_are_replaced_through_any_loss(seed: int, up_loss: float, down_loss: float) -> None:
+    rig, desk = connected()
+    draw = random.Random(seed)
+    rig.up = lambda _: draw.random() >= up_loss
+    rig.down = lambda _: draw.random() >= down_loss
+    for _ in range(60):
+        rig.run_ms(1000, desk)
+        rig.now_ns += 4 * NS_PER_S
+    rig.up = rig.down = everything
+    rig.run_ms(5000, desk)
+    assert rig.gets_through(desk)
+    assert rig.robot.renewals == desk.end.renewals
+
+
+def test_packets_that_the_old_keys_sealed_are_taken_for_a_while() -> None:
+    rig, desk = connected()
+    old = [rig.robot.media(rtp(number), rig.now_ns) for number in range(1, 4)]
+    rig.run_ms(REKEY_MS + 500, desk)
+    assert rig.robot.renewals == 1
+    assert shown(rig, desk, rtp(4)) == rtp(4)
+    assert old[0] is not None
+    assert rig.at_desk(desk, old[0][0]).media == rtp(1)
+    assert rig.at_desk(desk, old[0][0]).media is None  # once
+    rig.now_ns += OVERLAP_NS
+    assert old[1] is not None
+    assert rig.at_desk(desk, old[1][0]).media is None
+
+
+def test_a_message_that_the_old_keys_sealed_is_late_once_the_new_ones_are_in_use() -> None:
+    rig, desk = connected()
+    held = desk.end.message(b"held back", rig.now_ns)
+    rig.run_ms(REKEY_MS + 500, desk)
+    assert held is not None
+    assert rig.at_robot(held[0], desk.address).message is None
+    assert rig.robot.counts == {"late": 1}
+
+
+def test_a_recorded_request_for_new_keys_changes_nothing() -> None:
+    rig, desk = connected()
+    rig.run_ms(REKEY_MS + 500, desk)
+    requests = [one for one in desk.sent if len(one) == sealed_bytes(len(REKEY) + 48)]
+    assert requests
+    for datagram in requests * 3:
+        assert rig.at_robot(datagram, THIEF).replies == []
+    rig.run_ms(500, desk)
+    assert rig.robot.renewals == 1
+    assert rig.gets_through(desk)
+
+
+def test_keys_that_could_not_be_replaced_are_not_used_after_ten_minutes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig, desk = connected()
+    monkeypatch.setattr(RobotEnd, "_rekey", lambda *_: [])
+    rig.run_ms(OUTWORN_NS / NS_PER_MS - 1000, desk)
+    assert rig.gets_through(desk)
+    assert rig.sessions == 1
+    rig.run_ms(3000, desk)
+    assert rig.sessions == 2  # begun anew
+    assert rig.gets_through(desk)
+
+
+@pytest.mark.parametrize("first", [65_000, 190_000])
+def test_video_is_authentic_again_two_seconds_after_its_index_was_lost(first: int) -> None:
+    """33,500 packets are lost in a row, and messages go on."""
+    rig, desk = connected()
+    desk.end.follow({7})
+    sequence = first
+    for _ in range(1500):
+        sequence += 1
+        assert shown(rig, desk, rtp(sequence)) == rtp(sequence)
+    for _ in range(33_500):
+        sequence += 1
+        rig.robot.media(rtp(sequence), rig.now_ns)
+    refused_ms = 0
+    while shown(rig, desk, rtp(sequence := sequence + 1)) is None:
+        rig.run_ms(10, desk)
+        refused_ms += 10
+    assert REFUSED_MS <= refused_ms <= REFUSED_MS + 100
+    assert (rig.sessions, rig.robot.renewals) == (1, 1)
+
+
+def test_a_stream_of_which_the_first_packets_are_lost_as_its_numbers_wrap_comes_back() -> None:
+    rig, desk = connected()
+    desk.end.follow({7, 8})
+    for sequence in range(65_530, 65_536):  # all six are lost
+        rig.robot.media(rtp(sequence), rig.now_ns)
+    came = 0
+    for sequence in range(65_536, 65_536 + 400):
+        rig.run_ms(10, desk)
+        other = rtp(sequence - 65_000, ssrc=8)
+        assert shown(rig, desk, other) == other  # the other stream is well
+        came += shown(rig, desk, rtp(sequence)) is not None
+    assert came > 150
+    assert rig.robot.renewals == 1
+
+
+def test_refused_packets_of_streams_that_are_none_ask_for_no_keys() -> None:
+    rig, desk = connected()
+    desk.end.follow({7})
+    draw = random.Random(1)
+    for number in range(1000):
+        rig.run_ms(10, desk)
+        shown(rig, desk, rtp(number))
+        rig.at_desk(desk, rtp(number, ssrc=9) + draw.randbytes(30))
+        rig.at_desk(desk, rtp(number, ssrc=7) + draw.randbytes(30))
+    assert rig.robot.renewals == 0
+
+
+def test_who_makes_refused_packets_gets_no_more_than_new_keys_now_and_then() -> None:
+    rig, desk = connected()
+    desk.end.follow({7})
+    for number in range(2000):  # of a stream that is silent
+        rig.run_ms(10, desk)
+        rig.at_desk(desk, rtp(number) + bytes(16))
+    assert 5 <= rig.robot.renewals <= 10
+    assert rig.gets_through(desk)
+    assert (rig.sessions, desk.calls) == (1, 1)
+
+
+# --- consent --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hours", [0.001, 1, 24])
+def test_nothing_goes_to_an_operator_who_is_silent(hours: float) -> None:
+    rig, desk = connected()
+    rig.now_ns += LET_GO_NS - 1
+    assert sent_to(rig) == desk.address
+    assert rig.robot.media(rtp(1), rig.now_ns) is not None
+    rig.now_ns += 1 + round((hours - 0.001) * 3600 * NS_PER_S)
+    assert sent_to(rig) is None
+    assert rig.robot.media(rtp(2), rig.now_ns) is None
+
+
+def test_video_goes_on_when_a_silent_operator_is_heard_again() -> None:
+    rig, desk = connected()
+    rig.up = nothing
+    rig.run_ms(LET_GO_MS + 500, desk)
+    assert sent_to(rig) is None
+    rig.up = everything
+    rig.run_ms(20, desk)
+    assert shown(rig, desk, rtp(1)) == rtp(1)
+
+
+# --- who moves ------------------------------------------------------------------------------------
+
+
+def test_an_operator_who_moves_to_another_address_is_followed() -> None:
+    rig, desk = connected()
+    before = len(rig.heard)
+    desk.address = ELSEWHERE
+    rig.run_ms(50, desk)
+    assert len(rig.heard) - before == 5  # every message counts at once
+    assert sent_to(rig) == ELSEWHERE
+    assert rig.gets_through(desk)
+    assert rig.sessions == 1
+
+
+def test_one_datagram_that_was_caught_and_redirected_moves_nothing() -> None:
+    rig, desk = connected()
+    caught = desk.end.message(b"hand", rig.now_ns)
+    assert caught is not None
+    heard = rig.at_robot(caught[0], THIEF)
+    assert heard.message == b"hand"  # it is theirs, and new
+    for _ in range(100):
+        rig.now_ns += 20 * NS_PER_MS
+        assert sent_to(rig) == desk.address
+        media = rig.robot.media(rtp(1), rig.now_ns)
+        assert media is None or media[1] == desk.address
+    rig.now_ns += NS_PER_S
+    assert sent_to(rig) is None
+
+
+def test_a_victim_to_whose_address_every_message_is_redirected_gets_little() -> None:
+    """Who sits on the way and gives all that the operator sends another source address."""
+    rig, desk = connected()
+    sent = received = 0
+    for _ in range(1000):
+        rig.now_ns += STEP_NS
+        message = desk.end.message(b"h" * 180, rig.now_ns)
+        assert message is not None
+        sent += len(message[0])
+        received += sum(len(reply) for reply, _ in rig.at_robot(message[0], THIEF).replies)
+        assert sent_to(rig) == desk.address
+    assert 0 < received < sent / 20
+
+
+def test_only_a_newer_message_asks_at_another_address() -> None:
+    rig, desk = connected()
+    overtaken, newest = (desk.end.message(text, rig.now_ns) for text in (b"older", b"newer"))
+    media = desk.end.media(rtp(1), rig.now_ns)
+    assert overtaken is not None
+    assert newest is not None
+    assert media is not None
+    rig.at_robot(newest[0], desk.address)
+    draw = random.Random(0)
+    for datagram in (overtaken[0], newest[0], media[0], desk.sent[0], spoilt(newest[0], draw)):
+        for reply, _ in rig.at_robot(datagram, THIEF).replies:
+            assert len(reply) < 50  # a cookie, for the recorded initiation
+        assert sent_to(rig) == desk.address
+    assert rig.gets_through(desk)
+
+
+def test_what_answers_a_question_from_elsewhere_moves_nothing() -> None:
+    rig, desk = connected()
+    caught = desk.end.message(b"hand", rig.now_ns)
+    assert caught is not None
+    ((question, to),) = rig.at_robot(caught[0], THIEF).replies
+    assert to == THIEF
+    ((answer, _),) = desk.end.receive(question, THIEF, rig.now_ns).replies
+    rig.at_robot(answer, ELSEWHERE)
+    assert sent_to(rig) == desk.address
+    assert len(question) == sealed_bytes(len(QUESTION) + 8) <= len(caught[0])
+
+
+def test_an_operator_sends_to_the_address_that_was_dialled_wherever_answers_come_from() -> None:
+    rig, desk = connected()
+    state = rig.robot.message(b"state", rig.now_ns)
+    assert state is not None
+    assert desk.end.receive(state[0], THIEF, rig.now_ns).message == b"state"
+    assert rig.gets_through(desk)
+
+
+def test_an_operator_who_moves_while_keys_are_replaced_stays() -> None:
+    rig, desk = connected()
+    rig.run_ms(REKEY_MS - 100, desk)
+    for number in range(60):
+        desk.address = (f"10.0.1.{number}", 1)
+        rig.run_ms(50, desk)
+    rig.run_ms(ATTEMPT_NS / NS_PER_MS, desk)
+    assert rig.gets_through(desk)
+    assert (rig.sessions, rig.robot.renewals) == (1, 1)
