@@ -231,3 +231,18 @@ def test_an_exception_of_the_consumer_is_told_to_the_owner() -> None:
                 break
             failed.wait(0.05)
         assert "the receiver of view eih failed: ZeroDivisionError" in joined.receiver.poll()
+
+
+def test_every_frame_that_counts_as_whole_is_as_it_was_encoded_whatever_is_lost() -> None:
+    def lose_some(ordinal: int, datagram: bytes) -> bool:
+        return not (is_media(datagram) and ordinal % 97 == 60)
+
+    with stream(LossyLink(lose_some), UNREPAIRED) as joined:
+        joined.push(range(150))
+        assert joined.wait_until(lambda: joined.shown[-1].index > 110)
+    true = decoded_checksums(joined.encoded)
+    exact = {one.index for one in joined.shown if checksum(one) == true[one.index]}
+    whole = {one.index for one in joined.shown if one.whole}
+    assert whole <= exact
+    assert len(whole) > 30
+    assert any(one.index not in exact for one in joined.shown)
