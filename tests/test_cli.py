@@ -553,3 +553,35 @@ def test_a_full_standard_output_is_one_sentence(tmp_path):
         )
     assert result.returncode == 1
     assert result.stderr == "tams: standard output cannot be written: No space left on device\n"
+
+
+def test_keys_are_made_listed_and_revoked_by_name(capsys, tmp_path):
+    for name in ("kim", "kay"):
+        code, out, _ = run(capsys, "key", "new", tmp_path, "--for", name)
+        assert code == 0
+        assert f"{name}.key: a new key" in out
+    assert run(capsys, "key", "list", tmp_path)[:2] == (0, "kay\nkim\n")
+    code, out, _ = run(capsys, "key", "revoke", tmp_path, "kim")
+    assert code == 0
+    assert "kim.key: deleted" in out
+    assert run(capsys, "key", "list", tmp_path)[:2] == (0, "kay\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("new", "."), "--for NAME"),
+        (("new", "x.key", "--for", "a/b"), "is no name"),
+        (("list", "nothing.key"), "cannot be read"),
+        (("list", "."), "has no key"),
+        (("revoke", ".", "kim"), "has no key"),
+    ],
+)
+def test_keys_that_cannot_be_are_refused_in_a_sentence(
+    capsys, tmp_path, monkeypatch, arguments, sentence
+):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(capsys, "key", *arguments)
+    assert (code, out) == (2, "")
+    assert sentence in err
+    assert list(tmp_path.iterdir()) == []
