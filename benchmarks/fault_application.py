@@ -100,7 +100,7 @@ class Application(Listener):
             session_boundary(config.arm, config.limits),
             _say_nothing,
         )
-        self.guarding = Guarding(config.arm, folder, self.signals, _say_nothing)
+        self.guarding = Guarding(config.arm, config.limits, folder, self.signals, _say_nothing)
 
     def start(self) -> list[Worker]:
         """Connect and run; the threads, last started first."""

@@ -238,6 +238,7 @@ class ArmKind(ABC):
     title: str  # as its maker calls it
     limits: ArmLimits
     stop_channel: str  # "module:name" of the `StopChannel`, which the guard process loads
+    report_watch: str  # "module:name" of the `hw.arm_report.ReportWatch`, which it loads as well
     simulation: str  # "module:name" of the maker that `hw.arms.simulated_arm` calls
     rig: str = ""  # module of the helper process that simulates arm and scene; "": there is none
 

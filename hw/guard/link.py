@@ -8,6 +8,7 @@ either: the guard looks at a rate of its own, the control loop in each tick.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -15,28 +16,55 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hw.arms import arm_kind
+from hw.guard.motion import Cause, Motion, MotionLimits
 from tams_app.runtime.shared_ring import RingShape, SharedRing, create_block, remove_block
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:  # the guard itself starts without the configuration's libraries
-    from tams_app.config import ArmConfig
+    from tams_app.config import ArmConfig, LimitsConfig
 
-_RECORD = struct.Struct("!4sBBIQ")  # magic, kind, status bits, arming, sequence
+# magic, kind, status bits, arming, sequence, motion, speed, cause
+_RECORD = struct.Struct("!4sBBIQBfB")
 _MAGIC = b"TAMG"
 _STATUS_LATCHED = 1
 _STATUS_ARM_LOST = 2
+_STATUS_DEADMAN = 4
 BEATS = RingShape(_RECORD.size, 256)  # two seconds: a guard that was held up hears all of them
 ANSWERS = RingShape(_RECORD.size, 8)  # two are usual; what the guard says last counts
 
 
-def guard_specification(config: ArmConfig) -> dict[str, Any]:
+_BRAKING_NS = 200 * NS_PER_MS  # stop profile, and reports that come late
+
+
+def guard_specification(config: ArmConfig, limits: LimitsConfig) -> dict[str, Any]:
     """What the process `hw.guard.process` is started with."""
+    kind = arm_kind(config.model)
     return {
-        "stop_channel": arm_kind(config.model).stop_channel,
+        "stop_channel": kind.stop_channel,
+        "report_watch": kind.report_watch,
         "host": config.host,
         "control_port": config.control_port,
+        "report_port": config.report_port,
         "reply_timeout_s": config.reply_timeout_s,
         "heartbeat_timeout_ms": config.guard.heartbeat_timeout_ms,
+        "motion": motion_limits(config, limits)._asdict(),
     }
+
+
+def motion_limits(config: ArmConfig, limits: LimitsConfig) -> MotionLimits:
+    """What the guard lets the arm do, in metres, radians and nanoseconds."""
+    return MotionLimits(
+        grace_ns=_BRAKING_NS + round(config.velocity_deadman_s * NS_PER_S),
+        speed_m_s=limits.max_speed_mm_s / 1000,
+        home_rad_s=math.radians(config.ready_speed_deg_s),
+        leash_m=limits.leash_mm / 1000,
+        low=[edge / 1000 for edge in limits.box_min_mm],
+        high=[edge / 1000 for edge in limits.box_max_mm],
+        radius_min=limits.radius_min_mm / 1000,
+        radius_max=limits.radius_max_mm / 1000,
+        floor=limits.floor_mm / 1000,
+        margin_m=config.boundary_margin_mm / 1000,
+    )
 
 
 class GuardMessage(IntEnum):
@@ -49,10 +77,12 @@ class GuardMessage(IntEnum):
 
 
 _MESSAGES = {message.value: message for message in GuardMessage}
+_MOTIONS = {motion.value: motion for motion in Motion}
+_CAUSES = {cause.value: cause for cause in Cause}
 
 
 class Heartbeat(NamedTuple):
-    """One record; `latched` and `arm_lost` are the guard's and only in acknowledgements.
+    """One record: what the application says of itself in beats, the guard in acknowledgements.
 
     `arming` counts the times the arm was armed, `sequence` the beats since the link was made.
     """
@@ -61,20 +91,44 @@ class Heartbeat(NamedTuple):
     arming: int
     sequence: int
     latched: bool = False  # the guard stopped the arm and waits for a new arming
-    arm_lost: bool = False  # the guard's own connection to the arm does not answer
+    arm_lost: bool = False  # one of the guard's own connections to the arm is silent
+    cause: Cause = Cause.NONE  # of that stop
+    motion: Motion = Motion.REST  # what the application has the arm do ...
+    deadman: bool = False  # ... and whether the operator holds the deadman for it
+    speed: float = 0.0  # how fast at most: of the TCP [m/s], on the way home of a joint [rad/s]
+
+    @property
+    def commanded(self) -> Motion:
+        """The motion that this beat allows: none without the deadman."""
+        return self.motion if self.deadman else Motion.REST
 
     def encode(self) -> bytes:
-        status = _STATUS_LATCHED * self.latched | _STATUS_ARM_LOST * self.arm_lost
-        return _RECORD.pack(_MAGIC, self.message, status, self.arming, self.sequence)
+        status = (
+            _STATUS_LATCHED * self.latched
+            | _STATUS_ARM_LOST * self.arm_lost
+            | _STATUS_DEADMAN * self.deadman
+        )
+        return _RECORD.pack(
+            _MAGIC,
+            self.message,
+            status,
+            self.arming,
+            self.sequence,
+            self.motion,
+            self.speed,
+            self.cause,
+        )
 
 
 def decode_heartbeat(data: bytes) -> Heartbeat | None:
     """The heartbeat in a record, None if it is something else."""
     if len(data) != _RECORD.size:
         return None
-    magic, kind, status, arming, sequence = _RECORD.unpack(data)
-    message = _MESSAGES.get(kind)
-    if magic != _MAGIC or message is None:
+    magic, kind, status, arming, sequence, moves, speed, caused = _RECORD.unpack(data)
+    message, motion, cause = _MESSAGES.get(kind), _MOTIONS.get(moves), _CAUSES.get(caused)
+    if magic != _MAGIC or message is None or motion is None or cause is None:
+        return None
+    if not speed >= 0.0:  # nor NaN
         return None
     return Heartbeat(
         message,
@@ -82,6 +136,10 @@ def decode_heartbeat(data: bytes) -> Heartbeat | None:
         sequence,
         latched=bool(status & _STATUS_LATCHED),
         arm_lost=bool(status & _STATUS_ARM_LOST),
+        cause=cause,
+        motion=motion,
+        deadman=bool(status & _STATUS_DEADMAN),
+        speed=speed,
     )
 
 
@@ -132,6 +190,7 @@ class GuardLink:
         self.ended = False  # the guard's process
         self._acknowledged = False
         self.latched = False
+        self.cause = Cause.NONE  # of the latch
         self.arm_lost = False
 
     @property
@@ -146,14 +205,28 @@ class GuardLink:
         self._heard_ns = None
         self._acknowledged = False
         self.latched = False
+        self.cause = Cause.NONE
 
-    def beat(self, now_ns: int) -> None:
-        """Take in what the guard said, and say that the control loop runs; not armed, ask only."""
+    def beat(
+        self,
+        now_ns: int,
+        motion: Motion = Motion.REST,
+        deadman: bool = False,
+        speed: float = 0.0,
+    ) -> None:
+        """Take in what the guard said, and say that the control loop runs; not armed, ask only.
+
+        `motion`: what was commanded last, with the deadman's state then, and how fast at most: of
+        the TCP [m/s], on the way to the ready pose of the fastest joint [rad/s].
+        """
         if self._heard_ns is None:
             self._heard_ns = now_ns
         self._hear(now_ns)
         self._sequence += 1
-        self._say(GuardMessage.BEAT if self.armed else GuardMessage.QUERY)
+        if self.armed:
+            self._say(GuardMessage.BEAT, motion, deadman, speed)
+        else:
+            self._say(GuardMessage.QUERY)
 
     def disarm(self) -> None:
         """End the watch without a stop; the caller sees to it that the arm stands."""
@@ -181,8 +254,17 @@ class GuardLink:
             self.disarm()
             self._memory.close()
 
-    def _say(self, message: GuardMessage) -> None:
-        self._memory.beats.put(Heartbeat(message, self._arming, self._sequence).encode())
+    def _say(
+        self,
+        message: GuardMessage,
+        motion: Motion = Motion.REST,
+        deadman: bool = False,
+        speed: float = 0.0,
+    ) -> None:
+        beat = Heartbeat(
+            message, self._arming, self._sequence, motion=motion, deadman=deadman, speed=speed
+        )
+        self._memory.beats.put(beat.encode())
 
     def _hear(self, now_ns: int) -> None:
         answers = self._memory.answers
@@ -203,5 +285,6 @@ class GuardLink:
         self._heard_ns = now_ns
         if self.armed:
             self._acknowledged = True
-            self.latched = self.latched or answer.latched  # until the next arming
+            if answer.latched and not self.latched:  # until the next arming
+                self.latched, self.cause = True, answer.cause
         self.arm_lost = answer.arm_lost

@@ -2,8 +2,9 @@
 
 `python -m hw.guard.process SPECIFICATION`, which is `guard_specification` as JSON; the ready line
 holds the name of the `memory` for the heartbeats and the `scheduler` that was granted.
-It has its own connection to the arm and shares nothing else with the application: one that was
-killed, stopped or stalled still stops the arm.
+It has its own connections to the arm and shares nothing else with the application: one that was
+killed, stopped or stalled still stops the arm. It reads the arm's own reports, too, and stops an
+arm that moves as the beats do not say, or as none may (`motion.py`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from hw.guard.link import BEATS, GuardMemory, GuardMessage, Heartbeat, decode_heartbeat
+from hw.guard.motion import Cause, MotionLimits, MotionWatch
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
@@ -23,9 +25,11 @@ from tams_app.units import NS_PER_MS
 
 if TYPE_CHECKING:  # the guard starts in milliseconds
     from hw.arm import StopChannel
+    from hw.arm_report import ReportWatch
 
 POLL_S = 0.005  # a beat is heard this much later at most, and a silence seen
 _KEPT_BEATS = BEATS.heads - 8  # the oldest may be overwritten while they are read
+BLIND_NS = 1200 * NS_PER_MS  # without a report: later than *arm silent* of the control loop
 FAREWELL_STOP_TIMEOUT_S = 2.0
 
 
@@ -38,7 +42,10 @@ class Watch(Enum):
 
 
 class HeartbeatWatch:
-    """Decides when the heartbeat is lost. Pure: time and heartbeats come in, decisions go out."""
+    """Whether the arm is watched, and when the heartbeat is lost.
+
+    Pure: time and heartbeats come in, decisions go out.
+    """
 
     def __init__(self, timeout_ns: int) -> None:
         self._timeout_ns = timeout_ns
@@ -46,32 +53,40 @@ class HeartbeatWatch:
         self._sequence = 0
         self._last_beat_ns = 0
         self.watch = Watch.IDLE
+        self.cause = Cause.NONE  # of the latch
 
     @property
     def last_heard(self) -> tuple[int, int]:
         """Arming and sequence of the newest beat that counted."""
         return self._arming, self._sequence
 
-    def hear(self, now_ns: int, heartbeat: Heartbeat) -> None:
-        """Take in one heartbeat; late ones of an older or ended arming change nothing."""
+    def hear(self, now_ns: int, heartbeat: Heartbeat) -> bool:
+        """Take in one heartbeat; whether it counts: not a late one of an older or ended arming."""
         if heartbeat.arming < self._arming:
-            return
+            return False
         if heartbeat.arming > self._arming:
             self._begin(now_ns, heartbeat)
-        elif self.watch is Watch.ARMED and heartbeat.sequence > self._sequence:
-            self._continue(now_ns, heartbeat)
+            return True
+        if self.watch is not Watch.ARMED or heartbeat.sequence <= self._sequence:
+            return False
+        self._continue(now_ns, heartbeat)
+        return True
 
     def lost(self, now_ns: int) -> bool:
         """True once when the heartbeat has been silent for too long; latches."""
         silent_ns = now_ns - self._last_beat_ns
-        if self.watch is not Watch.ARMED or silent_ns <= self._timeout_ns:
+        return silent_ns > self._timeout_ns and self.trip(Cause.SILENT)
+
+    def trip(self, cause: Cause) -> bool:
+        """Latch for `cause`; True if the arm is to be stopped for it, once for each arming."""
+        if self.watch is not Watch.ARMED:
             return False
-        self.watch = Watch.LATCHED
+        self.watch, self.cause = Watch.LATCHED, cause
         return True
 
     def _begin(self, now_ns: int, heartbeat: Heartbeat) -> None:
         self._arming = heartbeat.arming
-        self.watch = Watch.IDLE
+        self.watch, self.cause = Watch.IDLE, Cause.NONE
         if heartbeat.message is GuardMessage.BEAT:
             self.watch = Watch.ARMED
             self._sequence, self._last_beat_ns = heartbeat.sequence, now_ns
@@ -84,24 +99,35 @@ class HeartbeatWatch:
 
 
 class Guard:
-    """Joins heartbeat, watch and stop; `step` is its loop's body."""
+    """Joins heartbeat, reports, watches and stop; `step` is its loop's body."""
 
     def __init__(
-        self, memory: GuardMemory, watch: HeartbeatWatch, arm: StopChannel, clock: Clock
+        self,
+        memory: GuardMemory,
+        watch: HeartbeatWatch,
+        motion: MotionWatch,
+        arm: StopChannel,
+        reports: ReportWatch,
+        clock: Clock,
     ) -> None:
         self._memory = memory
         self._watch = watch
+        self._motion = motion
         self._arm = arm
+        self._reports = reports
         self._clock = clock
+        self._arming = 0  # whose motion is watched
+        self._reported_ns = clock.now_ns()
         self._heard = 0  # beats
 
     def step(self) -> None:
-        """Hear and answer the heartbeats, and stop the arm if they ended.
+        """Hear and answer the heartbeats, look at the arm, and stop it if it must not go on.
 
         The stop is told to the application unasked: its next tick knows why the arm stands.
         """
         self._hear()
-        if self._watch.lost(self._clock.now_ns()):
+        cause = self._look()
+        if (cause and self._watch.trip(cause)) or self._watch.lost(self._clock.now_ns()):
             self._arm.request_stop()
             self._answer(*self._watch.last_heard)
 
@@ -128,8 +154,31 @@ class Guard:
             self._heard += 1
             heartbeat = decode_heartbeat(record)
             if heartbeat is not None:
-                self._watch.hear(self._clock.now_ns(), heartbeat)
+                self._take(self._clock.now_ns(), heartbeat)
                 self._answer(heartbeat.arming, heartbeat.sequence)
+
+    def _take(self, now_ns: int, heartbeat: Heartbeat) -> None:
+        if not self._watch.hear(now_ns, heartbeat) or self._watch.watch is not Watch.ARMED:
+            return
+        if heartbeat.arming != self._arming:
+            self._arming = heartbeat.arming
+            self._motion.begin(now_ns)
+        self._motion.hear(now_ns, heartbeat.commanded, heartbeat.speed)
+
+    def _look(self) -> Cause:
+        """Judge the newest report, if one has come; older ones that waited say nothing of now."""
+        before_ns = self._clock.now_ns()
+        report = self._reports.newest(before_ns)
+        if report is None:
+            return Cause.NONE
+        self._reported_ns = self._clock.now_ns()
+        if self._watch.watch is not Watch.ARMED:
+            return Cause.NONE
+        return self._motion.look(before_ns, self._reported_ns, report)
+
+    @property
+    def _is_blind(self) -> bool:
+        return self._clock.now_ns() - self._reported_ns > BLIND_NS
 
     def _answer(self, arming: int, sequence: int) -> None:
         answer = Heartbeat(
@@ -137,7 +186,8 @@ class Guard:
             arming,
             sequence,
             latched=self._watch.watch is Watch.LATCHED,
-            arm_lost=bool(self._arm.failure),
+            arm_lost=bool(self._arm.failure) or self._is_blind,
+            cause=self._watch.cause,
         )
         self._memory.answers.put(answer.encode())
 
@@ -148,22 +198,26 @@ def main() -> None:
     scheduler = use_fifo(GUARD_PRIORITY)
     specification = side.specification
     arm = _stop_channel(specification)
+    reports = _report_watch(specification)
     watch = HeartbeatWatch(round(specification["heartbeat_timeout_ms"] * NS_PER_MS))
+    motion = MotionWatch(MotionLimits(**specification["motion"]))
     try:
         arm.start()
+        reports.start()
     except TamsError as error:
         side.fail(str(error))
         return
     name = new_block_name()
     memory = GuardMemory(name)
     try:
-        guard = Guard(memory, watch, arm, MonotonicClock())
+        guard = Guard(memory, watch, motion, arm, reports, MonotonicClock())
         side.ready(memory=name, scheduler=scheduler)
         while not side.stop_requested.is_set():
             guard.step()
             time.sleep(POLL_S)
         guard.farewell()
     finally:
+        reports.close()
         arm.close()
         memory.hide()
         memory.close()
@@ -178,6 +232,14 @@ def _stop_channel(specification: dict[str, Any]) -> StopChannel:
         name="guard-stop",
     )
     return channel
+
+
+def _report_watch(specification: dict[str, Any]) -> ReportWatch:
+    """The reports of the configured arm's kind, not connected yet."""
+    watch: ReportWatch = pkgutil.resolve_name(specification["report_watch"])(
+        specification["host"], specification["report_port"]
+    )
+    return watch
 
 
 if __name__ == "__main__":

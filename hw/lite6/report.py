@@ -1,14 +1,13 @@
 """The Lite 6's report streams, read on sockets of our own.
 
 The real-time stream (100 Hz) has joints, TCP, mode and state; errors, settings and motors come
-only with the normal one (5 Hz). Frames as in the SDK's `x3/report.py`. Why not the SDK's report
-thread: it takes one stream only, gives no time of receipt, and polls every millisecond, which
-costs more of a core than this reader and hands a report on up to 2 ms later.
+only with the normal one (5 Hz). Why not the SDK's report thread: it takes one stream only, gives
+no time of receipt, and polls every millisecond, which costs more of a core than this reader and
+hands a report on up to 2 ms later.
 """
 
 from __future__ import annotations
 
-import math
 import select
 import socket
 import struct
@@ -19,6 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hw.lite6.kinematics import pose_from_mm_rpy
+from hw.lite6.report_frames import (
+    MAX_BYTES,
+    REAL_BYTES,
+    REAL_PORT_OFFSET,
+    FrameBuffer,
+    motion_numbers,
+)
 from tams_app.errors import DeviceError
 from tams_app.records import Pose, Vector
 from tams_app.runtime.clock import Clock
@@ -26,19 +32,14 @@ from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
 
 RICH_PORT_OFFSET = 1
-REAL_PORT_OFFSET = 2
 CONNECT_TIMEOUT_S = 1.0
 POLL_MS = 100
 STATUS_STALE_NS = NS_PER_S  # five periods of the normal report
 
-_LENGTH = struct.Struct(">I")
-_MOTION = struct.Struct("<B2x6f4x6f")  # at 4: mode and state, joints [rad], pose [mm, rad]
 _STATUS = struct.Struct("<x3B6f4fB")  # at 87: motors, error, warning, offset, load, sensitivity
-_MOTION_AT, _STATUS_AT, _SIMULATION_AT = 4, 87, 314
-_REAL_BYTES = _STATUS_AT  # older firmware; newer appends the force sensor
+_STATUS_AT, _SIMULATION_AT = REAL_BYTES, 314
 _NORMAL_BYTES = _STATUS_AT + _STATUS.size
 _RICH_BYTES = _SIMULATION_AT + 1
-_MAX_BYTES = 4096
 _ALL_MOTORS = 0b111111
 
 
@@ -66,33 +67,12 @@ class MotionReport:
     state: int
 
 
-class FrameBuffer:
-    """Cuts a byte stream into report frames; ConnectionError if these are no reports."""
-
-    def __init__(self, min_bytes: int) -> None:
-        self._min_bytes = min_bytes
-        self._received = bytearray()
-
-    def feed(self, data: bytes) -> list[bytes]:
-        """The frames that are complete with `data`, oldest first, each with its length field."""
-        self._received += data
-        frames = []
-        while len(self._received) >= _LENGTH.size:
-            (length,) = _LENGTH.unpack_from(self._received)
-            if not self._min_bytes <= length <= _MAX_BYTES:
-                raise ConnectionError(f"a report frame of {length} bytes")
-            if len(self._received) < length:
-                break
-            frames.append(bytes(self._received[:length]))
-            del self._received[:length]
-        return frames
-
-
 def parse_motion(frame: bytes, received_ns: int) -> MotionReport | None:
     """Joints, TCP, mode and state of any report frame; None if the numbers are not finite."""
-    mode_and_state, *numbers = _MOTION.unpack_from(frame, _MOTION_AT)
-    if not all(map(math.isfinite, numbers)):
+    motion = motion_numbers(frame)
+    if motion is None:
         return None
+    mode_and_state, numbers = motion
     return MotionReport(
         received_ns=received_ns,
         joints=np.array(numbers[:6]),
@@ -122,7 +102,7 @@ def read_simulation_flag(host: str, report_port: int) -> bool:
     with _connect(host, report_port + RICH_PORT_OFFSET) as connection:
         while True:
             try:
-                data = connection.recv(_MAX_BYTES)
+                data = connection.recv(MAX_BYTES)
                 complete = frames.feed(data)
             except OSError as error:
                 raise _silent(host, report_port, error) from error
@@ -187,7 +167,7 @@ class ReportReader:
         normal, real = self._sockets
         streams = (
             _Stream(normal, FrameBuffer(_NORMAL_BYTES), self._take_status),
-            _Stream(real, FrameBuffer(_REAL_BYTES), self._take_motion),
+            _Stream(real, FrameBuffer(REAL_BYTES), self._take_motion),
         )
         waiting = select.poll()
         by_number = {stream.connection.fileno(): stream for stream in streams}
@@ -198,7 +178,7 @@ class ReportReader:
                 self._read(by_number[number])
 
     def _read(self, stream: _Stream) -> None:
-        data = stream.connection.recv(_MAX_BYTES)
+        data = stream.connection.recv(MAX_BYTES)
         received_ns = self._clock.now_ns()
         if not data:
             raise ConnectionResetError("the arm closed a report connection")

@@ -4,31 +4,51 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from hw.guard.link import GuardLink, GuardMemory, guard_specification
-from tams_app.config import ArmConfig
-from tams_app.records import ArmState
+from hw.guard.motion import Cause, Motion
+from tams_app.config import ArmConfig, LimitsConfig
+from tams_app.records import ArmState, Pose
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopOutput
-from tams_app.teleop.safety import Reason
-from tams_app.units import NS_PER_MS
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 SILENCE_NS = 200 * NS_PER_MS  # without an answer the arm has no guard
+
+_REASONS = {
+    Cause.NONE: Reason.GUARD_STOPPED,
+    Cause.SILENT: Reason.GUARD_STOPPED,
+    Cause.UNASKED: Reason.ARM_MOVED_UNASKED,
+    Cause.TOO_FAST: Reason.ARM_TOO_FAST,
+    Cause.OUTSIDE: Reason.ARM_OUTSIDE,
+}
 
 
 class Guarding(Listener):
     """Starts the guard, beats it from the control loop, turns its silence and stops into faults."""
 
-    def __init__(self, arm: ArmConfig, log_directory: Path, signals: Signals, note: Note) -> None:
-        specification = guard_specification(arm)
+    def __init__(
+        self,
+        arm: ArmConfig,
+        limits: LimitsConfig,
+        log_directory: Path,
+        signals: Signals,
+        note: Note,
+    ) -> None:
+        specification = guard_specification(arm, limits)
         self.process = HelperProcess("guard", "hw.guard.process", specification, log_directory)
         self._signals = signals
         self._note = note
         self._latched = False
         self._silent = False  # while the arm was armed, and has not answered since
         self._link: GuardLink | None = None
+        self._commanded = (Motion.REST, False, 0.0)  # in the last tick: motion, deadman, speed
+        self._pose: tuple[int, Pose] | None = None  # commanded last, and when
 
     def start(self) -> None:
         """Start the process without waiting; see `wait_ready`."""
@@ -41,7 +61,12 @@ class Guarding(Listener):
         self._link = GuardLink(memory, SILENCE_NS, lambda: self.process.exit_code is None)
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        """Arm and disarm the guard with the arm; it stays armed while the arm is being stopped."""
+        """Arm and disarm the guard with the arm; it stays armed while the arm is being stopped.
+
+        What was commanded is in the next beat.
+        """
+        motion = Motion.FOLLOW if output.arming is ArmingState.ENGAGED else Motion.REST
+        self._commanded = (motion, output.deadman, self._speed(now_ns, output))
         link = self._link
         wanted = output.arming.is_armed or (output.stop and link is not None and link.armed)
         if link is None or link.armed == wanted:
@@ -56,10 +81,11 @@ class Guarding(Listener):
         link = self._link
         if link is None:
             return
-        link.beat(now_ns)
+        link.beat(now_ns, *self._commanded)
         if link.latched and not self._latched:
-            self._note("warning", "the guard stopped the arm: the control loop beat too late")
-            self._signals.trip(Reason.GUARD_STOPPED)
+            reason = _REASONS[link.cause]
+            self._note("warning", f"the guard process has stopped the arm: {reason.label}")
+            self._signals.trip(reason)
         self._latched = link.latched
         if not link.answers(now_ns):
             self._silent = True
@@ -71,6 +97,19 @@ class Guarding(Listener):
             self._signals.trip(Reason.GUARD_SILENT)  # in each tick, until it is back
         elif link.arm_lost:
             self._signals.trip(Reason.GUARD_BLIND)  # in each tick, until it is back
+
+    def _speed(self, now_ns: int, output: TeleopOutput) -> float:
+        """Of the TCP as it was commanded in this tick [m/s]."""
+        before, self._pose = self._pose, None
+        if output.twist is not None:
+            return float(np.linalg.norm(output.twist.linear))
+        if output.pose is None:
+            return 0.0
+        self._pose = now_ns, output.pose
+        if before is None or now_ns <= before[0]:
+            return 0.0
+        way_m = float(np.linalg.norm(output.pose.position - before[1].position))
+        return way_m * NS_PER_S / (now_ns - before[0])
 
     def close(self) -> None:
         """Disarm and end the guard; the arm must have been stopped before."""

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from hw.arm import Arm
+from hw.guard.motion import Cause, Motion
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.runtime.clock import Clock
@@ -29,6 +30,14 @@ PROGRESS_NS = NS_PER_S
 START_TIMEOUT_S = 10.0  # of the replies and reports that starting waits for
 _DEADMAN = b"\r\n"
 _TOO_BUSY = "The guard stopped the arm: this computer was too busy; close other programs."
+_STOPPED = {
+    Cause.NONE: _TOO_BUSY,
+    Cause.SILENT: _TOO_BUSY,
+    Cause.UNASKED: "The guard stopped the arm: it moved unasked; find out what else commands it.",
+    Cause.TOO_FAST: "The guard stopped the arm: it moved faster than it may; find out why.",
+    Cause.OUTSIDE: "The guard stopped the arm: it came below limits.floor_mm; find out why.",
+}
+_COMMANDED = (HomingState.STARTING, HomingState.MOVING)  # the arm moves, and the key is held
 
 _SAY = {
     HomingState.WAITING: "The arm stands. Hold Enter to go on; space, Esc or any other key ends.",
@@ -43,13 +52,14 @@ class Guard(Protocol):
     """What stops the arm if this process does not live on; `hw.guard.link.GuardLink` is one."""
 
     latched: bool
+    cause: Cause  # of the latch
 
     @property
     def acknowledged(self) -> bool: ...
 
     def arm(self) -> None: ...
 
-    def beat(self, now_ns: int) -> None: ...
+    def beat(self, now_ns: int, motion: Motion, deadman: bool, speed: float) -> None: ...
 
     def alive(self, now_ns: int) -> bool: ...
 
@@ -149,7 +159,9 @@ class HomeRun:
         self._beat(self._clock.now_ns())
 
     def _beat(self, now_ns: int) -> None:
-        self._guard.beat(now_ns)
+        commands = self._homing.state in _COMMANDED
+        motion = Motion.HOME if commands else Motion.REST
+        self._guard.beat(now_ns, motion, commands, self._speed_rad_s if commands else 0.0)
         self._beat_ns = now_ns
 
     def _begin_move(self, _stop: threading.Event) -> None:
@@ -175,7 +187,7 @@ class HomeRun:
         if not self._guard.alive(now_ns):
             return "The guard process does not answer; start again."
         if self._guard.latched and self._homing.state is not HomingState.WAITING:
-            return _TOO_BUSY
+            return _STOPPED[self._guard.cause]
         return ""
 
     def _tell(self, now_ns: int) -> None:

@@ -217,7 +217,9 @@ class Session(Ending):
         self.board.note(text)
 
     def _connect_devices(self, helper_logs: Path) -> ConnectedDevices:
-        guard = Guarding(self._devices.arm_config(), helper_logs, self.signals, self.note)
+        guard = Guarding(
+            self._devices.arm_config(), self.config.limits, helper_logs, self.signals, self.note
+        )
         self._stack.callback(guard.close)
         guard.start()
         arm = self._devices.make_arm()

@@ -47,6 +47,21 @@ class Reason(Enum):
         "The control loop was silent for too long and the guard stopped the arm: close other "
         "programs on this computer, {release}, then confirm.",
     )
+    ARM_MOVED_UNASKED = _fault(
+        "arm moved unasked",
+        "The arm moved although nothing was commanded, and the guard process stopped it: look for "
+        "other programs that command it, {release}, then confirm.",
+    )
+    ARM_TOO_FAST = _fault(
+        "arm too fast",
+        "The arm moved faster than it was commanded to, and the guard process stopped it: look for "
+        "other programs that command it, {release}, then confirm.",
+    )
+    ARM_OUTSIDE = _fault(
+        "arm outside",
+        "The arm left its workspace, and the guard process stopped it: see where it is, {release}, "
+        "then confirm; `run_tams.py home` brings it back inside.",
+    )
     SESSION_FAILED = _fault(  # before the stop that it sends
         "session failed",
         "A part of the session failed: read the last message, then start the session again.",

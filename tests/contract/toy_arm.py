@@ -21,6 +21,7 @@ from hw.arm import (
     SimulatedArm,
     TcpBoundary,
 )
+from hw.arm_report import ArmReport
 from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
 from hw.sim.controller.model import IdealPlant
 from tams_app.config import ArmConfig
@@ -307,6 +308,31 @@ class ToyStop:
         self._socket.close()
 
 
+class ToyReports:
+    """What the guard knows of the toy by: it asks for a report each time, and gets numbers."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._address = (host, port)
+
+    def start(self) -> None:
+        self._socket.connect(self._address)
+
+    def newest(self, now_ns: int) -> ArmReport | None:
+        report = None
+        try:
+            self._socket.send(b"where")
+            while True:
+                x, y, z, *joints = map(float, self._socket.recv(512).split())
+                report = ArmReport((x, y, z), tuple(joints))
+        except OSError:  # that was all, or nothing listens
+            return report
+
+    def close(self) -> None:
+        self._socket.close()
+
+
 def simulated_toy(
     config: ArmConfig,
     clock: Clock,
@@ -324,6 +350,7 @@ class ToyKind(ArmKind):
     title = "toy"
     limits = LIMITS
     stop_channel = "tests.contract.toy_arm:ToyStop"
+    report_watch = "tests.contract.toy_arm:ToyReports"
     simulation = "tests.contract.toy_arm:simulated_toy"
 
     def make_arm(

@@ -123,7 +123,11 @@ class WiredBench(Bench):
         """Start the guard's process, with the product's limit, and let every tick beat it."""
         assert self.folder is not None
         guarding = Guarding(
-            self.config.arm, self.folder, self.signals, lambda level, text: self.notes.append(text)
+            self.config.arm,
+            self.config.limits,
+            self.folder,
+            self.signals,
+            lambda level, text: self.notes.append(text),
         )
         self.cleaning.callback(guarding.close)
         guarding.start()

@@ -2,10 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from hw.guard.link import GuardLink, GuardMemory
+from hw.guard.motion import Cause, Motion
 from tams_app.config import load_config
+from tams_app.records import Pose, Twist
+from tams_app.rotation import Rotation
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.control import Signals
 from tams_app.session.guarding import Guarding
@@ -15,19 +19,25 @@ from tests.session.test_parts import output
 pytestmark = pytest.mark.waiting
 
 SILENCE_NS = 200_000_000
+CONFIG = load_config()
+ARM_AND_LIMITS = (CONFIG.arm, CONFIG.limits)
 
 
 class ScriptedLink:
     """A guard that lives and says what it is told to."""
 
     latched = False
+    cause = Cause.NONE
     arm_lost = False
     ended = False
     armed = True
     fresh = True
 
-    def beat(self, now_ns):
-        """Nothing to hear."""
+    def __init__(self):
+        self.beats = []
+
+    def beat(self, now_ns, motion, deadman, speed):
+        self.beats.append((motion, deadman, speed))
 
     def answers(self, now_ns):
         return not self.armed or (self.fresh and not self.ended)
@@ -37,7 +47,7 @@ class ScriptedLink:
 
 
 def guarding(tmp_path, signals):
-    made = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    made = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
     made._link = GuardLink(GuardMemory(new_block_name()), SILENCE_NS, lambda: True)  # it is silent
     return made
 
@@ -59,7 +69,7 @@ def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
 
 def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
     signals, notes = Signals(), []
-    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: notes.append(text))
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
     guard._link = ScriptedLink()
     taken = []
     for latched in (False, True, True, False, True):
@@ -84,7 +94,7 @@ def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
 
 def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_not(tmp_path):
     signals = Signals()
-    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
     guard._link = link = ScriptedLink()
     taken = []
     for armed, fresh in ((True, False), (True, False), (False, False), (False, True), (True, True)):
@@ -97,7 +107,7 @@ def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_n
 
 def test_silence_while_disarmed_is_none(tmp_path):
     signals = Signals()
-    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
     guard._link = link = ScriptedLink()
     link.armed = link.fresh = False
     guard.before_tick(0)
@@ -106,7 +116,7 @@ def test_silence_while_disarmed_is_none(tmp_path):
 
 def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
     signals = Signals()
-    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
     guard._link = link = ScriptedLink()
     link.ended = True
     for armed in (True, False):
@@ -117,7 +127,7 @@ def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
 
 def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tmp_path):
     signals = Signals()
-    guard = Guarding(load_config().arm, tmp_path, signals, lambda level, text: None)
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
     guard._link = ScriptedLink()
     taken = []
     for lost in (False, True, True, False):
@@ -126,3 +136,47 @@ def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tm
         taken.append(signals.take().faults)
     blind = (Reason.GUARD_BLIND,)
     assert taken == [(), blind, blind, ()]
+
+
+@pytest.mark.parametrize(
+    ("cause", "reason"),
+    [
+        (Cause.SILENT, Reason.GUARD_STOPPED),
+        (Cause.UNASKED, Reason.ARM_MOVED_UNASKED),
+        (Cause.TOO_FAST, Reason.ARM_TOO_FAST),
+        (Cause.OUTSIDE, Reason.ARM_OUTSIDE),
+    ],
+)
+def test_the_cause_of_the_guards_stop_is_a_reason_of_its_own(tmp_path, cause, reason):
+    signals, notes = Signals(), []
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
+    guard._link = ScriptedLink()
+    guard._link.latched, guard._link.cause = True, cause
+    guard.before_tick(0)
+    assert signals.take().faults == (reason,)
+    assert notes == [f"the guard process has stopped the arm: {reason.label}"]
+
+
+def test_each_beat_says_what_the_tick_before_commanded(tmp_path):
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, Signals(), lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    ready = replace(output(ArmingState.READY), deadman=False, twist=None)
+    engaged = output(ArmingState.ENGAGED)
+    moving = Twist((0.03, 0.0, -0.04), (0.0, 0.0, 0.0))
+    here, there = (Pose(np.array([x, 0.0, 0.2]), Rotation.identity()) for x in (0.3, 0.301))
+    for now_ns, each in enumerate(
+        (
+            replace(ready, twist=Twist.zero()),
+            replace(engaged, twist=moving, deadman=True),
+            replace(engaged, twist=None, pose=here, deadman=True),
+            replace(engaged, twist=None, pose=there, deadman=True),
+            ready,
+        )
+    ):
+        guard.on_output(now_ns * 10_000_000, each, None)
+        guard.before_tick(now_ns)
+    motions, deadmen, speeds = zip(*link.beats, strict=True)
+    follow, rest = Motion.FOLLOW, Motion.REST
+    assert motions == (rest, follow, follow, follow, rest)
+    assert deadmen == (False, True, True, True, False)
+    assert speeds == pytest.approx((0.0, 0.05, 0.0, 0.1, 0.0))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from hw.arm import Arm
 from hw.boundary import reach_boundary, session_boundary
+from hw.guard.motion import Cause, Motion
 from hw.lite6.codes import ErrorCode, State
 from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.inprocess_arm import InProcessArm
@@ -48,6 +50,8 @@ class WatchedGuard:
         self.armed = 0
         self.beats: list[int] = []
         self.latched = False
+        self.cause = Cause.NONE
+        self.commanded: list[tuple[Motion, bool, float]] = []
         self.is_alive = True
         self.answers_after = 1  # beats of an arming
         self.beats_of_arming = 0
@@ -61,8 +65,9 @@ class WatchedGuard:
         self.beats_of_arming = 0
         self.latched = False
 
-    def beat(self, now_ns: int) -> None:
+    def beat(self, now_ns: int, motion: Motion, deadman: bool, speed: float) -> None:
         self.beats.append(now_ns)
+        self.commanded.append((motion, deadman, speed))
         self.beats_of_arming += self.armed > 0
 
     def alive(self, now_ns: int) -> bool:
@@ -368,3 +373,22 @@ def test_a_move_that_begins_after_the_heartbeat_fell_silent_is_stopped(
     with pytest.raises(DeviceError, match="too busy"):
         bench.run()
     assert bench.model.state == State.STOPPED
+
+
+def test_a_beat_declares_the_motion_and_its_speed_while_the_key_is_held_and_no_longer() -> None:
+    bench = Bench(held=lambda _: True)
+    moved: list[tuple[bool, Motion]] = []
+
+    def note() -> None:
+        if bench.guard.commanded:
+            moved.append((bench.model.moving, bench.guard.commanded[-1][0]))
+
+    bench.every_step = note
+    bench.run()
+    # the move begins after a beat, so the next one is the first to declare it
+    assert all(motion is Motion.HOME for (moving, _), (_, motion) in pairwise(moved) if moving)
+    speed_rad_s = np.radians(bench.config.arm.ready_speed_deg_s)
+    assert set(bench.guard.commanded) == {
+        (Motion.REST, False, 0.0),
+        (Motion.HOME, True, speed_rad_s),
+    }

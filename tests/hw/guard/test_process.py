@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
@@ -17,6 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw.arm_report import ArmReport
 from hw.arms import ARM_KINDS
 from hw.guard.link import (
     GuardLink,
@@ -25,10 +28,12 @@ from hw.guard.link import (
     Heartbeat,
     decode_heartbeat,
     guard_specification,
+    motion_limits,
 )
+from hw.guard.motion import Cause, Motion, MotionWatch
 from hw.guard.process import Guard, HeartbeatWatch, Watch
-from hw.lite6.codes import Mode, State
-from tams_app.config import ArmConfig
+from hw.lite6.codes import Mode, Register, State
+from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import HelperError
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.process import HelperProcess
@@ -40,6 +45,7 @@ from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 pytestmark = pytest.mark.waiting
 
 TIMEOUT_NS = 100 * NS_PER_MS
+LIMITS = LimitsConfig()
 
 
 def beat(arming: int, sequence: int) -> Heartbeat:
@@ -125,11 +131,25 @@ def test_foreign_records_are_no_heartbeats(data: bytes) -> None:
     st.integers(0, 2**64 - 1),
     st.booleans(),
     st.booleans(),
+    st.sampled_from(Cause),
+    st.sampled_from(Motion),
+    st.booleans(),
+    st.floats(0.0, width=32),
 )
 def test_heartbeats_survive_the_memory(
-    message: GuardMessage, arming: int, sequence: int, latched: bool, arm_lost: bool
+    message: GuardMessage,
+    arming: int,
+    sequence: int,
+    latched: bool,
+    arm_lost: bool,
+    cause: Cause,
+    motion: Motion,
+    deadman: bool,
+    speed: float,
 ) -> None:
-    heartbeat = Heartbeat(message, arming, sequence, latched, arm_lost)
+    heartbeat = Heartbeat(
+        message, arming, sequence, latched, arm_lost, cause, motion, deadman, speed
+    )
     assert decode_heartbeat(heartbeat.encode()) == heartbeat
 
 
@@ -172,6 +192,25 @@ class UnusedStop:
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+class NoReports:
+    """An arm that has not reported yet."""
+
+    def start(self) -> None:
+        """Nothing to connect."""
+
+    def newest(self, now_ns: int) -> ArmReport | None:
+        return None
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+def made_guard(silent_guard: SilentGuard, watch: HeartbeatWatch) -> Guard:
+    motion = MotionWatch(motion_limits(ArmConfig(), LIMITS))
+    clock = VirtualClock()
+    return Guard(silent_guard.memory, watch, motion, UnusedStop(), NoReports(), clock)
 
 
 @pytest.fixture
@@ -295,7 +334,8 @@ class GuardedArm:
         self.process = HelperProcess(
             "guard",
             "hw.guard.process",
-            guard_specification(config) | {"heartbeat_timeout_ms": 1000.0},  # a busy machine
+            guard_specification(config, LIMITS)
+            | {"heartbeat_timeout_ms": 1000.0},  # a busy machine
             None,
         )
         self.process.start()
@@ -315,12 +355,21 @@ class GuardedArm:
             self.rig.model.set_mode(Mode.CARTESIAN_VELOCITY)
             self.rig.model.set_state(0)
 
-    def beat_for(self, seconds: float) -> None:
+    def beat_for(self, seconds: float, motion: Motion = Motion.REST, speed: float = 0.0) -> None:
+        """Beat for that long, or until the guard has stopped the arm."""
         pause = threading.Event()
         deadline_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
-        while self._clock.now_ns() < deadline_ns:
-            self.link.beat(self._clock.now_ns())
+        while self._clock.now_ns() < deadline_ns and not self.link.latched:
+            self.link.beat(self._clock.now_ns(), motion, motion is not Motion.REST, speed)
             pause.wait(0.005)
+
+    def command(self, speed_m_s: float) -> None:
+        """What any program can tell the arm: a velocity towards its base, for two seconds."""
+        payload = struct.pack("<6f", -speed_m_s * 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        payload += struct.pack("<bf", 0, 2.0)
+        with self.rig.server.lock:
+            now_ns = time.monotonic_ns()
+            self.rig.model.handle(Register.SET_CARTESIAN_VELOCITY, payload, now_ns)
 
     @property
     def now_ns(self) -> int:
@@ -416,7 +465,7 @@ def test_a_killed_guard_is_noticed(guarded: GuardedArm) -> None:
 def test_a_guard_without_an_arm_says_so() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
-        specification = guard_specification(ArmConfig(control_port=unused.getsockname()[1]))
+        specification = guard_specification(ArmConfig(control_port=unused.getsockname()[1]), LIMITS)
         process = HelperProcess("guard", "hw.guard.process", specification, None)
         process.start()
         with pytest.raises(HelperError, match="No arm answers"):
@@ -432,7 +481,9 @@ def test_the_guard_stops_an_arm_of_another_kind_by_that_kinds_own_channel(
         toy.bind(("127.0.0.1", 0))
         toy.settimeout(10.0)
         config = ArmConfig(model="toy", control_port=toy.getsockname()[1])
-        process = HelperProcess("guard", "hw.guard.process", guard_specification(config), None)
+        process = HelperProcess(
+            "guard", "hw.guard.process", guard_specification(config, LIMITS), None
+        )
         process.start()
         try:
             memory = GuardMemory(process.wait_ready()["memory"])
@@ -446,13 +497,91 @@ def test_the_guard_stops_an_arm_of_another_kind_by_that_kinds_own_channel(
 
 
 def test_the_guard_starts_without_the_heavy_libraries() -> None:
-    heavy = "('numpy', 'scipy', 'xarm')"
-    guard = "hw.guard.process, hw.lite6.stop_channel"
+    heavy = "('numpy', 'scipy', 'xarm', 'pydantic', 'tams_app.teleop')"
+    guard = "hw.guard.process, hw.lite6.stop_channel, hw.lite6.report_watch"
     code = f"import sys, {guard}; print([m for m in {heavy} if m in sys.modules])"
     out = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert out.stdout.strip() == "[]"
+
+
+# --- what the arm does while the heart beats ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("motion", "commanded", "speed", "cause"),
+    [
+        (Motion.REST, 0.0, 0.1, Cause.UNASKED),
+        (Motion.FOLLOW, 0.02, 0.2, Cause.TOO_FAST),
+        (Motion.FOLLOW, 0.2, 0.2, Cause.OUTSIDE),
+    ],
+)
+def test_an_arm_that_does_what_the_beats_do_not_say_is_stopped_while_the_heart_beats(
+    guarded: GuardedArm, motion: Motion, commanded: float, speed: float, cause: Cause
+) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.5)
+    assert not guarded.stopped
+    guarded.command(speed)
+    guarded.beat_for(5.0, motion, commanded)
+    assert guarded.link.cause is cause
+    assert until(lambda: guarded.stopped)
+
+
+def test_an_arm_that_does_as_the_beats_say_is_left_alone(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.4)
+    for speed in (0.1, -0.1):
+        guarded.command(speed)
+        guarded.beat_for(1.0, Motion.FOLLOW, 0.1)
+    guarded.command(0.0)
+    guarded.beat_for(1.0)
+    assert not guarded.link.latched
+
+
+def test_a_guard_without_reports_is_blind_until_it_has_them_again(guarded: GuardedArm) -> None:
+    guarded.link.arm()
+    guarded.beat_for(0.2)
+    assert not guarded.link.arm_lost
+    guarded.rig.model.reports_frozen = True
+    assert until(lambda: guarded.beat_for(0.02) or guarded.link.arm_lost)
+    guarded.rig.model.reports_frozen = False
+    assert until(lambda: guarded.beat_for(0.02) or not guarded.link.arm_lost)
+    guarded.rig.server.drop_connections()
+    guarded.beat_for(0.2)
+    assert until(lambda: guarded.beat_for(0.02) or not guarded.link.arm_lost)
+
+
+def test_the_guard_watches_an_arm_of_another_kind_by_that_kinds_own_reports(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    with ExitStack() as opened:
+        control, reports = (
+            opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)
+        )
+        for each in (control, reports):
+            each.bind(("127.0.0.1", 0))
+            each.settimeout(10.0)
+        ports = [each.getsockname()[1] for each in (control, reports)]
+        config = ArmConfig(model="toy", control_port=ports[0], report_port=ports[1])
+        specification = guard_specification(config, LIMITS) | {"heartbeat_timeout_ms": 1000.0}
+        process = HelperProcess("guard", "hw.guard.process", specification, None)
+        process.start()
+        opened.callback(process.stop)
+        memory = GuardMemory(process.wait_ready()["memory"])
+        link = GuardLink(memory, NS_PER_S, lambda: process.exit_code is None)
+        opened.callback(link.close)
+        link.arm()
+        began_s = time.monotonic()
+        while not link.latched:
+            link.beat(time.monotonic_ns())
+            _, guard = reports.recvfrom(64)
+            away_s = max(0.0, time.monotonic() - began_s - 0.5)  # it moves unasked after .5 s
+            reports.sendto(f"0.3 {0.1 * away_s} 0.2 0 0 0 0 0 0".encode(), guard)
+        assert link.cause is Cause.UNASKED
+        assert control.recv(64) == b"off"
 
 
 # --- what the guard says unasked ----------------------------------------------------------------
@@ -511,7 +640,7 @@ def test_a_guard_that_was_held_up_hears_that_it_was_disarmed(
 ) -> None:
     """It must not stop the arm for beats that it did not look at."""
     watch = HeartbeatWatch(TIMEOUT_NS)
-    guard = Guard(silent_guard.memory, watch, UnusedStop(), VirtualClock())
+    guard = made_guard(silent_guard, watch)
     link.arm()
     for now_ns in range(beats):
         link.beat(now_ns)
@@ -526,7 +655,7 @@ def test_a_guard_that_was_held_up_hears_that_it_was_disarmed(
 
 def test_what_was_said_last_is_heard_at_the_end(silent_guard: SilentGuard, link: GuardLink) -> None:
     watch = HeartbeatWatch(TIMEOUT_NS)
-    guard = Guard(silent_guard.memory, watch, UnusedStop(), VirtualClock())
+    guard = made_guard(silent_guard, watch)
     link.arm()
     link.beat(0)
     guard.step()
