@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from hw.guard.link import BEATS, GuardMemory, GuardMessage, Heartbeat, decode_heartbeat
 from hw.guard.motion import Cause, MotionLimits, MotionWatch
 from tams_app.errors import TamsError
-from tams_app.runtime.clock import Clock, MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock, SleepWatch
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import GUARD_PRIORITY, use_fifo
 from tams_app.runtime.shared_ring import new_block_name
@@ -116,6 +116,7 @@ class Guard:
         self._arm = arm
         self._reports = reports
         self._clock = clock
+        self._sleep = SleepWatch(clock)
         self._arming = 0  # whose motion is watched
         self._reported_ns = clock.now_ns()
         self._heard = 0  # beats
@@ -167,6 +168,8 @@ class Guard:
 
     def _look(self) -> Cause:
         """Judge the newest report, if one has come; older ones that waited say nothing of now."""
+        if self._sleep.slept():
+            return Cause.SLEPT
         before_ns = self._clock.now_ns()
         report = self._reports.newest(before_ns)
         if report is None:

@@ -71,6 +71,7 @@ class LinkController(Controller):
         self._anew_ns = 0  # poses wait until then, 0: they do not
         self._sample = _LOST
         self._let_go = False
+        self._awake_ns = 0  # since this computer was suspended last
         self._started = False
 
     def start(self) -> None:
@@ -166,6 +167,11 @@ class LinkController(Controller):
         self._let_go = True
         self._forget()
 
+    def wake(self, now_ns: int) -> None:
+        """This computer was suspended: the link is lost, and what is from before is too old."""
+        self._awake_ns = now_ns
+        self.let_go()
+
     def _forget(self) -> None:
         self._heard_ns = self._newest = None
         self._anew_ns = 0
@@ -174,7 +180,7 @@ class LinkController(Controller):
         self._offset = LeastOffset(_WAY_WINDOW_NS)
 
     def _refusal(self, message: HandMessage, heard_ns: int) -> str:
-        bound_ns = age_bound_ns(heard_ns, message.echo_ns)
+        bound_ns = age_bound_ns(heard_ns, message.echo_ns, self._awake_ns)
         if bound_ns is None:
             return "without an echo"
         if bound_ns > self._longest_ns:

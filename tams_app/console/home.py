@@ -18,6 +18,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.worker import Worker
+from tams_app.session.awake import KeptAwake
 from tams_app.session.build import check_ready_pose
 from tams_app.session.guarding import SILENCE_NS
 from tams_app.session.home_run import HomeRun
@@ -66,6 +67,9 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         dialogue = Dialogue(keys, console or Console(), request.check)
         stack.callback(dialogue.close)
         dialogue.start()
+        awake = KeptAwake(dialogue.say)
+        stack.callback(awake.close)
+        awake.start()
         specification = guard_specification(config.arm, config.limits)
         process = HelperProcess("guard", "hw.guard.process", specification, None)
         stack.callback(process.stop)

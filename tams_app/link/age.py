@@ -13,13 +13,14 @@ from tams_app.units import NS_PER_S
 _WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
 
 
-def age_bound_ns(heard_ns: int, echo_ns: int) -> int | None:
+def age_bound_ns(heard_ns: int, echo_ns: int, awake_ns: int = 0) -> int | None:
     """The age that a message cannot exceed when it is heard: it is no older than its echo.
 
     `echo_ns`: our own stamp that it carries. None where it tells nothing: before the first, and for
-    a stamp that we cannot have sent yet.
+    a stamp that we cannot have sent yet. And for one from before `awake_ns`, when our computer was
+    suspended last: our clock stood still then.
     """
-    if echo_ns <= 0 or echo_ns > heard_ns:
+    if echo_ns <= 0 or echo_ns > heard_ns or echo_ns < awake_ns:
         return None
     return heard_ns - echo_ns
 

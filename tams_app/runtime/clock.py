@@ -5,7 +5,10 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+_SLEPT_NS = 5 * NS_PER_MS
+_FIRST_READINGS = 5
 
 
 class Clock(Protocol):
@@ -16,6 +19,12 @@ class Clock(Protocol):
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
         """Return no earlier than `deadline_ns`; at once if it has passed."""
+
+    def suspended_ns(self) -> int:
+        """For how long the computer has been suspended so far [ns]: this clock stood still then.
+
+        Never too much, but too little by what passes while it is found out.
+        """
 
 
 class MonotonicClock:
@@ -29,12 +38,16 @@ class MonotonicClock:
         if remaining_ns > 0:
             time.sleep(remaining_ns / NS_PER_S)
 
+    def suspended_ns(self) -> int:
+        return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()  # in this order
+
 
 class VirtualClock:
     """A clock that moves only when told to; sleeping moves it."""
 
     def __init__(self, start_ns: int = NS_PER_S) -> None:
         self._now_ns = start_ns
+        self._suspended_ns = 0
 
     def now_ns(self) -> int:
         return self._now_ns
@@ -47,6 +60,28 @@ class VirtualClock:
         if duration_ns < 0:
             raise ValueError("time does not go back")
         self._now_ns += duration_ns
+
+    def suspended_ns(self) -> int:
+        return self._suspended_ns
+
+    def suspend_ns(self, duration_ns: int) -> None:
+        """As a computer that sleeps for `duration_ns` >= 0: this clock stands still."""
+        self._suspended_ns += duration_ns
+
+
+class SleepWatch:
+    """Notices that the computer was suspended, which no monotonic clock shows."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        # of each reading too little by what held it up: the highest one is nearest
+        self._known_ns = max(clock.suspended_ns() for _ in range(_FIRST_READINGS))
+
+    def slept(self) -> bool:
+        """Whether it was since the last call, for more than 5 ms."""
+        suspended_ns = self._clock.suspended_ns()
+        before_ns, self._known_ns = self._known_ns, max(self._known_ns, suspended_ns)
+        return suspended_ns - before_ns > _SLEPT_NS
 
 
 class FixedRate:

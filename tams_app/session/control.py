@@ -13,7 +13,7 @@ from tams_app.config import Config
 from tams_app.policy.phases import PhaseInference
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, TickInputs, Twist
-from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.faces import Faces
@@ -131,6 +131,7 @@ class ControlLoop:
         listeners: Sequence[Listener] = (),
     ) -> None:
         self._clock = clock
+        self._sleep = SleepWatch(clock)
         self._rate_hz = config.control.rate_hz
         self._controller = controller
         self._arm = arm
@@ -159,6 +160,10 @@ class ControlLoop:
     def tick(self, due_ns: int, skipped: int = 0) -> TeleopOutput:
         """One control period, due at `due_ns`."""
         now_ns = self._clock.now_ns()
+        if self._sleep.slept():  # whatever lies in queues and memories is from before
+            self._signals.trip(Reason.COMPUTER_SLEPT)
+            for listener in self._listeners:
+                listener.on_wake(now_ns)
         # heard first: that the guard stopped the arm is the reason, what the arm reports follows
         for listener in self._listeners:
             listener.before_tick(now_ns)

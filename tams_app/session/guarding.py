@@ -26,6 +26,7 @@ _REASONS = {
     Cause.UNASKED: Reason.ARM_MOVED_UNASKED,
     Cause.TOO_FAST: Reason.ARM_TOO_FAST,
     Cause.OUTSIDE: Reason.ARM_OUTSIDE,
+    Cause.SLEPT: Reason.COMPUTER_SLEPT,
 }
 
 

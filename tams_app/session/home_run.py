@@ -13,7 +13,7 @@ from hw.arm import Arm
 from hw.guard.motion import Cause, Motion
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.runtime.clock import Clock
+from tams_app.runtime.clock import Clock, SleepWatch
 from tams_app.runtime.worker import Worker
 from tams_app.session.homing import (
     Action,
@@ -30,12 +30,14 @@ PROGRESS_NS = NS_PER_S
 START_TIMEOUT_S = 10.0  # of the replies and reports that starting waits for
 _DEADMAN = b"\r\n"
 _TOO_BUSY = "The guard stopped the arm: this computer was too busy; close other programs."
+_SLEPT = "This computer was suspended; see where the arm is, then start again."
 _STOPPED = {
     Cause.NONE: _TOO_BUSY,
     Cause.SILENT: _TOO_BUSY,
     Cause.UNASKED: "The guard stopped the arm: it moved unasked; find out what else commands it.",
     Cause.TOO_FAST: "The guard stopped the arm: it moved faster than it may; find out why.",
     Cause.OUTSIDE: "The guard stopped the arm: it came below limits.floor_mm; find out why.",
+    Cause.SLEPT: _SLEPT,
 }
 _COMMANDED = (HomingState.STARTING, HomingState.MOVING)  # the arm moves, and the key is held
 
@@ -86,6 +88,7 @@ class HomeRun:
         self._clock, self._arm, self._guard = clock, arm, guard
         self._read_keys, self._say, self._all_shown = read_keys, say, all_shown
         self._config = config
+        self._sleep = SleepWatch(clock)
         self._watch_ns = round(config.arm.guard.heartbeat_timeout_ms * NS_PER_MS)
         self._beat_ns = 0
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
@@ -184,6 +187,8 @@ class HomeRun:
         return True, ""
 
     def _guard_problem(self, now_ns: int) -> str:
+        if self._sleep.slept():
+            return _SLEPT
         if not self._guard.alive(now_ns):
             return "The guard process does not answer; start again."
         if self._guard.latched and self._homing.state is not HomingState.WAITING:

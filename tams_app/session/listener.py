@@ -24,6 +24,9 @@ class Listener:
     event in the order in which `Engine` names them.
     """
 
+    def on_wake(self, now_ns: int) -> None:
+        """The computer was suspended since the last tick; told before `before_tick`."""
+
     def before_tick(self, now_ns: int) -> None:
         """A tick begins, and has looked at neither controller, arm nor signals."""
 

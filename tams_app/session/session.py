@@ -27,6 +27,7 @@ from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordina
 from tams_app.runtime.worker import Worker
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
+from tams_app.session.awake import KeptAwake
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices, Devices
 from tams_app.session.dry_run import DryRunArm
@@ -105,6 +106,10 @@ class Session(Ending):
             config, clock, self.folder, failed, self._show_note, self.signals.estop
         )
         self._stack.callback(self._log.close)
+        awake = KeptAwake(lambda text: self.note("warning", text))
+        self._stack.callback(awake.close)
+        if not config.rig.enabled:
+            awake.start()
         if config.calibrated_by:
             self.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         ladder = build.rate_ladder(config)

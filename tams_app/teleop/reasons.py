@@ -47,6 +47,11 @@ class Reason(Enum):
         "The control loop was silent for too long and the guard stopped the arm: close other "
         "programs on this computer, {release}, then confirm.",
     )
+    COMPUTER_SLEPT = _fault(  # before what the arm and the link report of it
+        "computer slept",
+        "The computer beside the arm was suspended, and what it knew is from before: keep it "
+        "awake, {release}, then confirm.",
+    )
     ARM_MOVED_UNASKED = _fault(
         "arm moved unasked",
         "The arm moved although nothing was commanded, and the guard process stopped it: look for "

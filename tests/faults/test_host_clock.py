@@ -1,4 +1,7 @@
-"""Wall time may jump: nothing moves differently, because nothing reads it."""
+"""Wall time may jump: nothing moves differently, because nothing reads it.
+
+A computer that was suspended is another matter: the clock that is read stood still meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,10 @@ import pytest
 
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
-from tests.faults.bench import ACROSS
+from tests.faults.bench import ACROSS, PERIOD_NS
+from tests.faults.promises import is_logged, is_stopped, recovers_from_fault
 from tests.faults.virtual_bench import VirtualBench
 
 pytestmark = pytest.mark.waiting
@@ -120,3 +124,21 @@ def test_only_the_logs_header_and_the_folders_name_ask_for_wall_time() -> None:
         if any(wall_time_calls(ast.parse(path.read_text(encoding="utf-8"))))
     }
     assert asking == MAY_ASK
+
+
+def test_the_first_tick_after_a_suspend_stops_the_arm(virtual_bench: VirtualBench) -> None:
+    """Every sample and report looks fresh then, and the hand has long let go."""
+    bench = virtual_bench
+    bench.engage_and_move()
+    bench.suspend_s(HOUR_S)
+    seen = bench.next
+    is_stopped(bench, seen, Reason.COMPUTER_SLEPT)
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.COMPUTER_SLEPT)
+
+
+def test_a_pause_of_the_process_is_no_suspend(virtual_bench: VirtualBench) -> None:
+    bench = virtual_bench
+    bench.engage_and_move()
+    bench.tick(after_ns=4 * PERIOD_NS)
+    assert bench.run(0.1).arming is ArmingState.ENGAGED

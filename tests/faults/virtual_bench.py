@@ -30,6 +30,7 @@ class VirtualBench(Bench):
         self, servo: str = "velocity", folder: Path | None = None, sight: Sight | None = None
     ) -> None:
         config, clock, model = configuration(servo), VirtualClock(), tapped_model()
+        self._virtual_clock = clock
         self._virtual_arm = InProcessArm(config.arm, clock, model)
         self._virtual_arm.connect()
         super().__init__(config, clock, self._virtual_arm, model, folder, sight)
@@ -41,6 +42,10 @@ class VirtualBench(Bench):
     def advance(self, duration_ns: int) -> None:
         """Let time pass for the arm without a tick."""
         self._virtual_arm.advance(duration_ns)
+
+    def suspend_s(self, duration_s: int) -> None:
+        """The computer sleeps for that long."""
+        self._virtual_clock.suspend_ns(duration_s * NS_PER_S)
 
     # --- what was commanded ---------------------------------------------------------------------
 

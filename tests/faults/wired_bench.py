@@ -48,6 +48,9 @@ class TickClock:
         while self.now_ns() < deadline_ns:
             time.sleep(_POLL_S)
 
+    def suspended_ns(self) -> int:
+        return 0
+
     def advance(self, duration_ns: int = PERIOD_NS) -> None:
         """One tick later."""
         self._ticks_ns += duration_ns

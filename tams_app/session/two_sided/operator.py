@@ -24,6 +24,7 @@ from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
+from tams_app.session.awake import KeptAwake
 from tams_app.session.ending import Ending
 from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.recorders import LoadMonitor, Recorders
@@ -105,6 +106,10 @@ class OperatorSession(Ending):
             self.signals.estop,
         )
         self._stack.callback(self._log.close)
+        if not welcome.simulated:
+            awake = KeptAwake(lambda text: self.note("warning", text))
+            self._stack.callback(awake.close)
+            awake.start()
         identity = secrets.randbits(62)
         self._log.fact(SESSION_FACT, welcome.session)
         self._log.fact(OPERATOR_FACT, str(identity))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 from hw.controller import Controller
 from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
@@ -24,18 +25,21 @@ from tams_app.records import (
     LinkHealth,
     StateHeard,
 )
-from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
 from tams_app.session.faces import Faces
 from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.recorders import SessionRecords
 from tams_app.teleop.hands import SIMULATED
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 _HEALTH_NS = NS_PER_S // 10
 _HAPTICS = {haptic.value: haptic for haptic in Haptic}
 _AWAY = ControllerSample(
     ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
+_ASLEEP = replace(_AWAY, status=ControllerStatus.LINK_LOST)
+_ASLEEP_NS = 200 * NS_PER_MS  # longer than any pose or button of before counts as fresh
+_SLEPT = "this computer was suspended: what the controller told before is not sent, the arm stops"
 
 
 class Requests:
@@ -54,6 +58,10 @@ class Requests:
         """The operator agrees: arm, or clear a fault."""
         self.confirmed_ns = self._clock.now_ns()
         self.confirms += 1
+
+    def forget_confirmation(self) -> None:
+        """One that was not sent yet is too old."""
+        self.confirmed_ns = 0
 
     def estop(self) -> None:
         """Emergency stop."""
@@ -94,6 +102,8 @@ class OperatorLink:
         self._noted: int | None = None
         self._offset = OffsetEstimate()
         self._health_due_ns = 0
+        self._sleep = SleepWatch(clock)
+        self._asleep_until_ns = 0  # no sample is sent that may be from before we were suspended
         self._gateway = gateway
 
     @property
@@ -120,12 +130,24 @@ class OperatorLink:
         for received in self._gateway.receive():
             self._take(received)
         now_ns = self._clock.now_ns()
-        controller = self.controller
-        self.sample = _AWAY if controller is None else controller.sample(now_ns)
+        if self._sleep.slept():
+            self._asleep_until_ns = now_ns + _ASLEEP_NS
+            self._requests.forget_confirmation()
+            self._log.note("warning", _SLEPT)
+        self.sample = self._sample_now(now_ns)
         self._gateway.send(encode(self._hand(self.sample)))
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))
+
+    def _sample_now(self, now_ns: int) -> ControllerSample:
+        controller = self.controller
+        if controller is None:
+            return _AWAY
+        sample = controller.sample(now_ns)
+        if now_ns < self._asleep_until_ns:
+            return replace(_ASLEEP, presses=sample.presses)
+        return sample
 
     def _take(self, received: Received) -> None:
         try:

@@ -94,6 +94,7 @@ class RobotLink(Listener):
         self._shown: dict[str, int | None] = dict.fromkeys(self._views)
         self._damaged: dict[str, bool] = dict.fromkeys(self._views, False)
         self._confirms = self._stops = self._menu_presses = 0
+        self._awake_ns = 0  # since this computer was suspended last
         self._offset = OffsetEstimate()
         self._weights = WeightMatrix(config.policy.weights.matrix)
         self._uplink = uplink
@@ -236,7 +237,7 @@ class RobotLink(Listener):
             self.hand = message.hand
             self._log.fact(HAND_FACT, message.hand)
         refusal = self.controller.take(message, heard_ns)
-        bound_ns = age_bound_ns(heard_ns, message.echo_ns)
+        bound_ns = age_bound_ns(heard_ns, message.echo_ns, self._awake_ns)
         self._offset.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
         self._message, self._message_heard_ns = message, heard_ns
         for view, timestamp in zip(self._views, message.shown, strict=False):
@@ -288,6 +289,10 @@ class RobotLink(Listener):
     def on_allocation(self, allocation: Allocation) -> None:
         self._figures = self._uplink(self._clock.now_ns())
         self._allocation = allocation
+
+    def on_wake(self, now_ns: int) -> None:
+        self._awake_ns = now_ns
+        self.controller.wake(now_ns)
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self._output = output

@@ -30,6 +30,9 @@ class SteppedClock:
     def sleep_until_ns(self, deadline_ns: int) -> None:
         self.move_to(max(self._now_ns, deadline_ns))
 
+    def suspended_ns(self) -> int:
+        return 0
+
     def move_to(self, now_ns: int) -> None:
         """Set the time, which never goes back (ValueError); no wait ends by that alone."""
         if now_ns < self._now_ns:
@@ -68,6 +71,9 @@ class LaterClock:
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
         raise TamsError("a chain in virtual time must not sleep")
+
+    def suspended_ns(self) -> int:
+        return 0
 
 
 @cache

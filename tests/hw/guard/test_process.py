@@ -668,3 +668,32 @@ def test_the_memorys_name_is_gone_once_both_have_it(
     silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     assert not list(Path("/dev/shm").glob(f"{silent_guard.name}*"))
+
+
+class NotedStop(UnusedStop):
+    """Counts the stops."""
+
+    def __init__(self) -> None:
+        self.stops = 0
+
+    def request_stop(self) -> None:
+        self.stops += 1
+
+
+def test_a_guard_whose_computer_slept_stops_an_armed_arm_and_says_why(
+    silent_guard: SilentGuard, link: GuardLink
+) -> None:
+    clock, stop = VirtualClock(), NotedStop()
+    watch, motion = HeartbeatWatch(TIMEOUT_NS), MotionWatch(motion_limits(ArmConfig(), LIMITS))
+    guard = Guard(silent_guard.memory, watch, motion, stop, NoReports(), clock)
+    clock.suspend_ns(NS_PER_S)
+    guard.step()
+    assert stop.stops == 0, "nothing is armed"
+    link.arm()
+    link.beat(0)
+    guard.step()
+    clock.suspend_ns(NS_PER_S)
+    guard.step()
+    guard.step()
+    link.beat(1)
+    assert (stop.stops, link.latched, link.cause) == (1, True, Cause.SLEPT)

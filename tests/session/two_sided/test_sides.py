@@ -481,3 +481,44 @@ def test_a_sentence_is_repeated_until_it_was_heard():
     sides.there.cut = False
     sides.run(0.5)
     assert sides.operator_log.notes[-1] == "fault, link lost"
+
+
+# --- suspended computers --------------------------------------------------------------------------
+
+
+def test_what_was_sent_before_the_robots_computer_slept_counts_for_nothing():
+    """It lies in the socket, and is heard in the first instant after: our clock stood still."""
+    sides = Sides()
+    sides.run(1.0)
+    sides.requests.confirm()
+    sides.run(2 / 120, robot=False)  # on their way
+    heard = len(sides.robot_log.of(HandHeard))
+    sides.robot.on_wake(sides.robot_clock.now_ns())
+    sides.run(1 / 120)
+    assert sides.sample.status is ControllerStatus.LINK_LOST
+    sides.run(0.03)
+    assert {one.refusal for one in sides.robot_log.of(HandHeard)[heard:]} == {"without an echo"}
+    sides.run(0.2)
+    assert sides.sample.status is ControllerStatus.OK
+    assert sides.confirmed == 0
+
+
+def test_an_operators_computer_that_slept_sends_nothing_of_before():
+    sides = Sides()
+    sides.run(1.0)
+    sides.hand.trigger = 1.0
+    sides.run(0.1)
+    assert sides.sample.trigger == 1.0
+    sides.requests.confirm()
+    sides.operator_clock.suspend_ns(3600 * NS_PER_S)
+    statuses = []
+    for _ in range(24):
+        sides.run(1 / 120)
+        statuses.append(sides.sample.status)
+    first = statuses.index(ControllerStatus.LINK_LOST)
+    assert first <= 3, "as soon as a message has got there"
+    assert set(statuses[first:]) == {ControllerStatus.LINK_LOST}
+    sides.run(0.2)
+    assert sides.sample.status is ControllerStatus.OK
+    assert sides.confirmed == 0
+    assert any("suspended" in text for text in sides.operator_log.notes)

@@ -351,6 +351,9 @@ class HandClock:
         with self._moved:
             self._moved.wait_for(lambda: self._now_ns >= deadline_ns, TIMEOUT_S)
 
+    def suspended_ns(self) -> int:
+        return 0
+
     def advance_ms(self, duration_ms: int) -> None:
         with self._moved:
             self._now_ns += duration_ms * NS_PER_MS
