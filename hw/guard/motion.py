@@ -16,7 +16,8 @@ from hw.arm_report import ArmReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 REST_M, REST_RAD = 0.005, 0.02  # an arm that is to stand may be this far from where it came to rest
-_DRIFT_M_S, _DRIFT_RAD_S = 0.002, 0.01  # slower than this is no motion: that place follows
+_TURNED_RAD = 0.001  # noise is less; a TCP that moves and no joint does has got another tool
+_DRIFT_M_S, _DRIFT_RAD_S = 0.002, 0.002  # slower than this is no motion: that place follows
 _SPEED_MARGIN = 1.1
 _SPEED_MARGIN_M_S, _SPEED_MARGIN_RAD_S = 0.025, 0.02
 _NOISE_M, _NOISE_RAD = 0.0025, 0.05
@@ -85,7 +86,8 @@ class MotionWatch:
     """Judges each report; `begin` with an arming, then `hear` every beat and `look` at reports.
 
     - At rest: from `grace_ns` after the last motion that was commanded on, the TCP stays within
-      5 mm and every joint within 0.02 rad of where it came to rest.
+      5 mm and every joint within 0.02 rad of where it came to rest. A TCP that moves while no joint
+      does has got another tool (a control box that restarts has forgotten its own).
     - Speed: what the TCP (on the way home: the fastest joint) travels beyond 1.1 times the highest
       speed that was commanded within `grace_ns`, and 25 mm/s (0.02 rad/s), adds up to no more than
       the leash, 2.5 mm (0.05 rad) of noise, and the way at that speed within 30 ms and the longest
@@ -158,8 +160,10 @@ class MotionWatch:
             return Cause.NONE
         moved_m = math.dist(report.position, rest.position)
         turned_rad = _most_apart(report.joints, rest.joints)
-        if moved_m > REST_M or turned_rad > REST_RAD:
+        if turned_rad > REST_RAD or (moved_m > REST_M and turned_rad > _TURNED_RAD):
             return Cause.UNASKED
+        if moved_m > REST_M:
+            rest.position[:] = report.position
         _follow(rest.position, report.position, moved_m, _DRIFT_M_S * elapsed_s)
         _follow(rest.joints, report.joints, turned_rad, _DRIFT_RAD_S * elapsed_s)
         return Cause.NONE

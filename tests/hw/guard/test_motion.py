@@ -28,6 +28,11 @@ JOINTS = (0.0, 0.642, 1.514, 0.0, 0.871, 0.0)
 GRACE_MS = LIMITS.grace_ns / NS_PER_MS
 
 
+def joints_at(x: float, y: float, z: float) -> tuple[float, ...]:
+    """Joints that turn as far as those of an arm of some reach, wherever the TCP moves."""
+    return (math.atan2(y, x), z / 0.4, x / 0.4, 0.0, 0.0, 0.0)
+
+
 class Watched:
     """A motion watch that hears a beat each 8 ms, and an arm whose reports come when a test says.
 
@@ -50,15 +55,17 @@ class Watched:
         self,
         now_ms: float,
         position: tuple[float, ...] = READY,
-        joints: tuple[float, ...] = JOINTS,
+        joints: tuple[float, ...] | None = None,
         reading_ms: float = 0.05,
     ) -> Cause:
-        """One report, read between `now_ms` and a little later."""
+        """One report, read between `now_ms` and a little later; `joints` follow the TCP."""
         self.beat_until(now_ms)
         x, y, z = position
         before_ns = round(now_ms * NS_PER_MS)
         after_ns = before_ns + round(reading_ms * NS_PER_MS)
-        cause = self.watch.look(before_ns, after_ns, ArmReport((x, y, z), joints))
+        cause = self.watch.look(
+            before_ns, after_ns, ArmReport((x, y, z), joints or joints_at(x, y, z))
+        )
         if cause:
             self.causes.append((now_ms, cause))
         return cause
@@ -113,7 +120,7 @@ def test_an_arm_that_does_as_commanded_is_left_alone_however_its_reports_come(
             continue  # a newer one has come by then
         way_m = speed * sent_ms / 1000 - lag_m * ((sent_ms // 500) % 2)
         place = np.array(along(way_m)) + noise.normal(0.0, NOISE_M, 3)
-        turned = tuple(np.array(JOINTS) + noise.normal(0.0, 1e-4, 6))
+        turned = tuple(np.array(joints_at(*place)) + noise.normal(0.0, 1e-4, 6))
         watched.see(held_until_ms, tuple(place.tolist()), turned)
     assert watched.causes == []
 
@@ -186,8 +193,19 @@ def test_an_arm_that_moves_unasked_is_stopped_within_its_first_millimetres(
 def test_a_joint_that_turns_about_the_tcp_moves_too() -> None:
     watched = Watched()
     list(steady(watched, 0, 500, 0.0))
-    joints = (*JOINTS[:5], 0.05)
-    assert watched.see(510.0, READY, joints) is Cause.UNASKED
+    joints = (*joints_at(*along(0.0))[:5], 0.05)
+    assert watched.see(510.0, along(0.0), joints) is Cause.UNASKED
+
+
+def test_a_tool_that_is_set_anew_is_no_motion_and_a_motion_after_it_is_one() -> None:
+    watched = Watched()
+    x, y, z = READY
+    for now_ms in range(0, 1000, REPORT_MS):
+        lower_m = 0.082 if now_ms > 600 else 0.0
+        watched.see(float(now_ms), (x, y, z + lower_m), JOINTS)
+    assert watched.causes == []
+    moved = tuple(np.array(JOINTS) + 0.01)
+    assert watched.see(1010.0, (x, y + 0.006, z + 0.082), moved) is Cause.UNASKED
 
 
 @given(st.floats(0.02, 0.25))

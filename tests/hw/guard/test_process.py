@@ -579,7 +579,8 @@ def test_the_guard_watches_an_arm_of_another_kind_by_that_kinds_own_reports(
             link.beat(time.monotonic_ns())
             _, guard = reports.recvfrom(64)
             away_s = max(0.0, time.monotonic() - began_s - 0.5)  # it moves unasked after .5 s
-            reports.sendto(f"0.3 {0.1 * away_s} 0.2 0 0 0 0 0 0".encode(), guard)
+            y, turned = 0.1 * away_s, 0.3 * away_s
+            reports.sendto(f"0.3 {y} 0.2 {turned} 0 0 0 0 0".encode(), guard)
         assert link.cause is Cause.UNASKED
         assert control.recv(64) == b"off"
 
