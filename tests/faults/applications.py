@@ -33,6 +33,7 @@ from tests.spoken import spoken
 
 PATIENCE_S = 60.0  # the machine may be busy with other things
 MOVING_M_S = 0.02
+REACH_M = 0.6  # of the hand: with 0.18 the operator lets go, to reach on, after 0.9 s
 FPS = 10  # the frames are the rig's main load
 _SOCKET_TIMEOUT_S = 5.0
 _HEADER = struct.Struct(">HHH")
@@ -197,7 +198,7 @@ class Application:
             "version": 1,
             "include": [str(CONFIG_DIRECTORY / "tams.yaml")],
             "headless": True,
-            "rig": {"operator": {"kind": operator}},
+            "rig": {"operator": {"kind": operator, "arm_reach_m": REACH_M}},
             "recording": {"directory": str(self.out), "min_free_mb": 1.0},
             "video": {"fps": FPS, "quality": {"enabled": quality}},
             **overrides,
