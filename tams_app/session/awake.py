@@ -7,6 +7,7 @@ killed session.
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import threading
 from collections.abc import Callable, Sequence
@@ -42,11 +43,15 @@ class KeptAwake:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
+                bufsize=0,  # nothing is left to write when it is closed after the child's end
                 start_new_session=True,  # it must ask no password on our terminal
             )
         except OSError:
             self._say(_not_kept("systemd-inhibit is not there"))
             return
+        if self._process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):  # it has ended already: reading tells
+                self._process.stdin.write(b"\n")  # comes back from the child, once it has the lock
         self._worker.start()
 
     def close(self) -> None:
@@ -68,13 +73,8 @@ class KeptAwake:
 
     def _watch(self, _stop: threading.Event) -> None:
         process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
+        if process is None or process.stdout is None:
             return
-        try:
-            process.stdin.write(b"\n")  # comes back once there is a child, which is with the lock
-            process.stdin.flush()
-        except (BrokenPipeError, ValueError):  # it has ended, or is being ended: reading tells
-            pass
         self.held = process.stdout.readline() != b""
         while process.stdout.readline():
             pass

@@ -39,7 +39,7 @@ def test_the_lock_is_held_until_the_end_and_nothing_is_said(tmp_path: Path) -> N
     assert said == []
 
 
-@pytest.mark.parametrize("body", ["exit 1", "sleep 0.2; exit 1"])
+@pytest.mark.parametrize("body", ["exit 1", "exec <&-; sleep 0.2; exit 1", "sleep 0.2; exit 1"])
 def test_a_refused_lock_is_told(tmp_path: Path, body: str) -> None:
     said: list[str] = []
     awake = KeptAwake(said.append, inhibitor(tmp_path, body))
