@@ -36,6 +36,7 @@ from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.faked_process import BLIND
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
 from tests.console.window.facts import FACTS
+from tests.console.window.feeding import feeding
 from tests.console.window.xvfb import virtual_screen, wait_for
 
 
@@ -112,10 +113,14 @@ def picture(path: Path) -> None:
         advice=what_to_do("stale video", "stale video", HANDS["openvr"]),
         said=(Said(12.4, "stopped: stale video"),),
     )
-    with pytest.MonkeyPatch.context() as patch, headset(patch) as measured:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        headset(patch) as measured,
+        feeding(measured.client) as feeder,
+    ):
         for view in measured.views:
             measured.block.put(view, 1, 1, picture_of(view))
-        measured.client.show(facts)
+        feeder.show(facts)
         keys = [f"tams.view {number}" for number in range(len(measured.views))]
 
         def seen() -> list[Image]:

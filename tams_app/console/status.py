@@ -10,6 +10,7 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
+from tams_app.console.window.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console
 from tams_app.session.status import StatusSnapshot, ViewStatus
 from tams_app.teleop.advice import advice
@@ -63,14 +64,18 @@ def fitting(parts: Iterable[str]) -> str:
 
 
 def arm_parts(snapshot: StatusSnapshot) -> list[str]:
-    """Time, arming, phase and trigger, in short."""
-    trigger = "held" if snapshot.deadman else "up"
-    return [minutes(snapshot.t_s), snapshot.arming.upper(), snapshot.phase, trigger]
+    """Time, arming, phase and deadman, in short; where nothing is live, since when."""
+    if (silence_s := silence_of(snapshot)) is not None:
+        return [minutes(snapshot.t_s), _not_live(snapshot, silence_s)]
+    deadman = "held" if snapshot.deadman else "up"
+    return [minutes(snapshot.t_s), snapshot.arming.upper(), snapshot.phase, deadman]
 
 
 def _parts(snapshot: StatusSnapshot) -> list[str]:
     """The arm and, of the views, the primary one: what matters most comes first."""
     parts, views = arm_parts(snapshot), snapshot.views
+    if silence_of(snapshot) is not None:
+        return parts
     name = snapshot.primary_view if snapshot.primary_view in views else next(iter(views), "")
     link = f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)}k"
     if name:
@@ -84,7 +89,9 @@ def _parts(snapshot: StatusSnapshot) -> list[str]:
 
 
 def arm_line(snapshot: StatusSnapshot) -> str:
-    """Time, arming, phase, what the hand holds, and where the arm is."""
+    """Time, arming, phase, what the hand holds, and where the arm is; or that it is not live."""
+    if (silence_s := silence_of(snapshot)) is not None:
+        return f"{minutes(snapshot.t_s)}  {_not_live(snapshot, silence_s)}"
     held = words_of_hand(snapshot.hand).deadman.removeprefix("the ")
     deadman = f"{held} {'held' if snapshot.deadman else 'up'}"
     mode = "orientation" if snapshot.orientation_mode else "translation"
@@ -97,9 +104,16 @@ def arm_line(snapshot: StatusSnapshot) -> str:
 
 def reason_parts(snapshot: StatusSnapshot) -> list[str]:
     """Why the arm does not move and what to do, or why it stopped last; none if it has not."""
+    if (silence_s := silence_of(snapshot)) is not None:
+        return [f"{not_received(silence_s)} {STILL_STOPS} still stops it."]
     if snapshot.reason:
         return [advice(snapshot.reason, snapshot.lasting, words_of_hand(snapshot.hand))]
     return [f"last stop: {snapshot.last_stop}"] if snapshot.last_stop else []
+
+
+def _not_live(snapshot: StatusSnapshot, silence_s: float) -> str:
+    lost = "LINK LOST, " if snapshot.arming == "link lost" else ""
+    return f"{lost}{NOT_LIVE.upper()} for {silence_s:.1f} s"
 
 
 def minutes(t_s: float) -> str:

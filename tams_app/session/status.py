@@ -46,6 +46,8 @@ class StatusSnapshot:
     reason: why the arm does not move, "" if nothing holds it, as it is logged. lasting: label of
     what of it is still there; "": its cause is gone; None: not known. last_stop: label of the last
     stop of the recorded list, "" before the first. hand: what drives the arm, of `HANDS`.
+    now_ns: the moment, on the session's clock. heard_ns: when what it says of the arm was true: of
+    the control loop's last tick, or when the robot's side's last message came; None: not live.
     """
 
     t_s: float
@@ -70,6 +72,8 @@ class StatusSnapshot:
     budget_kbps: float | None = None
     estimate_kbps: float | None = None  # of the capacity, as the budget believes
     loss: float | None = None  # share of the packets of the last second
+    now_ns: int = 0
+    heard_ns: int | None = None
 
 
 class StatusBoard(Listener):
@@ -82,6 +86,7 @@ class StatusBoard(Listener):
         self._output: TeleopOutput | None = None
         self._arm: ArmState | None = None
         self._sample: ControllerSample | None = None
+        self._heard_ns: int | None = None
         self._last_stop = ""
         self._uplink = UplinkMeter(views)
         self._notes: deque[str] = deque(maxlen=50)
@@ -90,7 +95,7 @@ class StatusBoard(Listener):
         self.phase = change.phase
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self._output, self._arm = output, arm
+        self._output, self._arm, self._heard_ns = output, arm, now_ns
 
     def on_stop(self, stop: StopRecord) -> None:
         self._last_stop = stop.reason
@@ -165,6 +170,8 @@ class StatusBoard(Listener):
             budget_kbps=self._allocation.budget_kbps if self._allocation else None,
             estimate_kbps=finite(self._allocation.capacity_kbps) if self._allocation else None,
             loss=uplink.loss,
+            now_ns=now_ns,
+            heard_ns=self._heard_ns,
         )
 
 

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -79,7 +80,8 @@ class PlayedSession:
         return time.monotonic() - self._began_s
 
     def snapshot(self) -> StatusSnapshot:
-        return SNAPSHOT
+        now_ns = time.monotonic_ns()
+        return replace(SNAPSHOT, now_ns=now_ns, heard_ns=now_ns)
 
     def end(self, reason: str) -> None:
         self.reason = self.reason or reason

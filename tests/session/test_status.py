@@ -14,9 +14,10 @@ from tams_app.records import (
     PacketKind,
     PacketRecord,
     Phase,
+    StopRecord,
 )
 from tams_app.session.status import StatusBoard
-from tams_app.teleop.safety import ArmingState
+from tams_app.teleop.safety import ArmingState, Reason
 from tests.session.test_parts import arm_at, output
 
 pytestmark = pytest.mark.untimed
@@ -93,3 +94,15 @@ def test_budget_and_estimate_are_those_of_the_last_allocation():
     assert shown.capacity_kbps == 6000.0
     board.on_allocation(Allocation(0, Phase.REACH, float("inf"), 4600.0, {"gt": 4000}))
     assert snapshot(board).estimate_kbps is None
+
+
+def test_the_last_stop_is_the_recorded_one_and_what_is_in_the_way_is_none():
+    board = StatusBoard(("gt",))
+    board.on_output(10**8, output(ArmingState.READY, Reason.POSE_FROZEN), None)
+    shown = snapshot(board)
+    assert (shown.reason, shown.last_stop) == ("pose frozen", "")
+    assert (shown.heard_ns, shown.now_ns) == (10**8, 10**9)
+    board.on_stop(StopRecord("stale video", 0, 10**8))
+    board.on_output(2 * 10**8, output(ArmingState.READY), None)
+    shown = snapshot(board)
+    assert (shown.reason, shown.last_stop) == ("", "stale video")

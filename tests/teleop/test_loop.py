@@ -215,6 +215,31 @@ def test_what_the_link_says_goes_on_with_what_else_is_in_the_way(engaged: Bench)
     assert output.detail == "It is gone, and controller disconnected"
 
 
+def test_what_of_a_stop_is_still_there_is_told_until_it_is_gone(engaged: Bench) -> None:
+    engaged.hand.status = ControllerStatus.TRACKING_LOST
+    held = engaged.tick()
+    assert (held.arming, held.reason, held.lasting) == (
+        ArmingState.HOLDING,
+        Reason.TRACKING_LOST,
+        Reason.TRACKING_LOST,
+    )
+    engaged.hand.status = ControllerStatus.OK
+    back = engaged.tick()
+    assert (back.arming, back.reason, back.lasting) == (
+        ArmingState.HOLDING,
+        Reason.TRACKING_LOST,
+        None,
+    )
+    engaged.hand.status = ControllerStatus.DISCONNECTED
+    lost = engaged.tick()
+    assert lost.lasting is Reason.CONTROLLER_DISCONNECTED
+    engaged.hand.status = ControllerStatus.ROLE_SWAPPED
+    assert engaged.tick().lasting is Reason.ROLE_SWAPPED, "another cause is in the way now"
+    engaged.hand.status = ControllerStatus.OK
+    over = engaged.tick()
+    assert (over.reason, over.lasting) == (Reason.CONTROLLER_DISCONNECTED, None)
+
+
 def test_a_confirmation_that_does_not_count_is_told_what_is_in_the_way(bench: Bench) -> None:
     bench.run(3)
     bench.hand.trigger = 1.0

@@ -16,8 +16,11 @@ from tams_app.console.window.figures import is_old, view_title
 from tams_app.console.window.messages import Facts
 from tams_app.console.window.pacing import Pacer
 from tams_app.console.window.places import Places
+from tams_app.console.window.silence import as_known
+from tams_app.units import NS_PER_MS
 
 PANEL = "panel"
+_SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 
 
 def overlay_names(views: tuple[str, ...]) -> tuple[str, ...]:
@@ -54,6 +57,8 @@ class HeadsetDisplay:
         self._seen = dict.fromkeys(views, 0)
         self._places = Places(views)
         self._words: PanelWords | None = None
+        self._newest: Facts | None = None
+        self._silence_ns = 0  # when to tell the time of a silence anew
         self._dirty = set(views)
         self._pacer = Pacer(now_ns, time.process_time_ns())
         self.drawings = 0
@@ -63,8 +68,13 @@ class HeadsetDisplay:
 
     def step(self, now_ns: int) -> None:
         """Take in what is new, and show it if it is time to."""
-        if (facts := self._facts.newer()) is not None:
-            self._take_in(facts, now_ns)
+        newer = self._facts.newer()
+        self._newest = newer or self._newest
+        if self._newest is not None:
+            known = as_known(self._newest, now_ns)
+            if newer is not None or (known.silent_s is not None and now_ns >= self._silence_ns):
+                self._silence_ns = now_ns + _SILENCE_NS
+                self._take_in(known, now_ns)
         if self._pacer.may_draw(now_ns):
             self._take_frames()
             if self._dirty:
@@ -94,7 +104,8 @@ class HeadsetDisplay:
         for view, cell in self._cells.items():
             view_facts = facts.views.get(view)
             title = view_title(view, view_facts, view == facts.primary_view, opening)
-            if cell.tell(title, is_old(view_facts, opening.old_ms)):
+            silent = facts.silent_s is not None
+            if cell.tell(title, silent or is_old(view_facts, opening.old_ms), silent):
                 self._dirty.add(view)
         words = panel_words(facts, opening.hand)
         if words != self._words:

@@ -44,23 +44,34 @@ class ViewCell:
             self.pixels[frame.top :, -frame.left :],
             self.pixels[rows.stop :],
         )
-        self._told: tuple[str, bool] | None = None
+        self._told: tuple[str, bool, bool] | None = None
 
     def show(self, frame: Image) -> Image:
         """A BGR frame, shape (height, width, 3), from now on; the part of the cell that has it."""
         cv2.cvtColor(frame, cv2.COLOR_BGR2RGBA, dst=self._frame)
+        if self._told is not None and self._told[2]:
+            self._grey()
         return self._frame
 
-    def tell(self, title: str, old: bool) -> bool:
-        """What is written above the frame; whether anything has changed."""
-        if (title, old) == self._told:
+    def tell(self, title: str, old: bool, silent: bool = False) -> bool:
+        """What is written above the frame; whether anything has changed.
+
+        `silent`: the session is, and the frame grey until the first one that comes afterwards.
+        """
+        if (title, old, silent) == self._told:
             return False
+        if silent and (self._told is None or not self._told[2]):
+            self._grey()
         if self._told is None or old != self._told[1]:
             for edge in self._edges:
                 _draw(edge, _stripes if old else self._ground)
         _draw(self._header, lambda cr, width, height: self._head(cr, width, height, title, old))
-        self._told = title, old
+        self._told = title, old, silent
         return True
+
+    def _grey(self) -> None:
+        grey = cv2.cvtColor(self._frame, cv2.COLOR_RGBA2GRAY) // 2
+        self._frame[..., :3] = grey[..., np.newaxis]
 
     def _ground(self, cr: Context, width: float, height: float) -> None:
         fill(cr, self._colour, 0, 0, width, height)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from tams_app import palette
 from tams_app.console.window.messages import Facts
+from tams_app.console.window.silence import NOT_LIVE, STILL_STOPS, not_received
 from tams_app.teleop.hands import HANDS, SIMULATED, HandWords
 
 
@@ -42,6 +43,7 @@ LOOKS = {
     "holding": Look("HOLDING", "❚❚", "dashed", palette.YELLOW, _DARK),
     "fault": Look("FAULT", "✖", "double", "#C73E00", _LIGHT),
     "link lost": Look("LINK LOST", "⚠", "dotted", palette.PURPLE, _DARK),
+    NOT_LIVE: Look("NOT LIVE", "□", "outset", "#C3C7CB", _DARK),
 }
 _OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
 
@@ -88,6 +90,9 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
     hand: what drives the arm, of `HANDS`. shift_is_dead: `Keyboard.shift_is_dead`.
     """
     words = HANDS[hand]
+    if facts.arming == NOT_LIVE and facts.silent_s is not None:
+        key = f"{STILL_STOPS} still stops it"
+        return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)
     if facts.replay is not None:
         banner = _banner_of(facts, _QUIET, words)
         return replace(
@@ -120,6 +125,8 @@ def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWo
             sentence = f"{sentence} {_told(facts)}"
         elif facts.last_stop:
             sentence = f"{sentence} Last stop: {facts.last_stop}."
+    elif facts.silent_s is not None:
+        sentence = f"{sentence} {not_received(facts.silent_s)}"
     return Banner(look, sentence, key)
 
 

@@ -172,7 +172,7 @@ def draw_hand(cr: Context, width: float, height: float, facts: Facts) -> None:
     size = min(step * 0.68, width / 17)
     for number, (name, word) in enumerate(rows):
         y = step * (number + 0.75)
-        held = number == 0 and facts.deadman
+        held = number == 0 and facts.deadman is True
         if held:
             fill(
                 cr, look_of("engaged").colour, width * 0.36 - 6, y - size, width * 0.6, size * 1.35

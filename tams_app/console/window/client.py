@@ -109,7 +109,7 @@ class FaceClient:
     def show(self, facts: Facts) -> None:
         """These facts from now on."""
         if self._facts is not None:
-            self._facts.put(facts)
+            self._facts.put(msgspec.structs.replace(facts, told_ns=self._clock.now_ns()))
 
     def body(self, on_event: Callable[[Event], None]) -> Callable[[threading.Event], None]:
         """A worker's body that hands on every event, until it is told to stop or none can come."""

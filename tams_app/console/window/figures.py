@@ -37,7 +37,7 @@ def hand_rows(facts: Facts) -> tuple[tuple[str, str], ...]:
     """What the operator's hand does: name and word."""
     gripper = {None: "not known", True: "closed", False: "open"}[facts.gripper_closed]
     return (
-        ("deadman", "HELD" if facts.deadman else "released"),
+        ("deadman", {None: "not known", True: "HELD", False: "released"}[facts.deadman]),
         ("mode", "orientation" if facts.orientation_mode else "translation"),
         ("gripper", gripper),
         ("buttons", ", ".join(facts.pressed) or "none"),

@@ -99,7 +99,10 @@ class Facts(msgspec.Struct, frozen=True):
     """What the session knows at one moment, and what it said last.
 
     arming: the state's word. reason: why the arm does not move, "" if nothing holds it; advice:
-    what to do about it now. last_stop: the reason of the last stop, "" before the first.
+    what to do about it now. last_stop: the reason of the last stop, "" before the first. deadman:
+    None: not known. told_ns: when they were put (`FaceClient`); heard_ns: when what they say of the
+    arm was true, None: not known yet. silent_s: for how long nothing has been received, None while
+    that is short; only a face knows it (`console.window.silence`).
     """
 
     t_s: float
@@ -107,7 +110,7 @@ class Facts(msgspec.Struct, frozen=True):
     reason: str
     advice: str
     last_stop: str
-    deadman: bool
+    deadman: bool | None
     pressed: tuple[str, ...]
     orientation_mode: bool
     gripper_closed: bool | None
@@ -124,6 +127,9 @@ class Facts(msgspec.Struct, frozen=True):
     trial: TrialFacts | None = None
     replay: ReplayFacts | None = None
     said: tuple[Said, ...] = ()
+    told_ns: int = 0
+    heard_ns: int | None = None
+    silent_s: float | None = None
 
 
 class Asked(msgspec.Struct, frozen=True, tag="asked"):

@@ -47,7 +47,7 @@ class NumbersPanel:
 
     def __init__(self, views: tuple[str, ...], workspace: Workspace, history: History) -> None:
         Gtk = load().Gtk
-        self._history = history
+        self._facts: Facts | None = None
         rates = _area(
             lambda cr, width, height: canvas.draw_rates(cr, width, height, history, views)
         )
@@ -74,15 +74,16 @@ class NumbersPanel:
         self.widget.attach(above, 0, 13, 1, 7)
         self.widget.attach(hand, 1, 13, 1, 7)
 
-    def show(self, _facts: Facts) -> None:
-        """Draw anew from the history."""
+    def show(self, facts: Facts) -> None:
+        """These facts, and the rates from the history."""
+        self._facts = facts
         for area in self._areas:
             area.queue_draw()
 
     def _of_facts(self, draw: Callable[[Any, float, float, Facts], None]) -> Any:
         def draw_newest(cr: Any, width: float, height: float) -> None:
-            if self._history.facts:
-                draw(cr, width, height, self._history.facts[-1])
+            if self._facts is not None:
+                draw(cr, width, height, self._facts)
 
         return _area(draw_newest)
 
@@ -90,8 +91,9 @@ class NumbersPanel:
 class TrialPanel:
     """In place of the numbers where a trial is under way: they would tell what is compared."""
 
-    def __init__(self, workspace: Workspace, history: History) -> None:
+    def __init__(self, workspace: Workspace) -> None:
         Gtk = load().Gtk
+        self._facts: Facts | None = None
         self.widget = Gtk.Box(
             orientation=Gtk.Orientation.VERTICAL, spacing=10, hexpand=True, vexpand=True
         )
@@ -103,8 +105,8 @@ class TrialPanel:
         self.widget.append(card)
 
         def draw(cr: Any, width: float, height: float) -> None:
-            if history.facts:
-                facts = history.facts[-1]
+            if self._facts is not None:
+                facts = self._facts
                 canvas.draw_workspace(cr, width / 2 - 2, height, workspace, facts)
                 cr.translate(width / 2 + 2, 0)
                 canvas.draw_hand(cr, width / 2 - 2, height, facts)
@@ -114,6 +116,7 @@ class TrialPanel:
 
     def show(self, facts: Facts) -> None:
         """The trial as it stands."""
+        self._facts = facts
         if facts.trial is not None:
             self._write(facts.trial)
         self._area.queue_draw()

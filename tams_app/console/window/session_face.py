@@ -234,6 +234,7 @@ def facts_of(
         trial=trial,
         replay=replay,
         said=said,
+        heard_ns=snapshot.heard_ns,
     )
 
 

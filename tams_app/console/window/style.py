@@ -8,6 +8,7 @@ from tams_app.console.window.canvas import FAINT, GROUND, INK, PANEL
 
 DESIGN_HEIGHT = 720  # sizes below are for it; a higher window has all of it larger
 _BORDER_PX = 6
+LIVE_CLASS, SILENT_CLASS = "live", "silent"  # what is live only, and in a window that is not
 
 
 def state_class(arming: str) -> str:
@@ -51,6 +52,7 @@ def style_sheet(scale: float) -> str:
         f"font-size: {px(22)}; font-weight: bold; "
         f"padding: {px(2)} {px(26)}; min-width: {px(64)}; }}",
         "button.stop:active { background: #600010; }",
+        f".{SILENT_CLASS} .{LIVE_CLASS} {{ filter: grayscale(100%); opacity: 0.45; }}",
     ]
     for place, colour in enumerate(palette.VIEW_COLOURS):
         rules.append(f".{view_class(place)} {{ border-color: {colour}; }}")

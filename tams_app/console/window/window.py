@@ -23,8 +23,16 @@ from tams_app.console.window.panels import (
 )
 from tams_app.console.window.picture import PicturePlace, texture_of
 from tams_app.console.window.places import Places
+from tams_app.console.window.silence import as_known
 from tams_app.console.window.size_memory import Size
-from tams_app.console.window.style import DESIGN_HEIGHT, state_class, style_sheet, view_class
+from tams_app.console.window.style import (
+    DESIGN_HEIGHT,
+    LIVE_CLASS,
+    SILENT_CLASS,
+    state_class,
+    style_sheet,
+    view_class,
+)
 from tams_app.console.window.toolkit import load
 from tams_app.console.wishes import Wish
 from tams_app.runtime.clock import Clock
@@ -35,6 +43,7 @@ TITLE = "TAMS"
 LOOK_MS = 8  # for new frames
 _NOT_LOOKING_NS = 200 * NS_PER_MS
 _FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
+_SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 _TIMELINE_PX, _GAP_PX = 48, 4
 
 
@@ -57,7 +66,8 @@ class OperatorWindow:
         self._seen = dict.fromkeys(opening.views, 0)
         self._textures: dict[str, Any] = {}
         self._facts_reader = facts
-        self._facts: Facts | None = None
+        self._facts: Facts | None = None  # as they were put last
+        self._shown: Facts | None = None  # as they may be shown
         self._tell = tell
         self._clock = clock
         self._keyboard = Keyboard()
@@ -68,6 +78,7 @@ class OperatorWindow:
         self._history = History()
         self._drawings = 0
         self._figures_ns = 0
+        self._silence_ns = 0  # when to tell the time of a silence anew
         self._looked_ns = clock.now_ns()
         self._state = ""
         self._scale = 0.0
@@ -102,12 +113,11 @@ class OperatorWindow:
         click = Wish.CONFIRM if self._is_replay else Wish.EMERGENCY_STOP
         self._banner = BannerPanel(lambda: self._ask(click))
         self._pictures = [PicturePlace() for _ in self._opening.views]
-        panel_kind = TrialPanel if self._opening.blind else None
         workspace, views = self._opening.workspace, self._opening.views
         self._panel: NumbersPanel | TrialPanel = (
-            NumbersPanel(views, workspace, self._history)
-            if panel_kind is None
-            else panel_kind(workspace, self._history)
+            TrialPanel(workspace)
+            if self._opening.blind
+            else NumbersPanel(views, workspace, self._history)
         )
         self._timeline: Timeline | LogBar = (
             Timeline(self._history)
@@ -120,8 +130,11 @@ class OperatorWindow:
         said.append(self._said)
         self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
         self._frame.add_css_class("frame")
-        for part in (self._banner.widget, self._main_part(), self._timeline.widget, said):
+        main = self._main_part()
+        for part in (self._banner.widget, main, self._timeline.widget, said):
             self._frame.append(part)
+        for part in (main, self._timeline.widget):
+            part.add_css_class(LIVE_CLASS)
         self._keys = key_list(self._key_help)
         overlay = Gtk.Overlay(child=self._frame)
         overlay.add_overlay(self._keys)
@@ -254,16 +267,30 @@ class OperatorWindow:
     def _look(self) -> bool:
         now_ns = self._clock.now_ns()
         if (facts := self._facts_reader.newer()) is not None:
-            self._take_in(facts, now_ns)
+            self._facts = facts
+            self._take_in(as_known(facts, now_ns), now_ns)
+        elif self._facts is not None and self._is_silent(self._facts, now_ns):
+            self._take_in(as_known(self._facts, now_ns), now_ns)
         if self._pacer.may_draw(now_ns) and self._take_frames():
             self._drawings += 1
             self._pacer.drawn(now_ns, time.process_time_ns())
         self._looked_ns = self._clock.now_ns()
         return True
 
+    def _is_silent(self, facts: Facts, now_ns: int) -> bool:
+        """Whether nothing has come for too long, and it is time to show for how long."""
+        if now_ns < self._silence_ns or as_known(facts, now_ns) is facts:
+            return False
+        self._silence_ns = now_ns + _SILENCE_NS
+        return True
+
     def _take_in(self, facts: Facts, now_ns: int) -> None:
-        self._facts = facts
+        self._shown = facts
         self._history.add(facts)
+        if facts.silent_s is None:
+            self._frame.remove_css_class(SILENT_CLASS)
+        else:
+            self._frame.add_css_class(SILENT_CLASS)
         dead = self._keyboard.shift_is_dead
         self._banner.show(banner_of(facts, self._opening.hand, dead))
         if facts.arming != self._state:
@@ -284,8 +311,8 @@ class OperatorWindow:
 
     def _show_places(self) -> None:
         for view, picture in zip(self._places.views, self._pictures, strict=True):
-            view_facts = None if self._facts is None else self._facts.views.get(view)
-            is_primary = self._facts is not None and view == self._facts.primary_view
+            view_facts = None if self._shown is None else self._shown.views.get(view)
+            is_primary = self._shown is not None and view == self._shown.primary_view
             title = view_title(view, view_facts, is_primary, self._opening)
             picture.tell(title, view_class(self._opening.views.index(view)))
 

@@ -300,6 +300,8 @@ class OperatorSession(Ending):
             budget_kbps=None if state is None else state.budget_kbps,
             estimate_kbps=None if state is None else state.capacity_kbps,
             loss=None if state is None else state.loss,
+            now_ns=self._clock.now_ns(),
+            heard_ns=None if state is None else self._link.state_heard_ns,
         )
 
     def stop_arm(self) -> None:

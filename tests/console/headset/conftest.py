@@ -15,6 +15,7 @@ from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
+from tests.console.window.feeding import Feeding, feeding
 from tests.console.window.xvfb import virtual_screen
 
 
@@ -25,6 +26,7 @@ class WornHeadset:
     client: FaceClient
     block: FrameBlock
     steamvr: SteamVr
+    feeder: Feeding
     events: list[Event] = field(default_factory=list)
     _index: int = 0
 
@@ -35,7 +37,8 @@ class WornHeadset:
             self.block.put(view, self._index, self._index, image)
 
     def show(self, facts: Facts) -> None:
-        self.client.show(facts)
+        """As by a session that lives, until others are shown."""
+        self.feeder.show(facts)
 
     @property
     def drawings(self) -> int:
@@ -58,13 +61,14 @@ def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
         client = FaceClient(MonotonicClock(), FAKED)
         client.launch(folder, headset=HeadsetConfig().model_dump())
         client.open(config, block, blind=False)
-        worn, stop = WornHeadset(client, block, found), threading.Event()
-        hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
-        hearing.start()
-        try:
-            yield worn
-        finally:
-            stop.set()
-            hearing.join()
-            client.close()
-            block.close()
+        with feeding(client) as feeder:
+            worn, stop = WornHeadset(client, block, found, feeder), threading.Event()
+            hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
+            hearing.start()
+            try:
+                yield worn
+            finally:
+                stop.set()
+                hearing.join()
+        client.close()
+        block.close()

@@ -174,6 +174,28 @@ def test_another_phase_reason_or_message_changes_the_panel(headset: WornHeadset)
         assert wait_for(lambda: bool((panel(headset) != before)[rows].any()))  # noqa: B023
 
 
+def test_a_headset_whose_session_is_silent_says_so_and_greys_its_views(
+    headset: WornHeadset, pictures: dict[str, Image]
+) -> None:
+    headset.put(pictures)
+    tell(headset, FACTS)
+    assert wait_for(lambda: share_of(panel(headset)[:96], LOOKS["engaged"].colour) > 0.5)
+    headset.feeder.pause()
+    assert wait_for(lambda: share_of(panel(headset)[:96], LOOKS["not live"].colour) > 0.5)
+
+    def is_grey() -> bool:
+        return all(
+            int(np.ptp(frame_of(headset.steamvr.seen(place)).astype(int), axis=2).max()) == 0
+            for place in PLACES
+        )
+
+    assert wait_for(is_grey)
+    tell(headset, FACTS)
+    headset.put(pictures)
+    assert wait_for(lambda: share_of(panel(headset)[:96], LOOKS["engaged"].colour) > 0.5)
+    assert wait_for(lambda: not is_grey())
+
+
 def test_an_old_frame_gets_a_striped_border_and_loses_it_with_the_next(
     headset: WornHeadset, pictures: dict[str, Image]
 ) -> None:

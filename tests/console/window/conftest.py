@@ -15,6 +15,7 @@ from tams_app.console.wishes import Wish
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.console.window.feeding import Feeding, feeding
 from tests.console.window.xvfb import Screen, virtual_screen
 
 
@@ -25,6 +26,7 @@ class ShownWindow:
     client: FaceClient
     block: FrameBlock
     screen: Screen
+    feeder: Feeding
     events: list[Event] = field(default_factory=list)
     _index: int = 0
 
@@ -35,7 +37,8 @@ class ShownWindow:
             self.block.put(view, self._index, self._index, image)
 
     def show(self, facts: Facts) -> None:
-        self.client.show(facts)
+        """As by a session that lives, until others are shown."""
+        self.feeder.show(facts)
 
     def wishes(self) -> list[Wish]:
         """What was asked for, in order."""
@@ -53,14 +56,15 @@ def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
         client = FaceClient(MonotonicClock(), WINDOW)
         client.launch(folder)
         client.open(config, block, blind=False)
-        shown, stop = ShownWindow(client, block, screen), threading.Event()
-        hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
-        hearing.start()
-        screen.focus("TAMS")
-        try:
-            yield shown
-        finally:
-            stop.set()
-            hearing.join()
-            client.close()
-            block.close()
+        with feeding(client) as feeder:
+            shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
+            hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
+            hearing.start()
+            screen.focus("TAMS")
+            try:
+                yield shown
+            finally:
+                stop.set()
+                hearing.join()
+        client.close()
+        block.close()

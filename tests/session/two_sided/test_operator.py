@@ -11,14 +11,18 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from tams_app.config import Config, load_config
+from tams_app.console.status import status_words
+from tams_app.console.window.session_face import facts_of
+from tams_app.console.window.silence import as_known, silence_of
 from tams_app.errors import TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
-from tams_app.link.messages import PROTOCOL, Welcome, decode, encode
+from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
 from tams_app.records import ShownFrame
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.fresh_video import SteeredBy
@@ -29,6 +33,39 @@ from tams_app.video.codecs import AVDEC
 from tams_app.video.repair import RepairRule
 
 pytestmark = pytest.mark.waiting
+
+STATE = StateMessage(
+    sent_ns=1,
+    echo_ns=0,
+    echo_heard_ns=0,
+    arming="ready",
+    reason="",
+    deadman=False,
+    orientation_mode=False,
+    phase="REACH",
+    primary_view="eih",
+    tcp_mm=None,
+    gripper_closed=None,
+    target_kbps=(),
+    sent_kbps=(),
+    budget_kbps=None,
+    capacity_kbps=None,
+    link_kbps=None,
+    queue_ms=None,
+    loss=None,
+    video_age_ms=(),
+    first_capture_ns=(),
+    haptics=0,
+    haptic="",
+    confirms=0,
+    stops=0,
+    noted=0,
+    notes=(),
+    ended="",
+    failed=False,
+    lasting="",
+    last_stop="",
+)
 
 
 def simulated(**changes: object) -> Config:
@@ -129,6 +166,29 @@ def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_th
     assert not session._hears_nothing()
     clock.advance_ns(20 * NS_PER_MS)
     assert session._hears_nothing()
+
+
+def test_what_the_operator_sees_of_a_silent_robot_is_not_live(
+    endpoint: Endpoint, tmp_path: Path
+) -> None:
+    clock = VirtualClock()
+    session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
+    state = msgspec.structs.replace(STATE, arming="engaged", deadman=True)
+    link: Any = SimpleNamespace(
+        state=state, state_heard_ns=clock.now_ns(), sample=None, offset=None, event=None
+    )
+    session._link, session._welcome = link, decode(welcome(stopped_after_ms=900.0), Welcome)
+    clock.advance_ns(290 * NS_PER_MS)
+    assert silence_of(session.snapshot()) is None
+    clock.advance_ns(110 * NS_PER_MS)
+    shown = session.snapshot()
+    assert silence_of(shown) == pytest.approx(0.4)
+    assert "NOT LIVE for 0.4 s" in status_words(shown).live
+    facts = msgspec.structs.replace(facts_of(shown, ()), told_ns=clock.now_ns())
+    known = as_known(facts, clock.now_ns())
+    assert (known.arming, known.deadman) == ("not live", None)
+    clock.advance_ns(600 * NS_PER_MS)
+    assert "LINK LOST, NOT LIVE" in status_words(session.snapshot()).live
 
 
 def start(

@@ -23,6 +23,7 @@ from tams_app.records import (
     Phase,
     Pose,
     StateHeard,
+    StopRecord,
 )
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
@@ -449,6 +450,20 @@ def test_the_robots_side_knows_whether_a_person_holds_the_controller(simulated: 
     sides.operator._driven_with = "sim" if simulated else "openvr"
     sides.run(0.5)
     assert sides.robot.operator_is_simulated is simulated
+
+
+def test_each_side_knows_what_the_other_has_to_tell_the_operator():
+    sides = Sides()
+    assert sides.robot.hand == "sim", "until it is known"
+    sides.operator._driven_with = "keyboard"
+    sides.robot.on_stop(StopRecord("stale video", 0, 1))
+    sides.run(0.5)
+    assert sides.robot.hand == "keyboard"
+    assert sides.operator.state.last_stop == "stale video"
+    assert sides.operator.state.lasting == ""
+    sides.operator._driven_with = "a glove"
+    sides.run(0.5)
+    assert sides.robot.hand == "keyboard", "of a hand that is not known there are no words"
 
 
 def test_the_primary_view_is_the_one_of_the_robot_s_weights():
