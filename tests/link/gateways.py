@@ -80,7 +80,7 @@ class Pair:
     def gateway(self, side: str, port: int, key: Path | None) -> Gateway:
         """A gateway that is ready."""
         logs = self._logs / f"{side}-{len(self.heard)}"
-        logs.mkdir()
+        logs.mkdir(exist_ok=True)  # of one that has ended
         content = b"welcome" if side == "robot" else b"greeting"
         made = Gateway(side, Endpoint(LOOPBACK, port, key), content, logs)  # type: ignore[arg-type]
         self._stack.callback(made.close)
