@@ -21,7 +21,6 @@ from tams_app.console.wishes import Wish
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.control import Signals
 from tams_app.session.status import StatusBoard
-from tams_app.teleop.hands import hand_of
 
 pytestmark = pytest.mark.waiting
 
@@ -86,18 +85,6 @@ def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told)
     (level, text), _ = told("tams.yaml", active=False, hand="spacemouse")
     assert level == "warning"
     assert "cannot be armed" in text
-
-
-@pytest.mark.parametrize(
-    ("name", "device", "hand"),
-    [
-        ("tams.yaml", "auto", "sim"),
-        ("tams.yaml", "gamepad", "gamepad"),
-        ("lite6.yaml", "auto", "openvr"),
-    ],
-)
-def test_what_drives_the_arm_is_known(name, device, hand):
-    assert hand_of(EndedSession(name, device).config) == hand
 
 
 def test_at_the_hardware_a_computer_without_frames_is_told_of(told):

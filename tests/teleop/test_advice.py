@@ -2,8 +2,9 @@
 
 import pytest
 
+from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.teleop.advice import advice, refusal, what_to_do
-from tams_app.teleop.hands import HANDS, words_of, words_of_hand
+from tams_app.teleop.hands import HANDS, hand_of, words_of, words_of_hand
 from tams_app.teleop.reasons import Reason
 
 pytestmark = pytest.mark.untimed
@@ -71,3 +72,15 @@ def test_a_log_tells_which_hand_drove_and_an_older_one_reads_as_a_tracked_one():
     assert words_of({"hand": "keyboard"}) is KEYBOARD
     assert words_of({}) is words_of({"hand": "a glove"}) is OPENVR
     assert words_of_hand("keyboard") is KEYBOARD
+
+
+@pytest.mark.parametrize(
+    ("name", "device", "hand"),
+    [
+        ("tams.yaml", "auto", "sim"),
+        ("tams.yaml", "gamepad", "gamepad"),
+        ("lite6.yaml", "auto", "openvr"),
+    ],
+)
+def test_what_drives_the_arm_is_known(name, device, hand):
+    assert hand_of(load_config(CONFIG_DIRECTORY / name, {"controller.device": device})) == hand
