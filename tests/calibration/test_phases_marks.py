@@ -95,7 +95,7 @@ def test_bad_marks_are_refused_with_the_line(tmp_path, rows, line, reason) -> No
 
 
 def test_marks_that_cannot_be_kept_are_one_sentence(tmp_path) -> None:
-    with pytest.raises(TamsError, match=r"gone: cannot be written"):
+    with pytest.raises(TamsError, match=r"gone/phases.csv: cannot be written"):
         write_marks(tmp_path / "gone" / "phases.csv", SOME)
 
 
