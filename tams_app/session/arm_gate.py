@@ -1,4 +1,4 @@
-"""The one place that enables and stops the arm.
+"""The one place of a session that enables the arm and sends the application's stops.
 
 What waits for the arm's replies is done outside the control loop, by `run`.
 """

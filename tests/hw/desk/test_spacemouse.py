@@ -187,3 +187,23 @@ def test_a_cap_at_rest_with_the_deadman_held_is_stale_unless_the_mouse_is_on_a_c
     assert last_known_ns(driver) == now_ns
     now_ns += NS_PER_S
     assert last_known_ns(driver) == now_ns
+
+
+def test_a_button_that_went_up_in_a_gap_is_down_until_a_button_or_nothing_is_reported(
+    mouse: FakeMouse,
+) -> None:
+    """What docs/SAFETY.md says of a report that the radio loses: it cannot be noticed."""
+    now_ns = NS_PER_S
+    driver = SpaceMouse(DeskConfig(wireless=True), lambda: now_ns)
+    driver.open()
+    mouse.waiting = [buttons_report(LEFT)]
+    for _ in range(100):  # the report that it went up would be among them
+        now_ns += 16 * NS_PER_MS
+        mouse.waiting += [axes_report(1, 0, -350, 0)]
+        deflection, known_ns = driver.read()
+        assert (deflection.trigger, known_ns) == (1.0, now_ns)
+    heard_ns = now_ns
+    now_ns += NS_PER_S
+    assert last_known_ns(driver) == heard_ns
+    mouse.waiting = [buttons_report(0)]
+    assert driver.read()[0].trigger == 0.0
