@@ -16,6 +16,7 @@ from hw.arm_report import ArmReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 REST_M, REST_RAD = 0.005, 0.02  # an arm that is to stand may be this far from where it came to rest
+CREPT_RAD = 0.05  # ... and have crept no further, however slowly: sag and drift are far less
 _TURNED_RAD = 0.001  # noise is less; a TCP that moves and no joint does has got another tool
 _DRIFT_M_S, _DRIFT_RAD_S = 0.002, 0.002  # slower than this is no motion: that place follows
 _SPEED_MARGIN = 1.1
@@ -86,8 +87,9 @@ class MotionWatch:
     """Judges each report; `begin` with an arming, then `hear` every beat and `look` at reports.
 
     - At rest: from `grace_ns` after the last motion that was commanded on, the TCP stays within
-      5 mm and every joint within 0.02 rad of where it came to rest. A TCP that moves while no joint
-      does has got another tool (a control box that restarts has forgotten its own).
+      5 mm and every joint within 0.02 rad of where it came to rest. That place follows what is
+      slower than 2 mm/s and 0.002 rad/s, until a joint has crept 0.05 rad. A TCP that moves while
+      no joint does has got another tool (a control box that restarts has forgotten its own).
     - Speed: what the TCP (on the way home: the fastest joint) travels beyond 1.1 times the highest
       speed that was commanded within `grace_ns`, and 25 mm/s (0.02 rad/s), adds up to no more than
       the leash, 2.5 mm (0.05 rad) of noise, and the way at that speed within 30 ms and the longest
@@ -156,11 +158,13 @@ class MotionWatch:
     def _at_rest(self, report: ArmReport, elapsed_s: float) -> Cause:
         rest = self._rest
         if rest is None:
-            self._rest = _Place(list(report.position), list(report.joints))
+            self._rest = _Place(list(report.position), list(report.joints), report.joints)
             return Cause.NONE
         moved_m = math.dist(report.position, rest.position)
         turned_rad = _most_apart(report.joints, rest.joints)
         if turned_rad > REST_RAD or (moved_m > REST_M and turned_rad > _TURNED_RAD):
+            return Cause.UNASKED
+        if _most_apart(report.joints, rest.first_joints) > CREPT_RAD:
             return Cause.UNASKED
         if moved_m > REST_M:
             rest.position[:] = report.position
@@ -209,10 +213,11 @@ class _Seen(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Where the arm came to rest."""
+    """Where the arm came to rest, and has crept to since."""
 
     position: list[float]
     joints: list[float]
+    first_joints: Sequence[float]  # where it came to rest
 
 
 class _Ahead:

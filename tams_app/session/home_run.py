@@ -13,6 +13,7 @@ from hw.arm import Arm
 from hw.guard.motion import Cause, Motion
 from tams_app.config import Config
 from tams_app.errors import DeviceError
+from tams_app.records import Activity
 from tams_app.runtime.clock import Clock, SleepWatch
 from tams_app.runtime.worker import Worker
 from tams_app.session.homing import (
@@ -61,6 +62,8 @@ class Guard(Protocol):
 
     def arm(self) -> None: ...
 
+    def disarm(self) -> None: ...
+
     def beat(self, now_ns: int, motion: Motion, deadman: bool, speed: float) -> None: ...
 
     def alive(self, now_ns: int) -> bool: ...
@@ -91,6 +94,7 @@ class HomeRun:
         self._sleep = SleepWatch(clock)
         self._watch_ns = round(config.arm.guard.heartbeat_timeout_ms * NS_PER_MS)
         self._beat_ns = 0
+        self._stopped_ns = 0  # when the arm was told to stop last
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
         self._starting: Worker | None = None
         self._said: HomingState | None = None
@@ -133,12 +137,15 @@ class HomeRun:
             )
         )
         if action is Action.STOP:
+            self._stopped_ns = now_ns
             self._arm.stop()
         elif action is Action.ARM:
             self._arm_guard()
         elif action is Action.START:
             self._starting = Worker("arm-homing", self._begin_move, lambda *_: None)
             self._starting.start()
+        if self._homing.state is HomingState.WAITING and self._has_stopped():
+            self._guard.disarm()  # from here on the arm may be guided by hand
         self._tell(now_ns)
 
     def _counts(self, keys: bytes) -> bool:
@@ -185,6 +192,15 @@ class HomeRun:
         if starting.failure is not None:
             raise starting.failure
         return True, ""
+
+    def _has_stopped(self) -> bool:
+        """Whether the arm has reported so since it was told to."""
+        arm = self._arm.state()
+        return (
+            arm is not None
+            and arm.activity is Activity.STOPPED
+            and arm.received_ns > self._stopped_ns
+        )
 
     def _guard_problem(self, now_ns: int) -> str:
         if self._sleep.slept():

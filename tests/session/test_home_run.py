@@ -48,6 +48,7 @@ class WatchedGuard:
 
     def __init__(self) -> None:
         self.armed = 0
+        self.watches = False
         self.beats: list[int] = []
         self.latched = False
         self.cause = Cause.NONE
@@ -62,8 +63,12 @@ class WatchedGuard:
 
     def arm(self) -> None:
         self.armed += 1
+        self.watches = True
         self.beats_of_arming = 0
         self.latched = False
+
+    def disarm(self) -> None:
+        self.watches = False
 
     def beat(self, now_ns: int, motion: Motion, deadman: bool, speed: float) -> None:
         self.beats.append(now_ns)
@@ -346,6 +351,21 @@ def test_an_arm_that_was_moved_by_hand_is_shown_its_new_path_before_it_moves() -
     assert len(paths_shown_s) == 2
     assert moved_s[0] - paths_shown_s[1] > 0.3  # the key was held anew
     assert bench.guard.armed == 1
+
+
+def test_between_two_presses_the_guard_leaves_an_arm_alone_that_stands() -> None:
+    """It may be guided by hand then; the guard watches until the arm has reported its stop."""
+    bench = Bench(held=lambda at: not 4.0 < at < 6.0)
+    watched: list[tuple[float, bool, bool]] = []
+
+    def watch() -> None:
+        watched.append((bench.elapsed_s(), bench.model.moving, bench.guard.watches))
+
+    bench.every_step = watch
+    assert bench.run() is HomingState.DONE
+    assert all(watches for _, moving, watches in watched if moving)
+    assert {watches for at, _, watches in watched if 4.5 < at < 6.0} == {False}
+    assert bench.guard.armed == 2
 
 
 def test_an_arm_that_was_guided_to_where_its_path_dips_under_the_floor_does_not_start() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hw.arm_report import ArmReport
 from hw.guard.link import motion_limits
-from hw.guard.motion import REST_M, Cause, Motion, MotionWatch
+from hw.guard.motion import CREPT_RAD, REST_M, Cause, Motion, MotionWatch
 from tams_app.config import load_config
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -126,11 +126,12 @@ def test_an_arm_that_does_as_commanded_is_left_alone_however_its_reports_come(
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.0005, -0.001]))
-def test_an_arm_that_stands_may_be_noisy_and_creep_for_ever(seed: int, creep_m_s: float) -> None:
+def test_an_arm_that_stands_may_be_noisy_and_settle(seed: int, creep_m_s: float) -> None:
     noise = np.random.default_rng(seed)
     watched = Watched()
     for now_ms in range(0, 20_000, REPORT_MS):
-        place = np.array(READY) + np.array((0.0, creep_m_s * now_ms / 1000, 0.0))
+        settled_m = creep_m_s * min(now_ms, 10_000) / 1000
+        place = np.array(READY) + np.array((0.0, settled_m, 0.0))
         watched.see(float(now_ms), tuple((place + noise.normal(0.0, NOISE_M, 3)).tolist()))
     assert watched.causes == []
 
@@ -188,6 +189,23 @@ def test_an_arm_that_moves_unasked_is_stopped_within_its_first_millimetres(
     assert cause is Cause.UNASKED
     moved_m = speed * (now_ms - begin_ms) / 1000
     assert moved_m <= REST_M * 1.12 + speed * REPORT_MS / 1000 + 0.0001
+
+
+@pytest.mark.parametrize("rate_rad_s", [0.0002, 0.001, 0.0019])
+def test_an_arm_that_creeps_is_stopped_however_slowly(rate_rad_s: float) -> None:
+    """Not before it has crept so far: what settles is left alone."""
+    watched = Watched()
+    x, y, z = READY
+    reach_m = math.hypot(x, y)
+    every_ms, turned_rad = 100, 0.0
+    for now_ms in range(0, 400_000, every_ms):
+        turned_rad = rate_rad_s * now_ms / 1000
+        place = (reach_m * math.cos(turned_rad), reach_m * math.sin(turned_rad), z)
+        if watched.see(float(now_ms), place, (turned_rad, *JOINTS[1:])):
+            break
+    assert watched.causes[0][1] is Cause.UNASKED
+    grace_rad = rate_rad_s * GRACE_MS / 1000
+    assert CREPT_RAD <= turned_rad <= CREPT_RAD + grace_rad + 2 * rate_rad_s * every_ms / 1000
 
 
 def test_a_joint_that_turns_about_the_tcp_moves_too() -> None:
