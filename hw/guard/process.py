@@ -215,10 +215,12 @@ def main() -> None:
     try:
         guard = Guard(memory, watch, motion, arm, reports, MonotonicClock())
         side.ready(memory=name, scheduler=scheduler)
-        while not side.stop_requested.is_set():
-            guard.step()
-            time.sleep(POLL_S)
-        guard.farewell()
+        try:
+            while not side.stop_requested.is_set():
+                guard.step()
+                time.sleep(POLL_S)
+        finally:  # a guard that fails does not wait for the application to see it
+            guard.farewell()
     finally:
         reports.close()
         arm.close()

@@ -79,9 +79,9 @@ class ReportWatch:
     def _connect_anew(self) -> None:
         self.close()
         self._frames = FrameBuffer(REAL_BYTES)
-        self._socket = socket.socket(self._family, socket.SOCK_STREAM)
-        self._socket.setblocking(False)
         try:
+            self._socket = socket.socket(self._family, socket.SOCK_STREAM)
+            self._socket.setblocking(False)
             self._socket.connect_ex(self._address)  # what becomes of it shows in reading
         except OSError:
             self.close()

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 from hw.arm_report import ArmReport
 from hw.arms import ARM_KINDS
+from hw.guard import process
 from hw.guard.link import (
     GuardLink,
     GuardMemory,
@@ -698,3 +699,35 @@ def test_a_guard_whose_computer_slept_stops_an_armed_arm_and_says_why(
     guard.step()
     link.beat(1)
     assert (stop.stops, link.latched, link.cause) == (1, True, Cause.SLEPT)
+
+
+class BrokenReports(NoReports):
+    """Reading them fails."""
+
+    def newest(self, now_ns: int) -> ArmReport | None:
+        raise RuntimeError("a mistake")
+
+
+def test_a_guard_that_fails_while_it_watches_stops_the_arm_as_it_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stop, links = NotedStop(), []
+
+    class Side:
+        specification = guard_specification(ArmConfig(), LIMITS)
+        stop_requested = threading.Event()
+
+        def ready(self, memory: str, scheduler: str) -> None:
+            link = GuardLink(GuardMemory(memory), NS_PER_S, lambda: True)
+            link.arm()
+            link.beat(0)
+            links.append(link)
+
+    monkeypatch.setattr(process, "HelperSide", Side)
+    monkeypatch.setattr(process, "use_fifo", lambda _: "other")
+    monkeypatch.setattr(process, "_stop_channel", lambda _: stop)
+    monkeypatch.setattr(process, "_report_watch", lambda _: BrokenReports())
+    with pytest.raises(RuntimeError, match="a mistake"):
+        process.main()
+    links[0].close()
+    assert stop.stops == 1
