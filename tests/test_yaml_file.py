@@ -58,6 +58,11 @@ ODD = {
     "a fraction to base 60": ("seconds: 1" + ":1" * 100_000 + ".5", "more than 100 characters"),
     "infinity": ("seconds: .inf", "seconds: must be a finite number (given: infinity)"),
     "no number": ("seconds: .nan", "seconds: must be "),
+    "no truth value": ("headless: !!bool x", "line 1: is not a value of the kind bool"),
+    "no time": ("version: 1\nseed: !!timestamp x", "line 2: is not a value of the kind timestamp"),
+    "no such day": ("seed: 2001-99-99", "line 1: is not a value of the kind timestamp"),
+    "an empty integer": ("seed: !!int ''", "line 1: is not a value of the kind int"),
+    "an empty fraction": ("seconds: !!float ''", "line 1: is not a value of the kind float"),
     "very many unknown keys": (
         "".join(f"key{number}: 1\n" for number in range(15_000)),
         "more",

@@ -83,6 +83,14 @@ class _BoundedLoader(yaml.SafeLoader):
             lines[name] = line
         return node
 
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """The value of a node; PyYAML raises anything for text that does not suit its tag."""
+        try:
+            return super().construct_object(node, deep)
+        except (AttributeError, LookupError, TypeError, ValueError, OverflowError) as error:
+            tag = node.tag.removeprefix("tag:yaml.org,2002:")
+            raise _RefusedError(node, f"is not a value of the kind {tag}") from error
+
     def construct_number(self, node: yaml.ScalarNode) -> int | float:
         """An integer or a fraction."""
         if len(node.value) > LONGEST_NUMBER:

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 import msgspec
 
 from tams_app.console.window.facts_memory import FactsReader
-from tams_app.console.window.messages import LONGEST, Event, Opening
+from tams_app.console.window.messages import LONGEST, Asked, Event, Opening
+from tams_app.console.wishes import Wish
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
 from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
 
 _POLL_S = 0.05
+_KEPT = frozenset({Wish.EMERGENCY_STOP, Wish.QUIT, Wish.CLOSE})  # as good once and late
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,7 @@ class Application:
         """`side`: its specification names the socket's descriptor."""
         self._side = side
         self._socket = socket.socket(fileno=int(side.specification["socket"]))
+        self._untold: dict[Wish, Asked] = {}
 
     def await_opening(self) -> Opened | None:
         """What to show; None to end before."""
@@ -47,10 +50,22 @@ class Application:
         return None
 
     def tell(self, event: Event) -> None:
-        """Send it, if the application takes anything."""
-        # one that takes nothing has ended, or reads the next one with all keys in it
+        """Send it, if the application takes anything; what stops the arm is sent with a later one.
+
+        Of all else the next event has what counts, but for a confirmation: that is not to be late.
+        """
+        # it takes nothing for a moment, or has ended
         with contextlib.suppress(BlockingIOError, ConnectionError):
-            self._socket.send(msgspec.msgpack.encode(event))
+            if is_kept := isinstance(event, Asked) and event.wish in _KEPT:
+                self._untold[event.wish] = event
+            for wish, asked in tuple(self._untold.items()):
+                self._send(asked)
+                del self._untold[wish]
+            if not is_kept:
+                self._send(event)
+
+    def _send(self, event: Event) -> None:
+        self._socket.send(msgspec.msgpack.encode(event))
 
     def close(self) -> None:
         """Nothing is told any more."""

@@ -34,7 +34,7 @@ from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
 from tams_app.session.two_sided.welcome import follow, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
-from tams_app.teleop.hands import HAND_FACT, hand_of
+from tams_app.teleop.hands import HAND_FACT, hand_of, words_of_hand
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -240,9 +240,10 @@ class OperatorSession(Ending):
             self.end("the robot's side has ended the session")
         silent = self._hears_nothing()
         if silent and not self._silent:
+            release = words_of_hand(hand_of(self.config)).release
             self.note(
                 "warning",
-                "nothing is heard of the robot, whose arm stops by itself: release the trigger, "
+                f"nothing is heard of the robot, whose arm stops by itself: {release}, "
                 "and wait until the link is back",
             )
         if event.busy and not self._busy:

@@ -20,6 +20,7 @@ from tams_app.console.status import status_words
 from tams_app.console.window.session_face import facts_of
 from tams_app.console.window.silence import as_known, silence_of
 from tams_app.errors import TamsError
+from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
@@ -189,6 +190,20 @@ def test_what_the_operator_sees_of_a_silent_robot_is_not_live(
     assert (known.arming, known.deadman) == ("not live", None)
     clock.advance_ns(600 * NS_PER_MS)
     assert "LINK LOST, NOT LIVE" in status_words(session.snapshot()).live
+
+
+def test_whom_the_robot_is_lost_to_is_told_what_to_let_go_in_the_words_of_their_hand(
+    endpoint: Endpoint, tmp_path: Path
+) -> None:
+    config = load_config(None, {"controller.device": "keyboard"})
+    session = OperatorSession(config, VirtualClock(), tmp_path, endpoint, lambda _text: None)
+    event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
+    link: Any = SimpleNamespace(state=None, event=event)
+    told: list[str] = []
+    log: Any = SimpleNamespace(note=lambda _level, text: told.append(text))
+    session._link, session._log, session._welcome = link, log, decode(welcome(), Welcome)
+    session._look_at(None)
+    assert "release Shift, and wait until the link is back" in told[-1]
 
 
 def start(
