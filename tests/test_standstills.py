@@ -34,11 +34,19 @@ while time.monotonic() < end:
 @pytest.fixture
 def standstills() -> Iterator[Standstills]:
     made = Standstills()
-    made.start()
     yield made
     made.close()
 
 
+@pytest.fixture
+def probes(standstills: Standstills) -> list[psutil.Process]:
+    """The processes of `standstills`, started; the run of the tests has probes of its own."""
+    before = psutil.Process().children()
+    standstills.start()
+    return [child for child in psutil.Process().children() if child not in before]
+
+
+@pytest.mark.usefixtures("probes")
 def test_a_machine_that_runs_has_no_long_standstill(standstills: Standstills) -> None:
     began_ns = time.monotonic_ns()
     time.sleep(0.5)
@@ -56,10 +64,10 @@ def test_a_processor_that_worked_did_not_stand_still(
     assert is_one(gap_ms, worked_ms) is counts
 
 
-def test_a_probe_that_did_not_run_tells_so(standstills: Standstills) -> None:
-    (probe,) = (
-        child for child in psutil.Process().children() if child.cmdline()[-1:] == ["ordinary"]
-    )
+def test_a_probe_that_did_not_run_tells_so(
+    standstills: Standstills, probes: list[psutil.Process]
+) -> None:
+    (probe,) = (child for child in probes if child.cmdline()[-1:] == ["ordinary"])
     began_ns = time.monotonic_ns()
     probe.send_signal(signal.SIGSTOP)
     time.sleep(STOPPED_S)
@@ -75,6 +83,7 @@ def test_a_probe_that_did_not_run_tells_so(standstills: Standstills) -> None:
     assert half.ms <= 1000 * STOPPED_S / 2
 
 
+@pytest.mark.usefixtures("probes")
 @pytest.mark.parametrize("processor", sorted(os.sched_getaffinity(0))[:2])
 def test_a_loop_that_computes_without_a_pause_is_no_standstill(
     standstills: Standstills, processor: int
@@ -85,8 +94,9 @@ def test_a_loop_that_computes_without_a_pause_is_no_standstill(
     assert found is None or found.ms < 60.0, found
 
 
-def test_the_probes_end_with_whom_they_serve(standstills: Standstills) -> None:
-    probes = psutil.Process().children()
+def test_the_probes_end_with_whom_they_serve(
+    standstills: Standstills, probes: list[psutil.Process]
+) -> None:
     assert len(probes) == 2
     standstills.close()
     _, alive = psutil.wait_procs(probes, timeout=10)
