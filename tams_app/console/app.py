@@ -145,10 +145,10 @@ def _watch(
     """Show the session until it ends; from the main thread."""
     end_s = None if limit_s is None else session.elapsed_s() + limit_s
     with ExitStack() as stack:
-        for face in faces:
+        has_keys = _read_keys(session, stack, trial)
+        for face in faces:  # to be closed before the keys: what it shows at the end gets old
             stack.callback(face.close)
             face.open()
-        has_keys = _read_keys(session, stack, trial)
         if not session.config.operator_is_simulated:
             _tell_how_to_begin(session, has_keys, bool(faces))
         line = stack.enter_context(StatusLine(console, words_of))

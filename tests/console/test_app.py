@@ -64,6 +64,22 @@ def told(monkeypatch):
     return tell
 
 
+def test_at_the_end_no_face_waits_for_anything_but_the_arm(monkeypatch):
+    """A window that stays open longer says NOT LIVE in an ordinary end."""
+    ended = []
+
+    def read(session: object, stack: ExitStack, trial: object) -> bool:
+        stack.callback(ended.append, "keys")
+        return True
+
+    monkeypatch.setattr(app, "_read_keys", read)
+    session = EndedSession("lite6.yaml")
+    session.stop_arm = lambda: ended.append("arm")
+    face = SimpleNamespace(open=lambda: None, close=lambda: ended.append("face"))
+    app._watch(session, Console(quiet=True), faces=[face])
+    assert ended == ["arm", "face", "keys"]
+
+
 def test_at_the_hardware_the_operator_is_told_how_to_arm_the_arm(told):
     (level, text), _ = told("lite6.yaml", active=True)
     assert level == "info"
