@@ -49,6 +49,10 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"speed": 1}, "speed: no such key"),
         ({"rig.enabled": False, "rig.hand_trajectory": "a.mcap"}, "rig: hand_trajectory is for"),
         (
+            {"control.rate_hz": 30, "arm.guard.heartbeat_timeout_ms": 60},
+            "heartbeat_timeout_ms must be at least two periods of control.rate_hz, 67 ms",
+        ),
+        (
             {"limits.max_sped_mm_s": 1},
             r"limits.max_sped_mm_s: no such key, did you mean limits.max_speed_mm_s\? .given: 1.$",
         ),

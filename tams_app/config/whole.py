@@ -219,6 +219,15 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
+    def _the_guard_outwaits_two_ticks(self) -> Self:
+        if self.arm.guard.heartbeat_timeout_ms * self.control.rate_hz < 2000.0:
+            raise ValueError(
+                "arm.guard.heartbeat_timeout_ms must be at least two periods of control.rate_hz, "
+                f"{2000.0 / self.control.rate_hz:.0f} ms, or the guard stops the arm between them"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _views_have_weights(self) -> Self:
         weighted = set(self.policy.weights.matrix[Phase.REACH])
         if weighted != set(self.video.views):
