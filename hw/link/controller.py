@@ -43,8 +43,9 @@ class LinkController(Controller):
     newer than the hand by up to that much.
 
     A gap is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`, be
-    it that others were lost, refused or late. After three within a second each sample is one with
-    too many gaps, until the second is over: who chooses what is lost could steer by it.
+    it that others were lost, refused or late. After three within a second each sample that would be
+    OK is one with too many gaps, until the second is over: who chooses what is lost could steer by
+    it.
     """
 
     def __init__(
@@ -89,9 +90,11 @@ class LinkController(Controller):
             return _LOST
         if let_go:  # the next operator may have been heard since, but first the arm stops
             return _LOST
-        if len(self._gaps) == _GAPS and now_ns - self._gaps[0] <= _GAPS_WITHIN_NS:
-            return replace(self._sample, status=ControllerStatus.LINK_GAPS)
-        return self._sample
+        sample, gaps = self._sample, self._gaps
+        too_many = len(gaps) == _GAPS and now_ns - gaps[0] <= _GAPS_WITHIN_NS
+        if too_many and sample.status is ControllerStatus.OK:  # others stop the arm themselves
+            return replace(sample, status=ControllerStatus.LINK_GAPS)
+        return sample
 
     def pulse(self, haptic: Haptic) -> None:
         if self._started:

@@ -533,6 +533,18 @@ def test_samples_that_are_refused_make_a_gap_as_lost_ones_do(exchange: Exchange)
     assert exchange.tick().status is ControllerStatus.LINK_GAPS
 
 
+@pytest.mark.parametrize(
+    "status",
+    [status for status in ControllerStatus if status not in (OK, ControllerStatus.LINK_GAPS)],
+)
+def test_gaps_hide_nothing_that_the_hand_says_of_itself(
+    exchange: Exchange, status: ControllerStatus
+) -> None:
+    gaps(exchange, 3, 75, 150)
+    exchange.hand.status = status
+    assert exchange.run_ms(50)[-1].status is status
+
+
 def test_gaps_are_over_a_second_after_the_first_of_three_ended(exchange: Exchange) -> None:
     gaps(exchange, 3, 75, 150)
     assert exchange.tick().status is ControllerStatus.LINK_GAPS
