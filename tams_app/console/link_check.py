@@ -13,13 +13,11 @@ from typing import cast
 import numpy as np
 from pydantic import ValidationError
 
-from tams_app import __version__
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.ends import GOODBYE
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
-from tams_app.link.messages import PROTOCOL, Greeting, encode
 from tams_app.link.operator_end import OperatorEnd
 from tams_app.link.peer import Address
 from tams_app.link.probing import (
@@ -146,8 +144,7 @@ class _Prober:
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         self._socket.setblocking(False)
-        greeting = encode(Greeting(PROTOCOL, __version__))
-        self._end = OperatorEnd(key, cast("Address", address), greeting, os.urandom)
+        self._end = OperatorEnd(key, cast("Address", address), os.urandom)
 
     def __enter__(self) -> _Prober:
         return self

@@ -5,8 +5,8 @@ the other computer, and hands over what comes from there and is authentic. Messa
 socket pair, packets of the streams through loopback ports. Killing this process is a lost link.
 
 Specification: side (robot or operator), key (path, on the robot's side also of a folder, or null),
-host and port (to listen on, or to call), content (base64: what the other side is told when the link
-begins), channel (descriptor).
+host and port (to listen on, or to call), welcome (base64: what the robot's side tells an operator
+when the link begins), channel (descriptor).
 """
 
 from __future__ import annotations
@@ -306,7 +306,6 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     """The carrier that is asked for, and the outer port; OSError, TamsError if impossible."""
     given = specification["key"]
     path = None if given is None else Path(given)
-    content = base64.b64decode(specification["content"])
     host, port = specification["host"], int(specification["port"])
     robot = specification["side"] == "robot"
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -314,14 +313,15 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     keys = None
     if robot:
         keys = AcceptedKeys(path)
-        end = RobotEnd(keys.keys, content, os.urandom)
+        welcome = base64.b64decode(specification["welcome"])
+        end = RobotEnd(keys.keys, welcome, os.urandom)
         outer = _udp(family, str(address[0]), port)
     else:
         key = LOOPBACK_KEY if path is None else read_key(path)
         # bound to no address of this computer: it may get another one on the way
         anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
         called = cast("Address", address)  # whole: of IPv6 with its scope
-        end, outer = OperatorEnd(key, called, content, os.urandom), _udp(family, anywhere, 0)
+        end, outer = OperatorEnd(key, called, os.urandom), _udp(family, anywhere, 0)
     stack.callback(outer.close)
     channel = socket.socket(fileno=int(specification["channel"]))
     channel.setblocking(False)

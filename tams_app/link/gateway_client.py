@@ -24,7 +24,10 @@ from tams_app.runtime.process import HelperProcess
 
 _CHANNEL_BUFFER_BYTES = 1_000_000
 # A robot's side is silent to whom it does not know, so that these cannot be told apart:
-NO_ANSWER = "no answer: a wrong address, no network, or a key that the robot's side does not accept"
+NO_ANSWER = (
+    "no answer: a wrong address, no network, another version of TAMS there, or a key that the "
+    "robot's side does not accept"
+)
 _AT_ONCE = 256  # messages taken in one call: a second of them, after a stall
 
 
@@ -74,10 +77,10 @@ class Gateway:
         self,
         side: Literal["robot", "operator"],
         endpoint: Endpoint,
-        content: bytes,
+        welcome: bytes,
         log_directory: Path | None,
     ) -> None:
-        """`content`: what the other side is told when the link begins."""
+        """`welcome`: of the robot's side, what an operator is told when the link begins."""
         self.event = NO_EVENT
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
@@ -92,7 +95,7 @@ class Gateway:
             "key": None if endpoint.key is None else str(endpoint.key.resolve()),
             "host": endpoint.host,
             "port": endpoint.port,
-            "content": base64.b64encode(content).decode(),
+            "welcome": base64.b64encode(welcome).decode(),
             "channel": theirs.fileno(),
         }
         self.process = HelperProcess(

@@ -43,7 +43,7 @@ _COOKIE_NS = 5 * NS_PER_S  # a cookie is valid for five to ten seconds
 _HEAD_BYTES = 1 + TAG_BYTES
 _COOKIE_AT = _HEAD_BYTES + IDENTITY_BYTES
 _NOISE_AT = _COOKIE_AT + COOKIE_BYTES
-GREETING_BYTES = INITIATION_BYTES - _NOISE_AT - OVERHEAD_BYTES - MAC_BYTES
+PADDING_BYTES = INITIATION_BYTES - _NOISE_AT - OVERHEAD_BYTES - MAC_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class Initiation:
 
 
 def initiation(key: Key, tag: bytes, cookie: bytes, noise: bytes) -> bytes:
-    """The datagram that begins a handshake; `noise`: its first message, of `GREETING_BYTES`."""
+    """The datagram that begins a handshake; `noise`: its first message, with `PADDING_BYTES`."""
     body = bytes((INITIATION,)) + tag + key.identity + cookie + noise
     return body + _mac(key, body)
 

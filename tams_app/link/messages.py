@@ -26,13 +26,6 @@ class MessageError(TamsError):
     """Bytes that are no message of the kind that was expected."""
 
 
-class Greeting(msgspec.Struct, frozen=True):
-    """What the operator's side says when it calls."""
-
-    protocol: Whole
-    version: str
-
-
 class Welcome(msgspec.Struct, frozen=True):
     """What the robot's side says of the session that it runs.
 
@@ -154,10 +147,10 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     last_stop: str
 
 
-Message = TypeVar("Message", Greeting, Welcome, HandMessage, StateMessage)
+Message = TypeVar("Message", Welcome, HandMessage, StateMessage)
 
 
-def encode(message: Greeting | Welcome | HandMessage | StateMessage) -> bytes:
+def encode(message: Welcome | HandMessage | StateMessage) -> bytes:
     """The bytes of a message (MessagePack)."""
     return msgspec.msgpack.encode(message)
 

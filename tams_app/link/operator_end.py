@@ -27,14 +27,13 @@ from tams_app.link.handshake import (
     COOKIE,
     COOKIE_BYTES,
     EPHEMERAL_BYTES,
-    GREETING_BYTES,
     MAC_BYTES,
     NO_COOKIE,
+    PADDING_BYTES,
     PROLOGUE,
     REKEY_PROLOGUE,
     RESPONSE,
     TAG_BYTES,
-    filled,
     initiation,
     read_answer,
     session_keys,
@@ -86,14 +85,11 @@ class _Refusals:
 class OperatorEnd(End):
     """The end that calls."""
 
-    def __init__(
-        self, key: Key, robot: Address, greeting: bytes, random: Callable[[int], bytes]
-    ) -> None:
-        """`greeting`: what the robot's side is told."""
+    def __init__(self, key: Key, robot: Address, random: Callable[[int], bytes]) -> None:
         super().__init__(random)
         self.welcome: bytes | None = None  # what the robot's side said last
         self.busy = False  # the robot's side has another operator
-        self._key, self._robot, self._greeting = key, robot, greeting
+        self._key, self._robot = key, robot
         self._cookie = NO_COOKIE
         self._attempt: _Attempt | None = None  # to begin a session
         self._renewal: _Attempt | None = None  # to renew its keys
@@ -127,8 +123,7 @@ class OperatorEnd(End):
         attempt = self._attempt
         if attempt is None or now_ns - attempt.began_ns >= ATTEMPT_NS:
             again_ns = now_ns if attempt is None else attempt.again_ns
-            greeting = filled(self._greeting, GREETING_BYTES)
-            attempt = self._attempt = self._begin(PROLOGUE, greeting, now_ns, again_ns)
+            attempt = self._attempt = self._begin(PROLOGUE, bytes(PADDING_BYTES), now_ns, again_ns)
         if now_ns < attempt.again_ns:
             return []
         attempt.again_ns = self._next_ns(now_ns)

@@ -79,7 +79,7 @@ def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
 
 
 def test_an_operator_who_is_there_is_not_disturbed(robot: Endpoint, tmp_path: Path):
-    operator = Gateway("operator", robot, b"hello", tmp_path)
+    operator = Gateway("operator", robot, b"", tmp_path)
     operator.launch()
     try:
         operator.wait_ready()

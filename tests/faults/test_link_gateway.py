@@ -19,7 +19,7 @@ def test_a_gateway_whose_application_is_gone_lives_until_it_can_say_goodbye():
     try:
         robot.launch()
         robot.wait_ready()
-        operator = Gateway("operator", Endpoint("127.0.0.1", robot.port, None), b"hello", None)
+        operator = Gateway("operator", Endpoint("127.0.0.1", robot.port, None), b"", None)
         operator.launch()
         operator.wait_ready()
 

@@ -81,8 +81,8 @@ class Pair:
         """A gateway that is ready."""
         logs = self._logs / f"{side}-{len(self.heard)}"
         logs.mkdir(exist_ok=True)  # of one that has ended
-        content = b"welcome" if side == "robot" else b"greeting"
-        made = Gateway(side, Endpoint(LOOPBACK, port, key), content, logs)  # type: ignore[arg-type]
+        welcome = b"welcome" if side == "robot" else b""
+        made = Gateway(side, Endpoint(LOOPBACK, port, key), welcome, logs)  # type: ignore[arg-type]
         self._stack.callback(made.close)
         self.heard[made] = []
         made.launch()

@@ -84,7 +84,7 @@ class Desk:
     """An operator's end, where it is in the network, and all that it has sent."""
 
     def __init__(self, key: Key = KEY, address: Address = DESK, seed: int = 0) -> None:
-        self.end = OperatorEnd(key, ROBOT, b"greeting", random.Random(seed).randbytes)
+        self.end = OperatorEnd(key, ROBOT, random.Random(seed).randbytes)
         self.address = address
         self.sent: list[bytes] = []
         self.heard: list[bytes] = []

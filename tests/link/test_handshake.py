@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from tams_app.link.handshake import (
     BUSY,
     COOKIE_BYTES,
-    GREETING_BYTES,
     INITIATION_BYTES,
     MAC_BYTES,
     MEDIA_KEY_BYTES,
     MESSAGE_KEY_BYTES,
     NO_COOKIE,
+    PADDING_BYTES,
     PROLOGUE,
     RESPONSE,
     TAG_BYTES,
@@ -35,11 +35,12 @@ from tests.link.rig import DESK, KEY, OTHER_KEY, ROBOT
 pytestmark = pytest.mark.untimed
 
 TAG = b"t" * TAG_BYTES
+PAYLOAD = b"a payload"
 KEYS = {KEY.identity: KEY}
 
 
 def noise(seed: bytes = b"e" * 32) -> Initiator:
-    return Initiator(KEY.secret, PROLOGUE, seed, filled(b"greeting", GREETING_BYTES))
+    return Initiator(KEY.secret, PROLOGUE, seed, PAYLOAD.ljust(PADDING_BYTES, b"\0"))
 
 
 def shake(seed: int = 0) -> tuple[SessionKeys, SessionKeys]:
@@ -97,8 +98,8 @@ def test_an_initiation_is_read_as_it_was_made() -> None:
     assert read is not None
     assert (read.tag, read.key, read.cookie, read.noise) == (TAG, KEY, cookie, noise().message)
     responder = Responder(KEY.secret, PROLOGUE, read.noise)
-    assert unfilled(responder.payload) == b"greeting"
-    assert b"greeting" not in datagram
+    assert responder.payload.rstrip(b"\0") == PAYLOAD
+    assert PAYLOAD not in datagram
 
 
 def test_an_initiation_with_a_key_that_is_not_accepted_is_none() -> None:

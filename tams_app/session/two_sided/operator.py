@@ -13,11 +13,10 @@ import cv2
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
 from hw.make_controller import keyboard_of, make_controller
-from tams_app import __version__
 from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
-from tams_app.link.messages import PROTOCOL, Greeting, StateMessage, Welcome, encode
+from tams_app.link.messages import StateMessage, Welcome
 from tams_app.records import OperatorGlance, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
@@ -32,18 +31,16 @@ from tams_app.session.rig_operator import RigOperator
 from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus, pressed_buttons
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
-from tams_app.session.two_sided.welcome import follow, welcome_of
+from tams_app.session.two_sided.welcome import follow, repair_of, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, hand_of, words_of_hand
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.codec_choice import choose_codecs
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
-from tams_app.video.repair import RepairRule
 
 _CALL_POLL_NS = 50 * NS_PER_MS
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
 _STOP_TOLD_S = 0.1
-_GREETING = encode(Greeting(PROTOCOL, __version__))
 
 
 class OperatorSession(Ending):
@@ -88,7 +85,7 @@ class OperatorSession(Ending):
             self._stack.callback(use_ordinary)
         helper_logs = self.folder / "helpers"
         helper_logs.mkdir(exist_ok=True)  # the window is there before
-        self._gateway = gateway = Gateway("operator", self._endpoint, _GREETING, helper_logs)
+        self._gateway = gateway = Gateway("operator", self._endpoint, b"", helper_logs)
         self._stack.callback(gateway.close)
         gateway.launch()
         gateway.wait_ready()
@@ -171,7 +168,7 @@ class OperatorSession(Ending):
         self._stack.callback(self.screen.close)
         self._video = OperatorVideo(
             video,
-            RepairRule(**welcome.repair),  # type: ignore[arg-type]
+            repair_of(welcome),
             welcome.feedback,
             self._clock,
             self._on_shown,

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TypeVar
+
+import msgspec
 
 from tams_app import __version__
 from tams_app.config import Config, LimitsConfig, VideoConfig
 from tams_app.errors import ConfigError, TamsError
 from tams_app.link.gateway import LinkEvent
 from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
+from tams_app.video.repair import RepairRule
 
 Part = TypeVar("Part", VideoConfig, LimitsConfig)
+_NOT_KNOWN = (
+    "the robot's side has a configuration that this version of TAMS does not know: "
+    "install the same version on both computers"
+)
 _WORKSPACE = {"box_min_mm", "box_max_mm", "radius_min_mm", "radius_max_mm", "floor_mm"}
 
 
@@ -65,6 +73,15 @@ def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
     return understood(VideoConfig, {**video, "decoder": ours.video.decoder})
 
 
+def repair_of(welcome: Welcome) -> RepairRule:
+    """How the robot's side repairs its video; TamsError if that is no rule here."""
+    try:
+        rule = RepairRule(**welcome.repair)  # type: ignore[arg-type]
+        return msgspec.convert(asdict(rule), RepairRule)
+    except (TypeError, msgspec.MsgspecError) as error:
+        raise TamsError(_NOT_KNOWN) from error
+
+
 def workspace_of(config: Config) -> dict[str, object]:
     """`Welcome.workspace`."""
     return config.limits.model_dump(mode="json", include=_WORKSPACE)
@@ -75,7 +92,4 @@ def understood(kind: type[Part], values: dict[str, object]) -> Part:
     try:
         return kind.model_validate(values)
     except ValueError as error:
-        raise TamsError(
-            "the robot's side has a configuration that this version of TAMS does not know: "
-            "install the same version on both computers"
-        ) from error
+        raise TamsError(_NOT_KNOWN) from error
