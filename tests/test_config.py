@@ -155,7 +155,7 @@ def test_a_wrong_value_is_named_with_file_key_and_reason(overrides, sentence):
         ("version: 1\ninclude: 3\n", "include: must be a list"),
         ("version: 1\ninclude: [{a: 1}]\n", "include: must be a list of file names"),
         ("version: 1\ninclude: [bad.yaml]\n", "the file includes itself"),
-        ("a: 2020-13-45\n", "is not valid YAML"),
+        ("a: 2020-13-45\n", "line 1: is not a value of the kind timestamp"),
         ("[" * 5000, "line 1: is nested more than 40 deep"),
         (
             "version: 1\nlimits:\n  floor_mm: 5\n  floor_mm: -500\n",
