@@ -159,7 +159,8 @@ class _Prober:
         while not self._end.connected:
             if self._end.busy:
                 raise HelperError(
-                    "the robot's side has another operator: measure when they have left"
+                    "the robot's side has another operator, or had one a moment ago: measure when "
+                    "they have left"
                 )
             if self._clock.now_ns() >= deadline_ns:
                 raise HelperError(f"{NO_ANSWER}; is `robot` running there?")

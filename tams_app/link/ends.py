@@ -309,11 +309,10 @@ class RobotEnd(End):
     def _ask(self, peer: Peer, address: Address, now_ns: int) -> list[tuple[bytes, Address]]:
         """Ask at an address whether the operator is there: no other datagram goes there before."""
         asked = self._question
+        if asked is not None and now_ns - asked.asked_ns < _QUESTION_NS:
+            return []  # so often at most, at all addresses together
         if asked is None or asked.address != address:
-            token = self._random(_TOKEN_BYTES)
-            asked = self._question = _Question(address, token, now_ns - _QUESTION_NS)
-        if now_ns - asked.asked_ns < _QUESTION_NS:
-            return []
+            asked = self._question = _Question(address, self._random(_TOKEN_BYTES), now_ns)
         asked.asked_ns = now_ns
         return [(peer.seal(QUESTION + asked.token), address)]
 

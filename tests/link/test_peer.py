@@ -271,6 +271,19 @@ def test_a_victim_to_whose_address_every_message_is_redirected_gets_little() -> 
     assert 0 < received < sent / 20
 
 
+def test_however_many_addresses_messages_are_redirected_to_ten_questions_a_second_are_asked() -> (
+    None
+):
+    rig, desk = connected()
+    asked = 0
+    for number in range(1000):
+        rig.now_ns += STEP_NS
+        message = desk.end.message(b"hand", rig.now_ns)
+        assert message is not None
+        asked += len(rig.at_robot(message[0], (f"10.0.1.{number % 250}", 1)).replies)
+    assert asked == 100
+
+
 def test_only_a_newer_message_asks_at_another_address() -> None:
     rig, desk = connected()
     overtaken, newest = (desk.end.message(text, rig.now_ns) for text in (b"older", b"newer"))

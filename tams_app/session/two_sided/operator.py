@@ -41,6 +41,8 @@ from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 _CALL_POLL_NS = 50 * NS_PER_MS
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
 _STOP_TOLD_S = 0.1
+# the robot's side waits for one who fell silent, who may be the one who calls again
+_BUSY = "another operator is connected, or was a moment ago: waiting until they leave"
 
 
 class OperatorSession(Ending):
@@ -151,11 +153,7 @@ class OperatorSession(Ending):
                 raise TamsError(f"{what} (called {where} for {self.config.seconds:g} s)")
             if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
                 told_ns, busy = now_ns, event.busy
-                self._say(
-                    "another operator is connected: waiting until they leave"
-                    if busy
-                    else f"calling {where}: {NO_ANSWER}"
-                )
+                self._say(_BUSY if busy else f"calling {where}: {NO_ANSWER}")
             self._clock.sleep_until_ns(now_ns + _CALL_POLL_NS)
         return welcome
 
@@ -244,7 +242,7 @@ class OperatorSession(Ending):
                 "and wait until the link is back",
             )
         if event.busy and not self._busy:
-            self.note("warning", "another operator is connected: waiting until they leave")
+            self.note("warning", _BUSY)
         self._busy = event.busy
         self._silent = silent
 
