@@ -132,8 +132,9 @@ class ViewDecoder:
         buffer = probe.get_buffer()
         timestamp = self._newest_timestamp()
         has_end = buffer.has_flags(Gst.BufferFlags.MARKER)
-        if has_end:
-            self._keep_in_line(buffer, timestamp)
+        if has_end and self._keep_in_line(buffer, timestamp):
+            # where about 65,536 packets or a multiple were lost, their numbers show no gap
+            self._chain.gap(timestamp)
         may_have_idr = not buffer.has_flags(Gst.BufferFlags.DELTA_UNIT)
         is_keyframe = may_have_idr and has_idr(buffer.extract_dup(0, buffer.get_size()))
         if self._chain.access_unit(timestamp, is_keyframe, has_end):
@@ -146,16 +147,20 @@ class ViewDecoder:
         timestamp: int = self._depayloader.get_property("stats").get_value("timestamp")
         return timestamp
 
-    def _keep_in_line(self, access_unit: Any, timestamp: int) -> None:
-        """Undo a jump of the jitter buffer's PTS: they restart where 3 s of RTP time lack."""
+    def _keep_in_line(self, access_unit: Any, timestamp: int) -> bool:
+        """Undo a jump of the jitter buffer's PTS, which restart where 3 s of RTP time lack.
+
+        Whether there was one.
+        """
         if self._times is None:
-            return
+            return False
         shift_ns = self._times.follow(access_unit.pts, timestamp)
         self._wait_for_resends(self._times.followed_ns)
         if shift_ns:
             offset_ns = self.jitterbuffer.get_property("ts-offset")
             self.jitterbuffer.set_property("ts-offset", offset_ns + shift_ns)
             access_unit.pts += shift_ns
+        return bool(shift_ns)
 
     def _wait_for_resends(self, followed_ns: int) -> None:
         wait_ms = self._rule.wait_ms(self._intervals.step(followed_ns).usual_ns)

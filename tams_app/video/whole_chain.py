@@ -3,8 +3,9 @@
 A frame is predicted from the frames before it, back to the last keyframe: its chain. A packet that
 is missing damages its frame and all that follow, up to a keyframe of which all packets are here.
 Decoders do not tell (FINDINGS 4), so it is inferred from the gaps in the sequence numbers that the
-depayloader meets: of what was resent or restored in time it meets none. `concealment` infers the
-same afterwards, from the fates of all packets; there a frame is concealed that is not whole here.
+depayloader meets: of what was resent or restored in time it meets none. 3 s without a frame are a
+gap, too: the numbers may have wrapped meanwhile. `concealment` infers the same afterwards, from the
+fates of all packets; there a frame is concealed that is not whole here.
 """
 
 from __future__ import annotations

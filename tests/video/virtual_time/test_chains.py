@@ -212,6 +212,21 @@ def test_one_lost_packet_breaks_the_chain_and_one_that_is_resent_does_not(lost: 
             assert whole_ones == list(range(40 if rule.rtx else 16))
 
 
+@pytest.mark.parametrize("past", [0, 20], ids=["all", "all but a few"])
+def test_a_loss_of_all_sequence_numbers_there_are_breaks_the_chain(past: int) -> None:
+    with closing(Ends(UNREPAIRED)) as ends:
+        ends.carry(range(16))
+        ends.let_pass(250 * NS_PER_S)  # so long 65,536 packets take
+        for index in range(16, 50):  # the first of them look like late ones
+            for packet in ends.packets(index):
+                number = (int.from_bytes(packet[2:4]) - past) % 65536
+                ends.feed(packet[:2] + number.to_bytes(2) + packet[4:])
+            ends.let_pass(FRAME_NS)
+        assert ends.shown[-1].index == 49
+        assert not any(whole(ends)[16:])
+        assert ends.decoder.take_pli()
+
+
 def test_a_keyframe_is_asked_for_again_and_again_until_a_complete_one_has_come() -> None:
     with closing(Ends(UNREPAIRED)) as ends:
         ends.carry(range(16))
