@@ -126,6 +126,25 @@ def test_foreign_records_are_no_heartbeats(data: bytes) -> None:
     assert decode_heartbeat(data) is None
 
 
+@pytest.mark.parametrize(
+    ("at", "odd"),
+    [
+        (0, b"TAMH"),
+        (4, bytes([5])),
+        (18, bytes([3])),
+        (19, struct.pack("!f", float("nan"))),
+        (19, struct.pack("!f", -0.1)),
+        (23, bytes([6])),
+    ],
+    ids=["magic", "message", "motion", "no speed", "speed backwards", "cause"],
+)
+def test_a_record_of_which_one_field_is_unknown_is_no_heartbeat(at: int, odd: bytes) -> None:
+    record = bytearray(Heartbeat(GuardMessage.BEAT, 1, 1, speed=0.25).encode())
+    assert decode_heartbeat(bytes(record)) is not None
+    record[at : at + len(odd)] = odd
+    assert decode_heartbeat(bytes(record)) is None
+
+
 @given(
     st.sampled_from(GuardMessage),
     st.integers(0, 2**32 - 1),
