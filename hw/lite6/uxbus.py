@@ -78,7 +78,7 @@ class UxbusClient:
     """One control connection. For one thread at a time."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._address = (host, port)
+        self._address: tuple[str, int] = (host, port)
         self._socket: socket.socket | None = None
         self._frames = FrameReader()
         self._transaction = 0
@@ -94,6 +94,9 @@ class UxbusClient:
         try:
             self._socket = socket.create_connection(self._address, timeout_s)
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            if self._socket.family == socket.AF_INET:  # whose address is whole without a scope
+                # looked up once: no stop waits for a name server that hangs
+                self._address = self._socket.getpeername()
         except OSError as error:
             self.close()
             raise DeviceError(

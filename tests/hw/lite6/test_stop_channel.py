@@ -7,6 +7,7 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -241,3 +242,21 @@ def test_no_arm_at_the_address_is_one_sentence() -> None:
         client = UxbusClient("127.0.0.1", unused.getsockname()[1])
         with pytest.raises(DeviceError, match="No arm answers"):
             client.connect()
+
+
+def test_a_connection_made_anew_asks_no_name_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may hang by then, and the stop would wait for it."""
+    asked: list[str] = []
+    look_up = socket.getaddrinfo
+
+    def noted(host: str, *more: Any, **named: Any) -> Any:
+        asked.append(host)
+        return look_up(host, *more, **named)
+
+    monkeypatch.setattr(socket, "getaddrinfo", noted)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        client = UxbusClient("localhost", server.getsockname()[1])
+        client.connect()
+        client.connect()
+        client.close()
+    assert asked == ["localhost", "127.0.0.1"]
