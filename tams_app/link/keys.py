@@ -56,7 +56,7 @@ def new_key(path: Path, name: str | None = None) -> Path:
     `path`: the file, or a folder that gets one. `name`: whose it is; None: as the file is called.
     ConfigError if it exists, cannot be made, or the name is none.
     """
-    if path.is_dir():
+    if _is_folder(path):
         if name is None:
             raise ConfigError(f"{path}: is a folder; say whose key it is to get: --for NAME")
         path = path / f"{_valid(name)}{_SUFFIX}"
@@ -175,7 +175,15 @@ def _by_identity(keys: list[Key]) -> Mapping[bytes, Key]:
 
 def _key_files(path: Path) -> list[Path]:
     """The files that may hold keys: of a folder those that `key new` makes there."""
-    return sorted(path.glob(f"*{_SUFFIX}")) if path.is_dir() else [path]
+    return sorted(path.glob(f"*{_SUFFIX}")) if _is_folder(path) else [path]
+
+
+def _is_folder(path: Path) -> bool:
+    """Whether it is known to be one; what cannot be looked at is told when it is read."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
 
 
 def _is_of(path: Path, name: str) -> bool:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import errno
 import os
 import stat
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
@@ -224,3 +226,28 @@ def test_without_a_file_one_computer_shares_no_secret() -> None:
     accepted = AcceptedKeys(None)
     assert list(accepted.keys.values()) == [LOOPBACK_KEY]
     assert not accepted.look()
+
+
+def test_a_path_that_cannot_be_looked_at_is_told_in_a_sentence(tmp_path: Path) -> None:
+    """As a folder below one that is another user's; here by a name that no folder can have."""
+    path = tmp_path / ("k" * 300)
+    for use in (accepted_keys, new_key, AcceptedKeys):
+        with pytest.raises(ConfigError):
+            use(path)
+
+
+def test_keys_that_can_no_longer_be_looked_at_are_accepted_no_longer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    new_key(tmp_path, "kim")
+    accepted = AcceptedKeys(tmp_path)
+
+    def refuse(*_: object, **__: object) -> NoReturn:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "stat", refuse)
+        patch.setattr(Path, "open", refuse)
+        is_new = accepted.look()
+    assert is_new
+    assert not accepted.keys
