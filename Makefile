@@ -1,6 +1,6 @@
-# make run | test | verify | matrix | explore | check | bench | docs | mutate | setup | lock
+# make run | test | verify | matrix | explore | check | bench | docs | mutate | fuzz | setup | lock
 .DEFAULT_GOAL := run
-.PHONY: run test verify matrix explore check bench docs lock mutate setup installed
+.PHONY: run test verify matrix explore check bench docs lock mutate fuzz setup installed
 
 READY := .venv/.ready
 PY := .venv/bin/python
@@ -63,10 +63,27 @@ installed: $(READY)
 explore: $(READY)
 	$(ALONE) $(PY) -m pytest -m "hypothesis and untimed" -n logical
 
-# An hour or two; writes tests/mutation/RESULT.txt and fails if a survivor is not explained.
+# An hour or two for all modules, minutes for one (ARGS=tams_app/link/age.py); renews
+# tests/mutation/RESULT.txt and fails if a survivor is not explained.
 mutate: $(READY)
-	PATH="$(CURDIR)/.venv/bin:$$PATH" nice -n 10 $(PY) -m mutmut run --max-children 1
-	$(PY) -m tests.mutation
+	PATH="$(CURDIR)/.venv/bin:$$PATH" nice -n 10 $(PY) -m tests.mutation $(ARGS)
+
+# Coverage-guided fuzzing of all that reads foreign bytes, so many seconds for each target. The
+# fuzzer is installed apart: nothing else needs it.
+FUZZER := .venv/fuzzer
+SECONDS := 600
+TARGET :=
+
+fuzz: $(FUZZER)/.ready
+	for target in $(or $(TARGET),$$($(PY) -m tests.fuzzing)); do \
+		nice -n 10 $(FUZZER)/bin/python -m tests.fuzzing $$target $(SECONDS) || exit 1; done
+
+$(FUZZER)/.ready: $(READY)
+	$(PY) -m venv $(FUZZER)
+	$(FUZZER)/bin/python -m pip install --quiet --disable-pip-version-check 'atheris>=3,<4'
+	$(PY) -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > \
+		"$$($(FUZZER)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tams.pth"
+	touch $@
 
 bench: $(READY)
 	$(PY) -m benchmarks $(ARGS)

@@ -1,0 +1,90 @@
+"""Both ends of the link and what they unseal, under datagrams that a fuzzer makes up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tams_app.link.ends import RobotEnd
+from tams_app.link.operator_end import OperatorEnd
+from tams_app.link.peer import Address
+from tams_app.units import NS_PER_MS
+from tests.link.rig import ROBOT, connected, rtcp, rtp
+
+STRANGER: Address = ("203.0.113.9", 666)
+
+
+def pieces(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Steps of a course of events: one byte of kind, one of length, and so many bytes."""
+    at = 0
+    while at + 2 <= len(data):
+        kind, length = data[at], data[at + 1]
+        yield kind, data[at + 2 : at + 2 + length]
+        at += 2 + length
+
+
+def altered(datagram: bytes, change: bytes) -> bytes:
+    """The datagram with bytes exchanged: each pair of `change` is a place and what it is XORed."""
+    copy = bytearray(datagram)
+    for place, mask in zip(change[::2], change[1::2], strict=False):
+        copy[place % len(copy)] ^= mask
+    return bytes(copy)
+
+
+def _real(end: RobotEnd | OperatorEnd, number: int, now_ns: int) -> bytes:
+    """A datagram that the other side takes."""
+    match number % 3:
+        case 0:
+            made = end.message(b"m" * (number % 90), now_ns)
+        case 1:
+            made = end.media(rtp(number), now_ns)
+        case _:
+            made = end.media(rtcp(), now_ns)
+    assert made is not None
+    return made[0]
+
+
+def _course(data: bytes, at_robot: bool) -> None:
+    """Nonsense, copies and altered copies reach one end: its session goes on."""
+    rig, desk = connected()
+    sender, address = (desk.end, desk.address) if at_robot else (rig.robot, ROBOT)
+    for number, (kind, piece) in enumerate(pieces(data)):
+        match kind % 4:
+            case 0:
+                datagram, origin = piece, STRANGER
+            case 1:
+                datagram, origin = altered(_real(sender, number, rig.now_ns), piece), STRANGER
+            case 2:
+                datagram, origin = _real(sender, number, rig.now_ns), address
+            case _:
+                rig.now_ns += sum(piece[:1]) * NS_PER_MS
+                continue
+        if at_robot:
+            rig.at_robot(datagram, origin)
+        else:
+            rig.at_desk(desk, datagram)
+    rig.run_ms(1500, desk)
+    assert rig.gets_through(desk)
+
+
+def robot_end(data: bytes) -> None:
+    """The robot's end with an operator."""
+    _course(data, at_robot=True)
+
+
+def operator_end(data: bytes) -> None:
+    """The operator's end with a robot."""
+    _course(data, at_robot=False)
+
+
+def sealing(data: bytes) -> None:
+    """What opens messages and packets: only what was sealed comes out, and only once."""
+    rig, desk = connected()
+    sent = [_real(desk.end, number, rig.now_ns) for number in range(3)]
+    received = []
+    for kind, piece in pieces(data):
+        datagram = piece if kind % 2 else altered(sent[kind % 3], piece)
+        heard = rig.at_robot(datagram, desk.address)
+        received += [one for one in (heard.message, heard.media) if one is not None]
+        assert heard.message is None or datagram in sent
+        assert heard.media is None or datagram in sent
+    assert len(received) <= len(sent)
