@@ -1,23 +1,50 @@
-"""Writes RESULT.txt from mutmut's last run; fails if a survivor is not explained."""
+"""`python -m tests.mutation [MODULE.py ...]`: mutates, tests, and renews RESULT.txt.
+
+Without modules it tries all; those that it leaves out keep the result that they had, unless they
+have changed since. It fails as long as a module has none, or a survivor has no explanation in
+SURVIVORS.md.
+"""
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from tests.mutation.report import (
-    CAUGHT_BY_TYPES,
-    KILLED,
+    CAUGHT,
+    ModuleResult,
     Mutant,
+    blob_of,
     changed_line,
+    counts_of,
     explained,
+    module_path,
+    mutated_modules,
+    read,
     render,
     statuses,
+    unfinished,
     where,
 )
 
 HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+RESULT, SURVIVORS = HERE / "RESULT.txt", HERE / "SURVIVORS.md"
+
+
+def blobs_today() -> dict[str, str]:
+    """git's names for the modules that are mutated, by path, as they are now."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["mutmut"]
+    return {path: blob_of(ROOT / path) for path in mutated_modules(ROOT, settings["only_mutate"])}
+
+
+def results_today() -> dict[str, ModuleResult]:
+    """What RESULT.txt says."""
+    return read(RESULT.read_text("utf-8"))
 
 
 def mutmut(*arguments: str) -> str:
@@ -25,24 +52,46 @@ def mutmut(*arguments: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def main() -> str | None:
-    """Write the result; what is wrong, as the exit code and message, or None."""
-    by_name = {
-        name: status
-        for name, status in statuses(mutmut("results", "--all", "true")).items()
-        if status != "not checked"
-    }
-    if not by_name:
-        return "Nothing was mutated: run `mutmut run` first."
-    alive = [name for name, end in by_name.items() if end not in (KILLED, CAUGHT_BY_TYPES)]
-    survivors = [Mutant(where(name), changed_line(mutmut("show", name))) for name in alive]
-    (HERE / "RESULT.txt").write_text(render(by_name, survivors), encoding="utf-8")
-    known = explained((HERE / "SURVIVORS.md").read_text(encoding="utf-8"))
-    unexplained = sorted(set(survivors) - known)
-    return (
-        "\n".join(f"not explained: {mutant.where}: {mutant.line}" for mutant in unexplained) or None
-    )
+def try_mutants(paths: Iterable[str]) -> None:
+    """Make the mutants of all modules anew, and try those of these."""
+    shutil.rmtree(ROOT / "mutants", ignore_errors=True)
+    names = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
+    command = [sys.executable, "-m", "mutmut", "run", "--max-children", "1", *names]
+    subprocess.run(command, check=True)
+
+
+def tried(blobs: Mapping[str, str]) -> dict[str, ModuleResult]:
+    """The results of the last run, of the modules that it tried whole."""
+    by_module: dict[str, dict[str, str]] = {}
+    for name, status in statuses(mutmut("results", "--all", "true")).items():
+        by_module.setdefault(module_path(name), {})[name] = status
+    results = {}
+    for path, ends in by_module.items():
+        if path not in blobs or "not checked" in ends.values():
+            continue
+        survivors = tuple(
+            Mutant(where(name), changed_line(mutmut("show", name)))
+            for name, end in ends.items()
+            if end not in CAUGHT
+        )
+        results[path] = ModuleResult(path, blobs[path], counts_of(ends.values()), survivors)
+    return results
+
+
+def main(wanted: list[str]) -> str | None:
+    """Try the modules wanted (or all); what is wrong, as the exit code and message, or None."""
+    before = blobs_today()
+    if unknown := sorted(set(wanted) - before.keys()):
+        return f"Not among the modules that are mutated: {', '.join(unknown)}"
+    try_mutants(wanted or before)
+    after = blobs_today()
+    unchanged = {path: blob for path, blob in before.items() if after.get(path) == blob}
+    results = tried(unchanged)
+    kept = {path: one for path, one in results_today().items() if one.blob == after.get(path)}
+    RESULT.write_text(render(kept | results), encoding="utf-8")
+    known = explained(SURVIVORS.read_text("utf-8"))
+    return "\n".join(unfinished(results_today(), after, known)) or None
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
