@@ -1,4 +1,4 @@
-"""How far an arm is led away by whoever decides what the operator's samples meet on their way.
+"""How far an arm is led away by an attacker who delays and drops the operator's samples.
 
 `python -m benchmarks.experiments.steering` swings a hand about one place, in virtual time, through
 the robot's side as it is, under attacks that see the hand: they lose or delay what it does on its

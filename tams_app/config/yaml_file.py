@@ -1,4 +1,4 @@
-"""A YAML file as keys and values, whoever wrote it: bounded in time and memory."""
+"""A YAML file of any origin as keys and values, bounded in time and memory."""
 
 from __future__ import annotations
 
