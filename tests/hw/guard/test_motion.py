@@ -299,6 +299,13 @@ def test_an_arm_that_leaves_its_fence_is_stopped_beyond_the_margin(bound: str) -
     assert LIMITS.margin_m < beyond_m < LIMITS.margin_m + 0.004
 
 
+def test_each_bound_of_the_fence_is_measured_from_the_place_of_the_tcp() -> None:
+    *_, floor, inside, outside = LIMITS.excess((0.3, 0.4, 0.1), Motion.FOLLOW)
+    assert floor == pytest.approx(LIMITS.floor - 0.1)
+    assert (inside, outside) == pytest.approx((LIMITS.radius_min - 0.5, 0.5 - LIMITS.radius_max))
+    assert LIMITS.excess((0.3, 0.4, 0.1), Motion.HOME) == pytest.approx((LIMITS.floor - 0.1,))
+
+
 def test_one_report_beyond_the_fence_is_no_arm_beyond_it() -> None:
     watched = Watched()
     watched.motion, watched.speed = Motion.FOLLOW, 10.0
