@@ -134,11 +134,13 @@ class Guard:
 
     def farewell(self) -> None:
         """The parent is gone or ends the guard: stop the arm if it was still armed."""
-        self._hear()  # that it was disarmed just before
-        if self._watch.watch is Watch.ARMED:
-            self._arm.request_stop()
-        if self._arm.pending:
-            self._arm.wait_acknowledged(FAREWELL_STOP_TIMEOUT_S)
+        try:
+            self._hear()  # that it was disarmed just before
+        finally:  # also where hearing is what has failed
+            if self._watch.watch is Watch.ARMED:
+                self._arm.request_stop()
+            if self._arm.pending:
+                self._arm.wait_acknowledged(FAREWELL_STOP_TIMEOUT_S)
 
     def _hear(self) -> None:
         """Everything new, before silence is judged.

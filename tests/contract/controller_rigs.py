@@ -141,7 +141,7 @@ class VirtualControllerRig(ControllerRig):
 
     def tap(self) -> None:
         self._holding.button = Button.A
-        self.controller.sample(self._clock.now_ns())  # as whoever reads the device
+        self.controller.sample(self._clock.now_ns())  # as the thread that reads the device
         self._holding.button = None
 
     def inject(self, fault: SensorFault | None) -> None:
@@ -184,7 +184,7 @@ class RemoteRig(ControllerRig):
 
     def tap(self) -> None:
         self._holding.button = Button.A
-        time.sleep(5 * TICK_NS / NS_PER_S)  # the other process reads it, nobody takes it
+        time.sleep(5 * TICK_NS / NS_PER_S)  # the other process reads it; no sample is taken
         self._holding.button = None
 
     def inject(self, fault: SensorFault | None) -> None:

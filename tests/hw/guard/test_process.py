@@ -750,3 +750,22 @@ def test_a_guard_that_fails_while_it_watches_stops_the_arm_as_it_ends(
         process.main()
     links[0].close()
     assert stop.stops == 1
+
+
+def test_a_guard_that_can_hear_no_more_stops_the_arm_as_it_ends(
+    silent_guard: SilentGuard, link: GuardLink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop = NotedStop()
+    watch, motion = HeartbeatWatch(TIMEOUT_NS), MotionWatch(motion_limits(ArmConfig(), LIMITS))
+    guard = Guard(silent_guard.memory, watch, motion, stop, NoReports(), VirtualClock())
+    link.arm()
+    link.beat(0)
+    guard.step()
+
+    def fails() -> int:
+        raise RuntimeError("a mistake")
+
+    monkeypatch.setattr(silent_guard.memory.beats, "written", fails)
+    with pytest.raises(RuntimeError, match="a mistake"):
+        guard.farewell()
+    assert stop.stops == 1
