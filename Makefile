@@ -63,8 +63,9 @@ installed: $(READY)
 explore: $(READY)
 	$(ALONE) $(PY) -m pytest -m "hypothesis and untimed" -n logical
 
-# An hour or two for all modules, minutes for one (ARGS=tams_app/link/age.py); renews
-# tests/mutation/RESULT.txt and fails if a survivor is not explained.
+# An hour or two for all modules, minutes for one (ARGS=tams_app/link/age.py) or for what the last
+# run did not catch (ARGS=--again); renews tests/mutation/RESULT.txt and fails if a survivor is not
+# explained.
 mutate: $(READY)
 	PATH="$(CURDIR)/.venv/bin:$$PATH" nice -n 10 $(PY) -m tests.mutation $(ARGS)
 

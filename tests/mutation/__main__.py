@@ -1,8 +1,9 @@
-"""`python -m tests.mutation [MODULE.py ...]`: mutates, tests, and renews RESULT.txt.
+"""`python -m tests.mutation [--again | MODULE.py ...]`: mutates, tests, and renews RESULT.txt.
 
 Without modules it tries all; those that it leaves out keep the result that they had, unless they
-have changed since. It fails as long as a module has none, or a survivor has no explanation in
-SURVIVORS.md.
+have changed since. With `--again` it tries only what the last run in this folder did not catch, for
+tests that were added since: none of them brings a caught mutant back. It fails as long as a module
+has no result, or a survivor has no explanation in SURVIVORS.md.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 
 from tests.mutation.report import (
     CAUGHT,
+    NOT_TRIED,
     ModuleResult,
     Mutant,
     blob_of,
@@ -34,6 +36,7 @@ from tests.mutation.report import (
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 RESULT, SURVIVORS = HERE / "RESULT.txt", HERE / "SURVIVORS.md"
+AGAIN = "--again"
 
 
 def blobs_today() -> dict[str, str]:
@@ -55,7 +58,18 @@ def mutmut(*arguments: str) -> str:
 def try_mutants(paths: Iterable[str]) -> None:
     """Make the mutants of all modules anew, and try those of these."""
     shutil.rmtree(ROOT / "mutants", ignore_errors=True)
-    names = [path.removesuffix(".py").replace("/", ".") + ".*" for path in paths]
+    run([path.removesuffix(".py").replace("/", ".") + ".*" for path in paths])
+
+
+def try_again() -> None:
+    """Try the mutants of the last run that nothing caught."""
+    ends = statuses(mutmut("results", "--all", "true"))
+    if left := [name for name, end in ends.items() if end not in (*CAUGHT, NOT_TRIED)]:
+        run(left)
+
+
+def run(names: Iterable[str]) -> None:
+    """Try the mutants of these names or patterns."""
     command = [sys.executable, "-m", "mutmut", "run", "--max-children", "1", *names]
     subprocess.run(command, check=True)
 
@@ -67,7 +81,7 @@ def tried(blobs: Mapping[str, str]) -> dict[str, ModuleResult]:
         by_module.setdefault(module_path(name), {})[name] = status
     results = {}
     for path, ends in by_module.items():
-        if path not in blobs or "not checked" in ends.values():
+        if path not in blobs or NOT_TRIED in ends.values():
             continue
         survivors = tuple(
             Mutant(where(name), changed_line(mutmut("show", name)))
@@ -81,9 +95,12 @@ def tried(blobs: Mapping[str, str]) -> dict[str, ModuleResult]:
 def main(wanted: list[str]) -> str | None:
     """Try the modules wanted (or all); what is wrong, as the exit code and message, or None."""
     before = blobs_today()
-    if unknown := sorted(set(wanted) - before.keys()):
+    if wanted != [AGAIN] and (unknown := sorted(set(wanted) - before.keys())):
         return f"Not among the modules that are mutated: {', '.join(unknown)}"
-    try_mutants(wanted or before)
+    if wanted == [AGAIN]:
+        try_again()
+    else:
+        try_mutants(wanted or before)
     after = blobs_today()
     unchanged = {path: blob for path, blob in before.items() if after.get(path) == blob}
     results = tried(unchanged)

@@ -16,6 +16,7 @@ from pathlib import Path
 KILLED = "killed"
 CAUGHT_BY_TYPES = "caught by type check"
 TIMEOUT = "timeout"  # a test that does not end is a test that fails
+NOT_TRIED = "not checked"
 CAUGHT = (KILLED, CAUGHT_BY_TYPES, TIMEOUT)
 _RESULT = re.compile(r"^\s*(?P<name>\S+): (?P<status>[\w ]+)$", re.MULTILINE)
 _ENTRY = re.compile(r"^- `(?P<where>[^`]+)`: `(?P<line>.+)`$", re.MULTILINE)
