@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.link.age import LeastOffset, OffsetEstimate, age_bound_ns
+from tams_app.link.age import ClockOffset, LeastOffset, OffsetEstimate, age_bound_ns
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -91,6 +92,14 @@ def test_an_echo_that_we_cannot_have_sent_bounds_nothing(echo_ns: int) -> None:
     assert age_bound_ns(1000, echo_ns) is None
 
 
+@given(st.integers(1, 10), st.integers(0, 10))
+def test_an_echo_from_before_our_computer_was_suspended_bounds_nothing(
+    echo_ns: int, awake_ns: int
+) -> None:
+    expected_ns = None if echo_ns < awake_ns else 10 - echo_ns
+    assert age_bound_ns(10, echo_ns, awake_ns) == expected_ns
+
+
 @given(
     st.lists(
         st.tuples(st.integers(0, 3 * NS_PER_S), st.integers(-(10**12), 10**12)),
@@ -106,6 +115,12 @@ def test_the_least_offset_is_that_of_the_last_ten_seconds(steps: list[tuple[int,
         seen.append((now_ns, difference_ns))
         recent = [d for t, d in seen if now_ns - t <= WINDOW_NS]
         assert least.step(now_ns, difference_ns) == min(recent)
+
+
+def test_a_least_offset_counts_until_its_window_is_over() -> None:
+    least = LeastOffset(window_ns=100)
+    told = [least.step(0, 1), least.step(100, 5), least.step(101, 7), least.step(200, 8)]
+    assert told == [1, 1, 5, 5]
 
 
 @given(
@@ -193,6 +208,33 @@ def test_the_exchange_with_the_shortest_round_trip_counts_for_ten_seconds() -> N
     assert exchange(12 * NS_PER_S, 60 * NS_PER_MS) == 30 * NS_PER_MS
 
 
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([0, 1, NS_PER_S, 5 * NS_PER_S, WINDOW_NS, WINDOW_NS + 1]),
+            st.integers(0, 3),
+        ),
+        min_size=1,
+        max_size=20,
+    )
+)
+def test_of_equally_short_round_trips_within_ten_seconds_the_newest_counts(
+    made: list[tuple[int, int]],
+) -> None:
+    """The clocks have drifted least since then."""
+    estimate, heard_ns = OffsetEstimate(), NS_PER_S
+    seen: list[tuple[int, int]] = []
+    for elapsed_ns, round_trip_ns in made:
+        heard_ns += elapsed_ns
+        seen.append((round_trip_ns, heard_ns))
+        sent_ns = heard_ns - round_trip_ns
+        now = estimate.step(sent_ns, sent_ns, sent_ns, heard_ns)
+        recent = [(trip, -t) for trip, t in seen if heard_ns - t <= WINDOW_NS]
+        assert now is not None
+        assert now.t_ns == -min(recent)[1]
+        assert now.uncertainty_ns == math.ceil(min(recent)[0] / 2)
+
+
 @pytest.mark.parametrize(
     ("sent_ns", "there_ns", "back_ns", "heard_ns"),
     [(0, 5, 6, 10), (5, 0, 1, 10), (5, 5, 20, 10)],
@@ -204,3 +246,8 @@ def test_an_exchange_that_cannot_be_tells_nothing(
     estimate = OffsetEstimate()
     assert estimate.now is None
     assert estimate.step(sent_ns, there_ns, back_ns, heard_ns) is None
+
+
+def test_every_stamp_above_zero_is_one() -> None:
+    """Zero stands for never."""
+    assert OffsetEstimate().step(1, 1, 1, 1) == ClockOffset(1, 0, 0)

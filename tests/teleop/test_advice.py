@@ -62,6 +62,22 @@ def test_what_happened_is_told_with_what_to_do(told, said):
     assert advice(told, told.partition(":")[0], OPENVR) == said
 
 
+def test_what_happened_is_told_with_what_is_left_to_do_once_its_cause_is_gone():
+    assert advice("stale video", "", KEYBOARD) == "stale video. The video is back: release Shift."
+
+
+PARTS = ["deadman", "device", "release", "wake", "connect", "check", "confirm"]
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("hand", HANDS.values(), ids=HANDS)
+def test_a_sentence_is_told_in_the_words_of_the_hand(part, hand):
+    words = getattr(hand, part)
+    assert hand.told(f"Then {{{part}}}.") == f"Then {words}."
+    begun = hand.told(f"{{{part}}}, then go on.")
+    assert begun == f"{words[:1].upper()}{words[1:]}, then go on."
+
+
 def test_a_refused_confirmation_says_what_is_in_its_way():
     assert refusal(None, KEYBOARD) == "release Shift first."
     standby = Reason.CONTROLLER_STANDBY

@@ -327,6 +327,14 @@ def test_a_fault_keeps_its_first_reason() -> None:
     assert arming.reason is Reason.GUARD_LOST
 
 
+def test_what_tripped_is_told_as_still_there_until_a_step_without_it() -> None:
+    arming = arming_in(ENGAGED)
+    arming.trip(Reason.TRAJECTORY_ERROR)
+    assert (arming.state, arming.lasting) == (FAULT, Reason.TRAJECTORY_ERROR)
+    arming.step(events(**UP))
+    assert (arming.reason, arming.lasting) == (Reason.TRAJECTORY_ERROR, None)
+
+
 def test_holding_names_its_cause_and_ready_names_what_is_in_the_way() -> None:
     arming = arming_in(HOLDING)
     assert arming.reason is Reason.ARM_STATE_STALE

@@ -81,6 +81,7 @@ FAR_POSE = Pose(np.array([0, 0, -100.1]), Rotation.identity())  # 1e300 would ov
         (with_link(acknowledged_ns=NOW - 101 * MS), Reason.ARM_REPLY_LATE),
         (with_link(round_trip_ns=101 * MS), Reason.ARM_REPLY_LATE),
         (replace(FINE, video_age_ns=1000 * MS), Reason.STALE_VIDEO),
+        (replace(FINE, video_age_ns=1000 * MS, video_damaged=True), Reason.VIDEO_DAMAGED),
         (replace(FINE, arm_ready=False), Reason.ARM_NOT_READY),
         (replace(FINE, faults=(Reason.STALE_VIDEO,)), Reason.STALE_VIDEO),
     ],
