@@ -6,6 +6,7 @@ import base64
 import errno
 import os
 import stat
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
@@ -53,6 +54,13 @@ def test_two_new_keys_differ(tmp_path: Path) -> None:
     keys = [read_key(tmp_path / name) for name in "ab"]
     for part in ("secret", "identity", "mac_key"):
         assert len({getattr(key, part) for key in keys}) == 2
+
+
+def test_all_computers_make_the_same_of_a_secret() -> None:
+    """Known answers, by OpenSSL (BLAKE2BMAC); with others two versions could not connect."""
+    key = Key("kim", bytes(range(100, 100 + KEY_BYTES)))
+    assert key.identity.hex() == "a602b2d99b761efd"
+    assert key.mac_key.hex() == "35dd0e55d0e29ed87ad562ec6e7b493df2a7f85cd3e20a76a58dfae78ed0dcbd"
 
 
 @pytest.mark.parametrize("umask", [0, 0o022, 0o077])
@@ -127,6 +135,18 @@ def test_what_is_no_key_is_refused_and_not_told(path: Path, content: bytes) -> N
     assert refused.value.__cause__ is None
 
 
+def test_of_a_large_file_no_more_is_read_than_a_key_can_be(path: Path) -> None:
+    write(path, b"")
+    os.truncate(path, 50_000_000)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ConfigError, match="holds no key of TAMS"):
+            read_key(path)
+        assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    finally:
+        tracemalloc.stop()
+
+
 def _absent(path: Path) -> None:
     pass
 
@@ -177,8 +197,9 @@ def test_what_is_no_name_is_refused_and_makes_no_file(tmp_path: Path, name: str)
 def test_a_folder_without_keys_or_with_one_name_twice_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="has no key"):
         accepted_keys(tmp_path)
-    new_key(tmp_path / "a.key", "kim")
+    new_key(tmp_path / "a.key", "kay")
     new_key(tmp_path / "b.key", "kim")
+    new_key(tmp_path / "c.key", "kim")
     with pytest.raises(ConfigError, match="two keys are for kim"):
         accepted_keys(tmp_path)
 
@@ -215,11 +236,39 @@ def test_a_key_that_others_can_reach_meanwhile_is_accepted_no_longer(tmp_path: P
     assert names(accepted) == set()
 
 
+@pytest.mark.parametrize("damaged", ["a", "b", "c"])
+def test_a_key_that_is_damaged_takes_nobody_elses_place(tmp_path: Path, damaged: str) -> None:
+    for name in "abc":
+        new_key(tmp_path, name)
+    accepted = AcceptedKeys(tmp_path)
+    (tmp_path / f"{damaged}.key").write_bytes(b"half wri")
+    assert accepted.look()
+    assert names(accepted) == set("abc") - {damaged}
+
+
 def test_to_revoke_what_is_not_there_is_refused_with_what_is(tmp_path: Path) -> None:
     new_key(tmp_path, "kim")
-    with pytest.raises(ConfigError, match="has no one key for 'kay'; it has: kim"):
+    new_key(tmp_path, "kit")
+    with pytest.raises(ConfigError, match=r"has no one key for 'kay'; it has: kim, kit$"):
         revoke_key(tmp_path, "kay")
-    assert [key.name for key in accepted_keys(tmp_path)] == ["kim"]
+    assert [key.name for key in accepted_keys(tmp_path)] == ["kim", "kit"]
+
+
+def test_a_key_that_is_damaged_is_revoked_by_the_name_of_its_file(tmp_path: Path) -> None:
+    new_key(tmp_path, "kay")
+    damaged = new_key(tmp_path, "kim")
+    damaged.write_bytes(b"half wri")
+    assert revoke_key(tmp_path, "kim") == damaged
+    assert not damaged.exists()
+    assert [key.name for key in accepted_keys(tmp_path)] == ["kay"]
+
+
+def test_a_key_that_cannot_be_deleted_is_told_in_a_sentence(tmp_path: Path) -> None:
+    """As in a folder that is another user's; here by a folder of its name."""
+    (tmp_path / "kim.key").mkdir()
+    with pytest.raises(ConfigError) as refused:
+        revoke_key(tmp_path, "kim")
+    assert str(refused.value).startswith(f"{tmp_path / 'kim.key'}: cannot be deleted (")
 
 
 def test_without_a_file_one_computer_shares_no_secret() -> None:
