@@ -28,7 +28,7 @@ from tams_app.link.handshake import (
     session_keys,
     unfilled,
 )
-from tams_app.link.noise import Initiator, Responder
+from tams_app.link.noise import Initiator, Responder, Split
 from tams_app.units import NS_PER_S
 from tests.link.rig import DESK, KEY, OTHER_KEY, ROBOT
 
@@ -77,6 +77,18 @@ def test_directions_and_purposes_have_keys_of_their_own() -> None:
     parts = [part for key in all_keys(ours) for part in (key[:32], key[32:]) if part]
     assert len(set(parts)) == len(parts) == 6
     assert [len(key) for key in all_keys(ours)] == 2 * [MESSAGE_KEY_BYTES, MEDIA_KEY_BYTES]
+
+
+def test_all_versions_make_the_same_keys_of_a_handshake() -> None:
+    """Known answers, by OpenSSL (HKDF, expand only): with others two versions could not talk."""
+    keys = session_keys(Split(b"i" * 32, b"r" * 32, b"h" * 32), initiator=True)
+    assert keys.number.hex() == "50bfb896"
+    assert [key.hex() for key in all_keys(keys)] == [
+        "7671e84cc550eb898f25b6b4811d675d8934bd25757f93c1cebb40059f5e9df9",
+        "7320c2b35676abf0f9543aa906b7c4fbd1924cabd178c894900f351ad12756e59e64cfeff577aa3007e24b46",
+        "586edf24eed8b49ee49e8a5bbf549dc3d87dadec3abea99a2f84b75bcb41d44e",
+        "32f18a1a9ba48c83005ae4383fa0f5c629e05cb467c642c0065e20e6f81c796c6f3a98c8cf2859cc63b8898a",
+    ]
 
 
 def test_every_session_has_fresh_keys() -> None:

@@ -5,24 +5,30 @@ from __future__ import annotations
 import random
 import secrets
 import struct
+from itertools import pairwise
 
 import pytest
+from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.link.handshake import SessionKeys, session_keys
 from tams_app.link.noise import Initiator, Responder
 from tams_app.link.sealing import (
+    HAND_BYTES,
+    LINK_BYTES,
     LONGEST_DATAGRAM_BYTES,
     LONGEST_MESSAGE_BYTES,
     LONGEST_PLAIN_BYTES,
     MEDIA_OVERHEAD_BYTES,
+    STATE_BYTES,
     Media,
     MessageOpener,
     MessageSealer,
     is_rtcp,
     sealed_bytes,
     session_number,
+    ssrc_of,
 )
 
 pytestmark = pytest.mark.untimed
@@ -63,6 +69,12 @@ def rtcp(ssrc: int = 7) -> bytes:
     return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(range(24))
 
 
+def by_hand(key: bytes, session: bytes, number: int, whole: bytes) -> bytes:
+    """The datagram whose encrypted part is `whole`, as the module's documentation has it."""
+    head = bytes((KIND,)) + session + number.to_bytes(8)
+    return head + ChaCha20Poly1305(key).encrypt(bytes(4) + number.to_bytes(8), whole, head)
+
+
 def flipped(datagram: bytes) -> list[bytes]:
     whole = int.from_bytes(datagram, "big")
     return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in range(8 * len(datagram))]
@@ -93,6 +105,32 @@ def test_a_message_that_ends_in_any_bytes_fits_a_datagram_of_one_of_four_sizes(
         assert len(datagram) in {93, 285, 541, LONGEST_DATAGRAM_BYTES}
 
 
+def test_a_message_fills_its_size_whole_before_it_takes_the_next() -> None:
+    """One byte of each size marks where the message ends."""
+    sizes = (LINK_BYTES, HAND_BYTES, STATE_BYTES, LONGEST_MESSAGE_BYTES + 1)
+    overhead = LONGEST_DATAGRAM_BYTES - sizes[-1]
+    for size in sizes:
+        assert sealed_bytes(size - 1) == overhead + size
+        assert sealed_bytes(size - 2) == overhead + size
+    for size, larger in pairwise(sizes):
+        assert sealed_bytes(size) == sealed_bytes(0, size + 1) == overhead + larger
+    assert sealed_bytes(LONGEST_MESSAGE_BYTES + 1) == LONGEST_DATAGRAM_BYTES + 1
+
+
+def test_a_datagram_is_what_the_protocol_says() -> None:
+    """Kind, session and number in the clear; the number is the nonce, and counts from one."""
+    sealer = MessageSealer(SECRET, KIND, b"sess")
+    for number in range(1, 300):
+        whole = b"move\x80".ljust(LINK_BYTES, b"\0")
+        assert sealer.seal(b"move") == by_hand(SECRET, b"sess", number, whole)
+
+
+def test_what_is_authentic_and_holds_no_message_is_none() -> None:
+    opener = MessageOpener(SECRET)
+    assert opener.open(by_hand(SECRET, b"sess", 1, b"")) is None
+    assert opener.open(by_hand(SECRET, b"sess", 1, b"move\x80")) == b"move"
+
+
 def test_a_message_names_its_session() -> None:
     ours, theirs = session()
     datagram = sealer_of(ours).seal(b"x")
@@ -110,8 +148,9 @@ def test_a_message_opens_once() -> None:
     sealer, opener = messages()
     datagram = sealer.seal(b"move")
     assert opener.open(datagram) == b"move"
-    assert opener.open(datagram) is None
-    assert opener.late == 1
+    for times in range(1, 4):
+        assert opener.open(datagram) is None
+        assert opener.late == times
 
 
 def test_an_older_message_after_a_newer_one_is_refused() -> None:
@@ -160,8 +199,10 @@ def test_a_message_of_another_session_is_refused() -> None:
 
 # --- video and its feedback -----------------------------------------------------------------------
 
+SHORTEST = struct.pack("!BBHI", 0x80, 201, 1, 7)  # a receiver report that reports of nothing
 
-@pytest.mark.parametrize("packet", [rtp(), rtcp(), rtp(size=12), rtp(size=268)], ids=len)
+
+@pytest.mark.parametrize("packet", [rtp(), rtcp(), rtp(size=12), rtp(size=268), SHORTEST], ids=len)
 def test_packets_come_back_as_they_were(packet: bytes) -> None:
     out, back = media()
     protected = out.protect(packet)
@@ -169,6 +210,15 @@ def test_packets_come_back_as_they_were(packet: bytes) -> None:
     assert len(packet) + MEDIA_OVERHEAD_BYTES <= len(protected) <= len(packet) + 20
     assert packet[12:] == b"" or packet[12:] not in protected
     assert back.unprotect(protected) == packet
+
+
+def test_a_packets_number_is_used_once() -> None:
+    """Two packets under one number of one key would give away what both hold (RFC 7714, 8.3)."""
+    out, _ = media()
+    assert out.protect(rtp(1)) is not None
+    assert out.protect(rtp(1)) is None
+    assert out.protect(rtp(1, size=80)) is None
+    assert out.protect(rtp(2)) is not None
 
 
 def test_streams_go_on_over_the_wrap_of_their_sequence_numbers() -> None:
@@ -259,7 +309,15 @@ def test_what_is_neither_rtp_nor_rtcp_is_not_protected() -> None:
         assert out.protect((first + draw.randbytes(length))[:length]) is None
 
 
-@given(st.integers(0, 255))
-def test_rtcp_is_told_by_its_packet_type(second: int) -> None:
-    assert is_rtcp(bytes((0x80, second))) == (192 <= second <= 223)
+def test_rtcp_is_told_by_its_packet_type() -> None:
+    rtcp_types = [second for second in range(256) if is_rtcp(bytes((0x80, second)))]
+    assert rtcp_types == [*range(192, 224)]
     assert not is_rtcp(b"\x80")
+    assert not is_rtcp(b"")
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_packet_tells_its_stream(ssrc: int) -> None:
+    for packet in (rtp(ssrc=ssrc), rtp(ssrc=ssrc, size=12), rtcp(ssrc), rtcp(ssrc)[:8]):
+        assert ssrc_of(packet) == ssrc
+    assert ssrc_of(rtp(ssrc=ssrc)[:8]) == ssrc_of(rtcp(ssrc)[:4]) == ssrc_of(b"") == 0
