@@ -12,6 +12,7 @@ from tams_app.config import LimitsConfig
 from tams_app.rotation import Rotation
 from tams_app.teleop.trajectory import Profile, VelocityTrajectory
 from tams_app.teleop.workspace import OutwardCap, RotationCone, Workspace
+from tams_app.vectors import norm
 from tests.teleop.motions import within
 
 pytestmark = pytest.mark.waiting
@@ -368,6 +369,18 @@ def test_turning_across_the_edge_of_the_cone_counts_what_it_adds_to_the_angle(sp
     edge = 2 * math.acos(math.cos(math.radians(35) / 2) / math.cos(turn / 2))  # Pythagoras
     assert CONE.admits(np.array([0, edge - 1e-5, 0]), angular, plan)
     assert not CONE.admits(np.array([0, edge + 1e-5, 0]), angular, plan)
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 40, 60, 80])
+def test_turning_out_at_any_slant_counts_what_it_adds_to_the_angle(degrees: float) -> None:
+    slant = math.radians(degrees)
+    angular = 0.4 * np.array([math.sin(slant), math.cos(slant), 0])
+    plan = VelocityTrajectory(angular, np.zeros(3), np.zeros(3), TURN_STOP)
+    turn = angular * DEADMAN_S + plan.at(1.0).displacement
+    for edge in np.linspace(math.radians(25), math.radians(35), 100):
+        offset = np.array([0, edge, 0])
+        beyond = norm(CONE.offset(READY.turned(offset).turned(turn))) - math.radians(35)
+        assert CONE.admits(offset, angular, plan) is (beyond < 0)
 
 
 def test_a_turn_that_leads_straight_back_to_ready_is_admitted_from_anywhere() -> None:
