@@ -262,6 +262,13 @@ def test_from_outside_a_way_that_turns_outward_again_is_not_admitted() -> None:
     assert admits(-0.02, 0.05, -0.75, SOFT) is False  # 2.1 mm up, then 0.4 mm down again
 
 
+@pytest.mark.parametrize("speed", [0.0, 0.1])
+def test_from_outside_standing_and_going_along_the_bound_are_admitted(speed: float) -> None:
+    along = np.array([0, speed, 0])
+    plan = VelocityTrajectory(along, np.zeros(3), np.zeros(3), STOP)
+    assert SPACE.admits(COLUMN - 0.02 * UP, along, plan)
+
+
 def test_on_the_bound_itself_the_way_may_turn_as_long_as_it_stays_inside() -> None:
     assert admits(0.005, 0.05, -0.75, SOFT) is True
     assert admits(0.005, 0.05, -0.85, SOFT) is False
