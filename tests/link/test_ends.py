@@ -10,7 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.link.ends import GOODBYE, LET_GO_NS
-from tams_app.link.handshake import BUSY, COOKIE, INITIATION, RESPONSE, TAG_BYTES
+from tams_app.link.handshake import (
+    BUSY,
+    COOKIE,
+    COOKIE_BYTES,
+    INITIATION,
+    MAC_BYTES,
+    RESPONSE,
+    TAG_BYTES,
+    answer,
+)
 from tams_app.link.keys import Key
 from tams_app.link.operator_end import REDIAL_NS
 from tams_app.link.peer import MESSAGE, Address
@@ -42,6 +51,12 @@ def other_desk(seed: int = 1) -> Desk:
     return Desk(address=("10.0.0.3", 40_001), seed=seed)
 
 
+def answered_by_hand(desk: Desk, kind: int, content: bytes) -> bytes:
+    """An answer to the initiation that was sent last, by one who has the operator's key."""
+    sent = desk.sent[-1]
+    return answer(kind, sent[1 : 1 + TAG_BYTES], KEY, sent[-MAC_BYTES:], content)
+
+
 def drops(kind: int, how_many: int) -> Deliver:
     """A network that loses the first so many datagrams of a kind."""
     numbers = count()
@@ -66,6 +81,8 @@ def test_there_is_no_session_before_a_call() -> None:
     for end in (rig.robot, desk.end):
         assert end.message(b"x", rig.now_ns) is end.media(rtp(1), rig.now_ns) is None
         assert end.silent_ns(rig.now_ns) is None
+        assert (end.connected, end.renewals) == (False, 0)
+    assert desk.end.busy is False
 
 
 @pytest.mark.parametrize("lost", [1, 5])
@@ -203,12 +220,128 @@ def test_an_answer_to_another_initiation_is_not_taken() -> None:
     again = other_desk(seed=3)
     rig.up = nothing
     rig.step(again)
-    for answer in rig.answers:
-        rig.at_desk(again, answer)
-        with_its_tag = answer[:1] + again.sent[0][1 : 1 + TAG_BYTES] + answer[1 + TAG_BYTES :]
+    for recorded in rig.answers:
+        rig.at_desk(again, recorded)
+        with_its_tag = recorded[:1] + again.sent[0][1 : 1 + TAG_BYTES] + recorded[1 + TAG_BYTES :]
         rig.at_desk(again, with_its_tag)
     assert not again.end.connected
     assert again.end.counts == {"answers that are not authentic": 4}
+
+
+def test_a_cookie_is_sent_back_at_once_if_it_is_another_and_is_one() -> None:
+    """A robot's side that gives the same cookie again and again starts no exchange without end."""
+    rig, desk = Rig(), Desk()
+    rig.up = nothing
+    rig.step(desk)
+    for cookie in (b"", b"c" * (COOKIE_BYTES - 1), b"c" * (COOKIE_BYTES + 1)):
+        assert rig.at_desk(desk, answered_by_hand(desk, COOKIE, cookie)).replies == []
+    for cookie in (b"c" * COOKIE_BYTES, b"d" * COOKIE_BYTES):
+        ((again, _),) = rig.at_desk(desk, answered_by_hand(desk, COOKIE, cookie)).replies
+        assert cookie in again
+        assert rig.at_desk(desk, answered_by_hand(desk, COOKIE, cookie)).replies == []
+    assert desk.end.counts == {}
+
+
+def test_an_answer_whose_mac_is_right_and_whose_keys_are_none_is_not_taken() -> None:
+    rig, desk = Rig(), Desk()
+    rig.up = nothing
+    rig.step(desk)
+    for number, content in enumerate((b"", b"c" * 47, b"c" * 48, b"c" * 1000), 1):
+        heard = rig.at_desk(desk, answered_by_hand(desk, RESPONSE, content))
+        assert not heard.connected
+        assert desk.end.counts == {"answers that are not authentic": number}
+    rig.up = everything
+    rig.run_ms(310, desk)
+    assert rig.gets_through(desk)
+
+
+def test_one_initiation_is_answered_forty_times() -> None:
+    """So often an operator sends it in vain in five seconds at most; the others are recordings."""
+    rig, desk = Rig(), Desk()
+    rig.up = lambda datagram: datagram[0] == INITIATION
+    rig.step(desk)
+    call, first = desk.sent[1], rig.answers[-1]
+    assert first[0] == RESPONSE
+    replies = [rig.at_robot(call, desk.address).replies for _ in range(50)]
+    assert replies == [[(first, desk.address)]] * 39 + [[]] * 11
+    assert rig.robot.counts == {"initiations that were answered": 11}
+    rig.up = everything
+    assert rig.gets_through(desk)
+
+
+def test_of_more_calls_than_are_kept_the_oldest_is_forgotten() -> None:
+    """512 are kept: who holds a key and takes all places keeps nobody out."""
+    rig = Rig()
+    rig.up = lambda datagram: datagram[0] == INITIATION
+    desks = [Desk(address=("10.0.3.1", number // 8), seed=number) for number in range(8, 521)]
+    for desk in desks:
+        for call, _ in desk.end.step(rig.now_ns):
+            rig.send_up(desk, call)
+    rig.up = everything
+    rig.say(desks[0], b"of the oldest")
+    assert rig.heard == []
+    rig.say(desks[1], b"of the second")
+    assert rig.heard == [b"of the second"]
+    rig.now_ns += LET_GO_NS
+    rig.say(desks[-1], b"of the newest")
+    assert rig.heard == [b"of the second", b"of the newest"]
+
+
+# --- what changes nothing -------------------------------------------------------------------------
+
+
+def test_what_changes_nothing_at_the_robot_is_counted_by_its_reason() -> None:
+    rig, desk = Rig(), Desk()
+    forged = bytes((MESSAGE,)) + bytes(100)
+    for number in (1, 2):
+        for datagram in (forged, rtp(number), b"", b"\x7fx", bytes((INITIATION,)) + bytes(1199)):
+            rig.at_robot(datagram, desk.address)
+        assert rig.robot.counts == {
+            "without a session": 2 * number,
+            "of no known kind": 2 * number,
+            "initiations that no key made": number,
+        }
+    rig.run_ms(50, desk)
+    rig.robot.counts.clear()
+    last = desk.sent[-1]
+    for number in (1, 2, 3):
+        for datagram in (last, last[:-1] + bytes((last[-1] ^ 1,)), forged, rtp(number) + bytes(16)):
+            rig.at_robot(datagram, desk.address)
+        assert rig.robot.counts == {
+            "late": number,
+            "not authentic": 2 * number,
+            "media not authentic": number,
+        }
+
+
+def test_what_changes_nothing_at_the_operators_side_is_counted_by_its_reason() -> None:
+    rig, desk = Rig(), Desk()
+    forged = bytes((MESSAGE,)) + bytes(100)
+    rig.up = nothing
+    for number in (1, 2):
+        answers = [bytes((kind,)) + bytes(24) for kind in (COOKIE, BUSY, RESPONSE)]
+        for datagram in (forged, rtp(number), b"", b"\x7fx", *answers):
+            rig.at_desk(desk, datagram)
+        assert desk.end.counts == {
+            "without a session": 2 * number,
+            "of no known kind": 2 * number,
+            "answers to no call": 3 * number,
+        }
+    rig.up = everything
+    rig.run_ms(50, desk)
+    desk.end.counts.clear()
+    addressed = rig.robot.message(b"state", rig.now_ns)
+    assert addressed is not None
+    last = addressed[0]
+    rig.at_desk(desk, last)
+    for number in (1, 2, 3):
+        for datagram in (last, last[:-1] + bytes((last[-1] ^ 1,)), forged, rtp(number) + bytes(16)):
+            rig.at_desk(desk, datagram)
+        assert desk.end.counts == {
+            "late": number,
+            "not authentic": 2 * number,
+            "media not authentic": number,
+        }
 
 
 # --- keys -----------------------------------------------------------------------------------------
@@ -243,6 +376,13 @@ def test_a_call_with_a_key_that_is_revoked_meanwhile_comes_to_nothing() -> None:
     rig.robot.accept({OTHER_KEY.identity: OTHER_KEY}, rig.now_ns)
     rig.run_ms(1000, desk)
     assert (rig.sessions, rig.heard) == (0, [])
+
+
+def test_of_a_silent_operator_a_revoked_key_ends_the_session_and_nothing_is_sent() -> None:
+    rig, _ = connected()
+    rig.now_ns += LET_GO_NS
+    heard = rig.robot.accept({}, rig.now_ns)
+    assert (heard.left, heard.replies, rig.robot.connected) == (True, [], False)
 
 
 def test_accepting_more_keys_disturbs_nobody() -> None:
@@ -335,6 +475,7 @@ def test_a_second_operator_is_told_that_the_first_is_there() -> None:
     assert (second.end.busy, second.end.connected) == (True, False)
     assert rig.sessions == 1
     assert rig.gets_through(first)
+    assert {len(one) for one in rig.answers if one[0] == BUSY} == {1 + TAG_BYTES + MAC_BYTES}
 
 
 def test_an_operator_who_waits_leaves_nothing_behind() -> None:

@@ -9,12 +9,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tams_app.link.ends import ATTEMPT_NS, LET_GO_NS, OUTWORN_NS, QUESTION, REKEY, RobotEnd
+from tams_app.link.ends import (
+    ATTEMPT_NS,
+    LET_GO_NS,
+    OUTWORN_NS,
+    QUESTION,
+    REKEY,
+    REKEYED,
+    RobotEnd,
+)
 from tams_app.link.operator_end import REFUSED_NS, REKEY_NS
 from tams_app.link.peer import OVERLAP_NS, Address
-from tams_app.link.sealing import sealed_bytes
+from tams_app.link.sealing import HAND_BYTES, LINK_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
+    ROBOT,
     STEP_NS,
     Desk,
     Rig,
@@ -43,6 +52,13 @@ def shown(rig: Rig, desk: Desk, packet: bytes) -> bytes | None:
     if addressed is None or addressed[1] != desk.address or not rig.down(addressed[0]):
         return None
     return rig.at_desk(desk, addressed[0]).media
+
+
+def let_keys_age(rig: Rig, desk: Desk) -> None:
+    """Until a second before new ones are due, while both sides say something once a second."""
+    for _ in range(REKEY_NS // NS_PER_S - 2):
+        rig.now_ns += NS_PER_S - STEP_NS
+        rig.step(desk)
 
 
 def sent_to(rig: Rig) -> Address | None:
@@ -114,11 +130,12 @@ def test_packets_that_the_old_keys_sealed_are_taken_for_a_while() -> None:
 
 def test_a_message_that_the_old_keys_sealed_is_late_once_the_new_ones_are_in_use() -> None:
     rig, desk = connected()
-    held = desk.end.message(b"held back", rig.now_ns)
+    held = [desk.end.message(b"held back", rig.now_ns) for _ in range(3)]
     rig.run_ms(REKEY_MS + 500, desk)
-    assert held is not None
-    assert rig.at_robot(held[0], desk.address).message is None
-    assert rig.robot.counts == {"late": 1}
+    for number, addressed in enumerate(held, 1):
+        assert addressed is not None
+        assert rig.at_robot(addressed[0], desk.address).message is None
+        assert rig.robot.counts == {"late": number}
 
 
 def test_a_recorded_request_for_new_keys_changes_nothing() -> None:
@@ -202,6 +219,101 @@ def test_who_makes_refused_packets_gets_no_more_than_new_keys_now_and_then() -> 
     assert 5 <= rig.robot.renewals <= 10
     assert rig.gets_through(desk)
     assert (rig.sessions, desk.calls) == (1, 1)
+
+
+def test_video_and_feedback_go_on_while_nothing_comes_under_the_new_keys_yet() -> None:
+    """The operator's messages are lost as soon as both sides have agreed on new keys."""
+    rig, desk = connected()
+    let_keys_age(rig, desk)
+    rig.up = lambda datagram: len(datagram) < sealed_bytes(0, HAND_BYTES)  # requests alone
+    for sequence in range(1, 200):
+        rig.step(desk)
+        assert shown(rig, desk, rtp(sequence)) == rtp(sequence)
+        feedback = desk.end.media(rtcp(), rig.now_ns)
+        assert feedback is not None
+        assert rig.at_robot(feedback[0], desk.address).media == rtcp()
+    assert (rig.robot.renewals, desk.end.renewals) == (0, 0)
+    rig.up = everything
+    rig.run_ms(20, desk)
+    assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
+    assert rig.gets_through(desk)
+
+
+def test_what_is_no_request_for_new_keys_is_counted_and_not_answered() -> None:
+    rig, desk = connected()
+    for number, content in enumerate((b"", b"c" * 47, b"c" * 48, b"c" * 100), 1):
+        addressed = desk.end.message(REKEY + content, rig.now_ns)
+        assert addressed is not None
+        heard = rig.at_robot(addressed[0], desk.address)
+        assert (heard.message, heard.replies) == (None, [])
+        assert rig.robot.counts == {"new keys that came to nothing": number}
+    let_keys_age(rig, desk)
+    rig.run_ms(2000, desk)
+    assert rig.robot.renewals == 1
+
+
+def test_what_is_no_answer_to_a_request_for_new_keys_is_counted_and_waited_past() -> None:
+    rig, desk = connected()
+    told = len(desk.heard)
+    assert rig.tell(desk, REKEYED + b"c" * 48)  # they have not asked
+    assert desk.end.counts == {}
+    let_keys_age(rig, desk)
+    rig.down = lambda datagram: len(datagram) >= sealed_bytes(0, STATE_BYTES)  # no answer comes
+    rig.run_ms(2000, desk)
+    rig.down = everything
+    for number, content in enumerate((b"", b"c" * 47, b"c" * 48, b"c" * 100), 1):
+        assert rig.tell(desk, REKEYED + content)
+        assert desk.end.counts == {"new keys that came to nothing": number}
+    assert set(desk.heard[told:]) == {b"state"}
+    rig.run_ms(500, desk)
+    assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
+    assert rig.gets_through(desk)
+
+
+@pytest.mark.parametrize("age_ns", [OUTWORN_NS - 1, OUTWORN_NS])
+def test_what_arrives_when_its_keys_are_ten_minutes_old_counts_no_more(age_ns: int) -> None:
+    rig, desk = Rig(), Desk()
+    rig.step(desk)
+    message, media = desk.end.message(b"held", rig.now_ns), desk.end.media(rtcp(), rig.now_ns)
+    state = rig.robot.message(b"held", rig.now_ns)
+    assert message is not None
+    assert media is not None
+    assert state is not None
+    rig.now_ns += age_ns
+    heard = (
+        rig.at_robot(media[0], desk.address).media,
+        rig.at_robot(message[0], desk.address).message,
+        rig.at_desk(desk, state[0]).message,
+    )
+    if age_ns < OUTWORN_NS:
+        assert heard == (rtcp(), b"held", b"held")
+        assert sent_to(rig) == desk.address
+    else:
+        assert heard == (None, None, None)
+        assert sent_to(rig) is None
+        assert desk.end.message(b"hand", rig.now_ns) is None
+        assert (rig.robot.connected, desk.end.connected) == (False, False)
+        assert rig.robot.counts == {"without a session": 2}
+        assert desk.end.counts == {"without a session": 1}
+
+
+# --- what can be told on the way ------------------------------------------------------------------
+
+
+@settings(max_examples=20)
+@given(st.binary(max_size=HAND_BYTES - 1), st.binary(max_size=STATE_BYTES - 1))
+def test_the_length_of_what_is_sent_tells_nothing_of_what_is_said(
+    hand: bytes, state: bytes
+) -> None:
+    rig, desk = connected()
+    for said, size in ((b"h" + hand[1:], HAND_BYTES), (b"\0" + hand[:50], LINK_BYTES)):
+        sent = desk.end.message(said, rig.now_ns)
+        assert sent is not None
+        assert len(sent[0]) == sealed_bytes(0, size)
+    for said, size in ((b"s" + state[1:], STATE_BYTES), (b"\0" + state[:50], LINK_BYTES)):
+        sent = rig.robot.message(said, rig.now_ns)
+        assert sent is not None
+        assert len(sent[0]) == sealed_bytes(0, size)
 
 
 # --- consent --------------------------------------------------------------------------------------
@@ -310,6 +422,23 @@ def test_what_answers_a_question_from_elsewhere_moves_nothing() -> None:
     rig.at_robot(answer, ELSEWHERE)
     assert sent_to(rig) == desk.address
     assert len(question) == sealed_bytes(len(QUESTION) + 8) <= len(caught[0])
+
+
+def test_an_operator_whose_answers_take_long_is_followed_too() -> None:
+    """Asked again at the same address the question is the same; at another one it is another."""
+    rig, desk = connected()
+    questions: list[tuple[bytes, Address]] = []
+    for number in range(60):
+        rig.now_ns += STEP_NS
+        hand = desk.end.message(b"hand", rig.now_ns)
+        assert hand is not None
+        questions += rig.at_robot(hand[0], THIEF if number < 10 else ELSEWHERE).replies
+    assert [to for _, to in questions] == [THIEF] + [ELSEWHERE] * 5
+    answers = [desk.end.receive(one, ROBOT, rig.now_ns).replies[0][0] for one, _ in questions]
+    rig.at_robot(answers[0], ELSEWHERE)  # to the question that was asked elsewhere
+    assert sent_to(rig) == desk.address
+    rig.at_robot(answers[1], ELSEWHERE)
+    assert sent_to(rig) == ELSEWHERE
 
 
 def test_an_operator_sends_to_the_address_that_was_dialled_wherever_answers_come_from() -> None:

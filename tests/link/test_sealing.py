@@ -115,6 +115,11 @@ def test_a_message_fills_its_size_whole_before_it_takes_the_next() -> None:
     for size, larger in pairwise(sizes):
         assert sealed_bytes(size) == sealed_bytes(0, size + 1) == overhead + larger
     assert sealed_bytes(LONGEST_MESSAGE_BYTES + 1) == LONGEST_DATAGRAM_BYTES + 1
+    sealer, opener = messages()
+    for least in sizes:
+        datagram = sealer.seal(b"short", least)
+        assert len(datagram) == overhead + least
+        assert opener.open(datagram) == b"short"
 
 
 def test_a_datagram_is_what_the_protocol_says() -> None:
