@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import signal
 import socket
@@ -10,9 +12,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -34,11 +38,12 @@ from hw.guard.link import (
 from hw.guard.motion import Cause, Motion, MotionWatch
 from hw.guard.process import Guard, HeartbeatWatch, Watch
 from hw.lite6.codes import Mode, Register, State
+from hw.lite6.report_frames import REAL_PORT_OFFSET
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import HelperError
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.process import HelperProcess
-from tams_app.runtime.realtime import NOT_PERMITTED
+from tams_app.runtime.realtime import GUARD_PRIORITY, NOT_PERMITTED
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
@@ -64,6 +69,7 @@ def test_silence_before_the_first_beat_stops_nothing() -> None:
     watch = HeartbeatWatch(TIMEOUT_NS)
     assert not watch.lost(10 * NS_PER_S)
     assert watch.watch is Watch.IDLE
+    assert watch.last_heard == (0, 0)
 
 
 @given(st.lists(st.integers(0, TIMEOUT_NS), min_size=1, max_size=50))
@@ -340,6 +346,65 @@ def test_each_arming_has_a_number_of_its_own(silent_guard: SilentGuard, link: Gu
         link.disarm()
         silent_guard.hear()
     assert armings == [1, 2, 3]
+
+
+def test_everything_that_the_link_says_is_numbered_one_by_one(
+    silent_guard: SilentGuard, link: GuardLink
+) -> None:
+    for say in (link.beat, lambda _: link.arm(), link.beat, link.beat, lambda _: link.disarm()):
+        say(0)
+    link.beat(0)
+    said = [silent_guard.hear() for _ in range(5)]
+    assert [heard.sequence for heard in said if heard] == [1, 2, 3, 4, 5]
+
+
+def test_a_guard_that_has_answered_is_gone_once_it_is_silent_for_as_long(
+    silent_guard: SilentGuard, link: GuardLink
+) -> None:
+    link.arm()
+    link.beat(0)
+    silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1))
+    link.beat(50)
+    assert link.alive(50 + TIMEOUT_NS)
+    assert not link.alive(51 + TIMEOUT_NS)
+    link.beat(51 + TIMEOUT_NS)
+    assert not link.alive(51 + TIMEOUT_NS)
+
+
+# --- what the guard is told of the arm ----------------------------------------------------------
+
+
+def test_the_guards_limits_are_the_configurations_in_metres_radians_and_nanoseconds() -> None:
+    arm = ArmConfig(velocity_deadman_s=0.15, ready_speed_deg_s=18.0, boundary_margin_mm=35.0)
+    limits = LimitsConfig(
+        max_speed_mm_s=200.0,
+        leash_mm=12.0,
+        box_min_mm=(160.0, -310.0, 7.0),
+        box_max_mm=(410.0, 320.0, 390.0),
+        radius_min_mm=190.0,
+        radius_max_mm=430.0,
+        floor_mm=6.0,
+    )
+    told = motion_limits(arm, limits)
+    assert told.grace_ns == 350 * NS_PER_MS  # 200 ms to brake, and the deadman time
+    assert told.low == pytest.approx((0.16, -0.31, 0.007))
+    assert told.high == pytest.approx((0.41, 0.32, 0.39))
+    rest = (told.speed_m_s, told.leash_m, told.radius_min, told.radius_max, told.floor)
+    assert rest == pytest.approx((0.2, 0.012, 0.19, 0.43, 0.006))
+    assert told.home_rad_s == pytest.approx(0.1 * math.pi)
+    assert told.margin_m == pytest.approx(0.035)
+
+
+def test_the_guards_specification_holds_all_that_it_needs_and_can_be_written_as_json() -> None:
+    told = {"host": "192.0.2.7", "control_port": 503, "report_port": 30002, "reply_timeout_s": 0.05}
+    config = ArmConfig.model_validate(told | {"guard": {"heartbeat_timeout_ms": 80.0}})
+    specification = guard_specification(config, LIMITS)
+    assert json.loads(json.dumps(specification)) == told | {
+        "stop_channel": "hw.lite6.stop_channel:StopChannel",
+        "report_watch": "hw.lite6.report_watch:ReportWatch",
+        "heartbeat_timeout_ms": 80.0,
+        "motion": motion_limits(config, LIMITS)._asdict(),
+    }
 
 
 # --- the process --------------------------------------------------------------------------------
@@ -769,3 +834,339 @@ def test_a_guard_that_can_hear_no_more_stops_the_arm_as_it_ends(
     with pytest.raises(RuntimeError, match="a mistake"):
         guard.farewell()
     assert stop.stops == 1
+
+
+# --- what the guard makes of beats and reports, in virtual time ---------------------------------
+
+
+class ToldReports(NoReports):
+    """Hands out each report that a test tells it, once."""
+
+    told: ArmReport | None = None
+
+    def newest(self, now_ns: int) -> ArmReport | None:
+        report, self.told = self.told, None
+        return report
+
+
+class VirtualGuard:
+    """A guard that beats and reports reach every 10 ms, of an arm that moves along y."""
+
+    def __init__(self, silent_guard: SilentGuard, link: GuardLink) -> None:
+        self.beats = silent_guard.memory.beats
+        self.link = link
+        self.clock, self.stop, self.reports = VirtualClock(), NotedStop(), ToldReports()
+        motion = MotionWatch(motion_limits(ArmConfig(), LIMITS))
+        watch = HeartbeatWatch(TIMEOUT_NS)
+        self.guard = Guard(silent_guard.memory, watch, motion, self.stop, self.reports, self.clock)
+
+    def tick(self, y: float | None = 0.0, motion: Motion = Motion.REST, speed: float = 0.0) -> None:
+        """`y`: of the report [m]; None for no report."""
+        self.clock.advance_ns(10 * NS_PER_MS)
+        self.link.beat(self.clock.now_ns(), motion, motion is not Motion.REST, speed)
+        if y is not None:
+            self.reports.told = ArmReport((0.3, y, 0.2), (3.0 * y, 0.6, 1.5, 0.0, 0.9, 0.0))
+        self.guard.step()
+
+
+@pytest.fixture
+def virtual_guard(silent_guard: SilentGuard, link: GuardLink) -> VirtualGuard:
+    return VirtualGuard(silent_guard, link)
+
+
+def test_an_arm_that_follows_as_the_beats_say_is_left_alone(virtual_guard: VirtualGuard) -> None:
+    virtual_guard.link.arm()
+    for number in range(100):
+        virtual_guard.tick(0.002 * number, Motion.FOLLOW, 0.2)
+    assert virtual_guard.stop.stops == 0
+    assert virtual_guard.link.acknowledged
+    assert not virtual_guard.link.latched
+
+
+def test_an_arm_that_moves_while_the_beats_say_rest_is_stopped_once(
+    virtual_guard: VirtualGuard,
+) -> None:
+    virtual_guard.link.arm()
+    for _ in range(50):
+        virtual_guard.tick()
+    assert virtual_guard.stop.stops == 0
+    for number in range(10):
+        virtual_guard.tick(0.01 * number)
+    assert virtual_guard.stop.stops == 1
+    assert virtual_guard.link.cause is Cause.UNASKED
+
+
+def test_an_arm_that_is_not_armed_may_move_as_others_like(virtual_guard: VirtualGuard) -> None:
+    for number in range(100):
+        virtual_guard.tick(0.01 * number)
+    assert virtual_guard.stop.stops == 0
+
+
+def test_an_arm_may_come_to_rest_within_the_first_300_ms_of_each_arming(
+    virtual_guard: VirtualGuard,
+) -> None:
+    for _ in range(2):
+        for _ in range(100):
+            virtual_guard.tick()
+        virtual_guard.link.arm()
+        for number in range(50):
+            virtual_guard.tick(0.001 * min(number, 10))
+        virtual_guard.link.disarm()
+    assert virtual_guard.stop.stops == 0
+
+
+def test_an_arm_that_was_moved_between_two_armings_has_not_moved_unasked(
+    virtual_guard: VirtualGuard,
+) -> None:
+    virtual_guard.link.arm()
+    for _ in range(50):
+        virtual_guard.tick()
+    virtual_guard.link.disarm()
+    virtual_guard.tick(0.05)
+    virtual_guard.link.arm()
+    for _ in range(50):
+        virtual_guard.tick(0.1)
+    assert virtual_guard.stop.stops == 0
+
+
+@pytest.mark.parametrize(("arming", "sequence"), [(1, 1000), (2, 2)])
+def test_a_late_beat_allows_no_motion(
+    virtual_guard: VirtualGuard, arming: int, sequence: int
+) -> None:
+    """One of the arming before, or one that newer ones have overtaken."""
+    virtual_guard.link.arm()
+    virtual_guard.tick()
+    virtual_guard.link.arm()
+    for _ in range(50):
+        virtual_guard.tick()
+    late = beat(arming, sequence)._replace(motion=Motion.FOLLOW, deadman=True, speed=0.2)
+    for number in range(10):
+        virtual_guard.beats.put(late.encode())
+        virtual_guard.tick(0.002 * number)
+    assert virtual_guard.stop.stops == 1
+    assert virtual_guard.link.cause is Cause.UNASKED
+
+
+def test_the_guard_has_lost_the_arm_while_its_stop_would_not_get_through(
+    virtual_guard: VirtualGuard,
+) -> None:
+    lost = []
+    for failure in ("", "The stop connection does not answer.", ""):
+        virtual_guard.stop.failure = failure
+        virtual_guard.tick()
+        virtual_guard.tick()
+        lost.append(virtual_guard.link.arm_lost)
+    assert lost == [False, True, False]
+
+
+def test_the_guard_has_lost_the_arm_once_no_report_came_for_1200_ms(
+    virtual_guard: VirtualGuard,
+) -> None:
+    virtual_guard.tick()
+    for _ in range(120):
+        virtual_guard.tick(None)
+    virtual_guard.tick(None)  # which hears the answer to the one before
+    assert not virtual_guard.link.arm_lost
+    virtual_guard.tick(None)
+    assert virtual_guard.link.arm_lost
+    for _ in range(3):  # a report, the next answer after it, and the beat that hears that
+        virtual_guard.tick()
+    assert not virtual_guard.link.arm_lost
+
+
+# --- the process's main function, in the test's own process -------------------------------------
+
+
+class GuardInThisProcess:
+    """Runs the guard's `main` in the calling thread, as the session runs it in a process."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._monkeypatch = monkeypatch
+        self.priorities: list[int] = []
+
+    def run(
+        self, specification: dict[str, Any], session: Callable[[dict[str, Any]], None]
+    ) -> dict[str, Any]:
+        """Run it until `session` returns, which is called in another thread with the ready line.
+
+        Returns that line.
+        """
+        out, guards_out = os.pipe()
+        guards_in, to_guard = os.pipe()
+        os.dup2(guards_in, 0)
+        os.close(guards_in)
+        command = ["guard", json.dumps(specification)]
+        self._monkeypatch.setattr(sys, "argv", command)
+        self._monkeypatch.setattr(sys, "stdout", os.fdopen(guards_out, "w"))
+        self._monkeypatch.setattr(process, "use_fifo", self._grant)
+
+        def attend() -> dict[str, Any]:
+            try:
+                with os.fdopen(out) as lines:
+                    ready: dict[str, Any] = json.loads(lines.readline())
+                session(ready)
+                return ready
+            finally:
+                os.close(to_guard)
+
+        with ThreadPoolExecutor(1) as threads:
+            attended = threads.submit(attend)
+            try:
+                process.main()
+            finally:
+                sys.stdout.close()
+        return attended.result()
+
+    def _grant(self, priority: int) -> str:
+        self.priorities.append(priority)
+        return "granted"
+
+
+@pytest.fixture
+def guard_here(monkeypatch: pytest.MonkeyPatch) -> Iterator[GuardInThisProcess]:
+    """What a helper does to its process is undone: input, signals; its scheduling stays."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    own_input = os.dup(0)
+    monkeypatch.setattr("tams_app.runtime.process.use_ordinary", lambda: None)
+    yield GuardInThisProcess(monkeypatch)
+    for thread in threading.enumerate():
+        if thread.name == "parent-watch":
+            thread.join(10.0)
+    os.dup2(own_input, 0)
+    os.close(own_input)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+class ReadyArm:
+    """A simulated arm in a session, and the specification of a guard for it."""
+
+    def __init__(self, rig: ControllerRig) -> None:
+        self.rig = rig
+        self.specification = guard_specification(rig.config(), LIMITS)
+        with rig.server.lock:
+            rig.model.enable(True)
+            rig.model.set_mode(Mode.CARTESIAN_VELOCITY)
+            rig.model.set_state(0)
+
+    @property
+    def stopped(self) -> bool:
+        with self.rig.server.lock:
+            return self.rig.model.state == State.STOPPED
+
+
+@pytest.fixture
+def ready_arm() -> Iterator[ReadyArm]:
+    with controller() as rig:
+        yield ReadyArm(rig)
+
+
+def opened_link(ready: dict[str, Any]) -> GuardLink:
+    return GuardLink(GuardMemory(ready["memory"]), NS_PER_S, lambda: True)
+
+
+def beat_until(link: GuardLink, condition: Callable[[], bool]) -> bool:
+    return until(lambda: link.beat(time.monotonic_ns()) or condition())
+
+
+def test_the_guard_says_where_to_beat_watches_and_leaves_nothing_open(
+    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+) -> None:
+    def stop_threads() -> list[str]:
+        return [thread.name for thread in threading.enumerate() if thread.name == "guard-stop"]
+
+    def session(ready: dict[str, Any]) -> None:
+        assert stop_threads() == ["guard-stop"]
+        link = opened_link(ready)
+        link.arm()
+        end_ns = time.monotonic_ns() + 150 * NS_PER_MS
+        assert beat_until(link, lambda: time.monotonic_ns() > end_ns and link.acknowledged)
+        assert not link.latched
+        link.close()
+
+    specification = ready_arm.specification | {"heartbeat_timeout_ms": 1000.0}
+    ready = guard_here.run(specification, session)
+    assert not ready_arm.stopped
+    assert ready["scheduler"] == "granted"
+    assert guard_here.priorities == [GUARD_PRIORITY]
+    assert stop_threads() == []
+    assert not list(Path("/dev/shm").glob(f"{ready['memory']}*"))
+
+
+def test_the_guard_stops_the_arm_for_a_silence_of_the_configured_time_and_says_so(
+    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+) -> None:
+    def session(ready: dict[str, Any]) -> None:
+        link = opened_link(ready)
+        link.arm()
+        began_ns = time.monotonic_ns()
+        link.beat(began_ns)
+        assert until(lambda: ready_arm.stopped)
+        assert time.monotonic_ns() - began_ns > 100 * NS_PER_MS
+        assert beat_until(link, lambda: link.latched)
+        assert link.cause is Cause.SILENT
+        link.close()
+
+    guard_here.run(ready_arm.specification | {"heartbeat_timeout_ms": 100.0}, session)
+
+
+def test_a_guard_that_ends_with_its_session_stops_an_armed_arm(
+    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+) -> None:
+    def session(ready: dict[str, Any]) -> None:
+        link = opened_link(ready)
+        link.arm()
+        assert beat_until(link, lambda: link.acknowledged)
+        assert not ready_arm.stopped
+
+    guard_here.run(ready_arm.specification | {"heartbeat_timeout_ms": 10_000.0}, session)
+    assert ready_arm.stopped
+
+
+def test_a_stop_that_finds_no_arm_is_tried_until_there_is_one(
+    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+) -> None:
+    def session(ready: dict[str, Any]) -> None:
+        link = opened_link(ready)
+        link.arm()
+        ready_arm.rig.server.refuse_connections = True
+        ready_arm.rig.server.drop_connections()
+        link.beat(time.monotonic_ns())  # and then silence
+        time.sleep(0.15)
+        assert beat_until(link, lambda: link.arm_lost)
+        assert not ready_arm.stopped
+        ready_arm.rig.server.refuse_connections = False
+        assert until(lambda: ready_arm.stopped)
+
+    guard_here.run(ready_arm.specification | {"heartbeat_timeout_ms": 100.0}, session)
+
+
+def test_a_guard_that_reaches_no_arm_says_so_and_ends(guard_here: GuardInThisProcess) -> None:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+        specification = guard_specification(ArmConfig(host="127.0.0.1", control_port=port), LIMITS)
+        line = guard_here.run(specification, lambda _: None)
+    assert list(line) == ["error"]
+    assert line["error"].startswith(f"No arm answers at 127.0.0.1:{port}")
+
+
+def test_a_guard_that_gets_no_reports_says_so_and_ends(
+    guard_here: GuardInThisProcess, ready_arm: ReadyArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    channels = []
+    connect = process._stop_channel
+
+    def kept(specification: dict[str, Any]) -> Any:
+        channels.append(connect(specification))
+        return channels[0]
+
+    monkeypatch.setattr(process, "_stop_channel", kept)  # the end of the process closes it
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+        specification = ready_arm.specification | {"report_port": port - REAL_PORT_OFFSET}
+        line = guard_here.run(specification, lambda _: None)
+    channels[0].close()
+    assert list(line) == ["error"]
+    assert line["error"].startswith(f"The arm at 127.0.0.1 sends no reports on port {port}")
