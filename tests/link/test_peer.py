@@ -232,11 +232,26 @@ def test_video_and_feedback_go_on_while_nothing_comes_under_the_new_keys_yet() -
         feedback = desk.end.media(rtcp(), rig.now_ns)
         assert feedback is not None
         assert rig.at_robot(feedback[0], desk.address).media == rtcp()
+        for packet in (rtp(sequence), rtcp()):  # a stranger's
+            rig.at_desk(desk, packet + bytes(16))
+            rig.at_robot(packet + bytes(16), THIEF)
     assert (rig.robot.renewals, desk.end.renewals) == (0, 0)
     rig.up = everything
     rig.run_ms(20, desk)
     assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
     assert rig.gets_through(desk)
+
+
+def test_video_that_is_the_first_to_come_under_the_new_keys_is_shown() -> None:
+    rig, desk = connected()
+    let_keys_age(rig, desk)
+    for sequence in range(1, 200):
+        rig.now_ns += STEP_NS
+        for request, _ in desk.end.step(rig.now_ns):
+            rig.send_up(desk, request)
+        rig.say(desk, b"hand")
+        assert shown(rig, desk, rtp(sequence)) == rtp(sequence)
+    assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
 
 
 def test_what_is_no_request_for_new_keys_is_counted_and_not_answered() -> None:
