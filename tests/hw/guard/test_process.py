@@ -348,14 +348,24 @@ def test_each_arming_has_a_number_of_its_own(silent_guard: SilentGuard, link: Gu
     assert armings == [1, 2, 3]
 
 
-def test_everything_that_the_link_says_is_numbered_one_by_one(
+def test_the_link_says_what_it_was_told_and_numbers_it_one_by_one(
     silent_guard: SilentGuard, link: GuardLink
 ) -> None:
-    for say in (link.beat, lambda _: link.arm(), link.beat, link.beat, lambda _: link.disarm()):
-        say(0)
     link.beat(0)
-    said = [silent_guard.hear() for _ in range(5)]
-    assert [heard.sequence for heard in said if heard] == [1, 2, 3, 4, 5]
+    link.arm()
+    link.beat(0)
+    link.beat(0, Motion.FOLLOW, True, 0.25)
+    link.beat(0, Motion.HOME, False, 0.125)
+    link.disarm()
+    link.beat(0, Motion.FOLLOW, True, 0.25)
+    assert [silent_guard.hear() for _ in range(6)] == [
+        Heartbeat(GuardMessage.QUERY, 0, 1),
+        Heartbeat(GuardMessage.BEAT, 1, 2),
+        Heartbeat(GuardMessage.BEAT, 1, 3, motion=Motion.FOLLOW, deadman=True, speed=0.25),
+        Heartbeat(GuardMessage.BEAT, 1, 4, motion=Motion.HOME, speed=0.125),
+        Heartbeat(GuardMessage.DISARM, 1, 5),
+        Heartbeat(GuardMessage.QUERY, 1, 6),
+    ]
 
 
 def test_a_guard_that_has_answered_is_gone_once_it_is_silent_for_as_long(
