@@ -6,11 +6,13 @@ from itertools import combinations
 
 import pytest
 
-from hw.desk.keyboard import KEYS, HeldKeys, KeyboardController, deflection_of
+from hw.desk.desk_controller import Reading
+from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys, KeyboardController, deflection_of
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig, HandConfig
 from tams_app.records import ControllerStatus, Presses
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.vectors import Floats3
 
 pytestmark = pytest.mark.untimed
 
@@ -36,6 +38,26 @@ def test_each_key_asks_for_something_of_its_own() -> None:
     assert all(one != asked() for one in found)
 
 
+@pytest.mark.parametrize(
+    ("key", "linear", "angular"),
+    [
+        ("w", (1, 0, 0), (0, 1, 0)),  # forward, or tilted over forward
+        ("s", (-1, 0, 0), (0, -1, 0)),
+        ("a", (0, 1, 0), (-1, 0, 0)),  # to the left
+        ("d", (0, -1, 0), (1, 0, 0)),
+        ("r", (0, 0, 1), (0, 0, 1)),  # up, or turned to the left
+        ("f", (0, 0, -1), (0, 0, -1)),
+    ],
+)
+def test_each_key_moves_the_hand_its_own_way(key: str, linear: Floats3, angular: Floats3) -> None:
+    assert asked(key) == Deflection(linear, angular)
+
+
+def test_only_shift_is_the_deadman_and_a_key_that_was_never_pressed_has_no_presses() -> None:
+    assert [key for key in sorted(KEYS) if asked(key).trigger] == [DEADMAN]
+    assert asked(*KEYS).presses == Presses()
+
+
 @pytest.mark.parametrize("pair", ["ws", "ad", "rf"])
 def test_opposite_keys_cancel_each_other(pair: str) -> None:
     assert asked(*pair) == asked()
@@ -50,6 +72,19 @@ def test_before_the_window_has_told_anything_the_controller_is_laid_down(
 ) -> None:
     sample = keyboard.sample(NS_PER_S)
     assert (sample.status, sample.trigger, sample.pose) == (ControllerStatus.STANDBY, 0.0, None)
+    assert keyboard.reading() == Reading(ControllerStatus.STANDBY, 0)
+
+
+def test_keys_that_were_held_before_the_end_are_not_held_after_the_next_start(
+    keyboard: KeyboardController,
+) -> None:
+    keyboard.feed(held("shift", "w"))
+    assert keyboard.sample(NS_PER_S).trigger == 1.0
+    keyboard.close()
+    assert keyboard.sample(NS_PER_S).status is ControllerStatus.DISCONNECTED
+    keyboard.start()
+    sample = keyboard.sample(NS_PER_S)
+    assert (sample.status, sample.trigger) == (ControllerStatus.STANDBY, 0.0)
 
 
 def test_a_window_without_focus_is_a_controller_that_is_laid_down(
