@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from hw.desk.virtual_hand import Deflection, VirtualHand
 from tams_app.config import DeskConfig, HandConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.rotation import Rotation
 from tams_app.teleop.motion import HandMotion
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.vectors import ZERO, Floats3
+from tams_app.vectors import ZERO, Floats3, floats
 
 pytestmark = pytest.mark.untimed
 
@@ -45,13 +46,14 @@ def test_a_hand_is_never_faster_than_configured_and_never_jumps(
     tick_s = TICK_NS / NS_PER_S
     speeds = [(after.position - before.position) / tick_s for before, after in pairwise(poses)]
     turns = [
-        np.linalg.norm(before.rotation.turn_to(after.rotation)) / tick_s
+        np.array(before.rotation.turn_to(after.rotation)) / tick_s
         for before, after in pairwise(poses)
     ]
-    assert max(np.linalg.norm(speed) for speed in speeds) <= config.speed_m_s * (1 + 1e-9)
-    assert max(turns) <= config.turn_rad_s * (1 + 1e-6)
-    gains = [np.linalg.norm(after) - np.linalg.norm(before) for before, after in pairwise(speeds)]
-    assert all(gain <= config.speed_m_s / config.ramp_s * tick_s + 1e-9 for gain in gains)
+    share = tick_s / config.ramp_s  # of full speed, that a tick may add
+    for rates, most, slack in ((speeds, config.speed_m_s, 1e-9), (turns, config.turn_rad_s, 1e-6)):
+        sizes = [float(np.linalg.norm(rate)) for rate in rates]
+        assert max(sizes) <= most * (1 + slack)
+        assert all(after - before <= most * share + slack for before, after in pairwise(sizes))
 
 
 def test_full_deflection_reaches_the_configured_speed_and_keeps_it() -> None:
@@ -80,6 +82,41 @@ def test_nothing_is_made_up_for_after_a_gap(gap_ns: int) -> None:
     before = way(hand, forward, 50)[-1]
     after = hand.step(49 * TICK_NS + gap_ns, forward).position
     assert (after == before).all()
+
+
+@pytest.mark.parametrize("gap_ns", [0, 51 * NS_PER_MS, NS_PER_S])
+def test_a_hand_begins_slowly_again_after_a_gap_or_where_time_stands_still(gap_ns: int) -> None:
+    hand = a_hand()
+    forward = Deflection((1.0, 0.0, 0.0), trigger=HELD)
+    way(hand, forward, 50)
+    again = way(hand, forward, 2, 49 * TICK_NS + gap_ns)
+    first_speed = np.linalg.norm(again[1] - again[0]) / (TICK_NS / NS_PER_S)
+    assert 0.0 < first_speed < DeskConfig().speed_m_s / 5
+
+
+def test_a_tick_that_is_as_long_as_may_be_still_counts_whole() -> None:
+    """So long the next pose moves the arm (`HandMotion`)."""
+    hand = a_hand()
+    forward = Deflection((1.0, 0.0, 0.0), trigger=HELD)
+    before = way(hand, forward, 50)[-1]
+    after = hand.step(49 * TICK_NS + 50 * NS_PER_MS, forward).position
+    assert after - before == pytest.approx([0.05 * DeskConfig().speed_m_s, 0.0, 0.0])
+
+
+def test_a_hand_begins_where_it_is_whatever_is_held() -> None:
+    for at_ns in (0, 1, NS_PER_S):
+        assert not a_hand().step(at_ns, Deflection((1.0, 1.0, 1.0), trigger=HELD)).position.any()
+
+
+@given(st.tuples(*[st.floats(-3.0, 3.0)] * 3), axes)
+def test_however_the_tracking_frame_lies_the_hand_moves_the_same_way_in_the_base_frame(
+    turn: Floats3, asked: Floats3
+) -> None:
+    to_base = Rotation.from_rotvec(turn).as_matrix()
+    first, second, third = (floats(row) for row in to_base)
+    plain = way(a_hand(), Deflection(asked, trigger=HELD), 10)
+    turned = way(a_hand((first, second, third)), Deflection(asked, trigger=HELD), 10)
+    assert to_base @ turned[-1] == pytest.approx(plain[-1], abs=1e-12)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
