@@ -11,6 +11,8 @@ import psutil
 import pytest
 
 from tams_app.config import load_config
+from tams_app.console.status import status_words
+from tams_app.link.keys import new_key, revoke_key
 from tams_app.records import Activity
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -32,6 +34,8 @@ REST_MS, SLACK_MS = 100.0, 150.0  # the sample before may be some time old
 STOPPED_S = 1.0
 STANDS_S = 0.5
 HEARD_S = 2.0
+REVOKED_WITHIN_MS = 1000.0
+SLOWLY = 0.1  # of full speed: within that time the arm comes to no edge of its workspace
 LINK_LOST = "fault, link lost"
 
 
@@ -204,6 +208,8 @@ def test_a_stopped_application_of_the_robot_is_stopped_by_the_guard_and_waits_wh
     application.suspend()
     witness.waits_for_the_stop()
     witness.stands()
+    shown = status_words(side.session.snapshot())
+    assert "NOT LIVE for" in shown.live
     resumed_ns = time.monotonic_ns()
     application.resume()
     side.becomes(ArmingState.FAULT)
@@ -271,3 +277,30 @@ def test_a_stopped_simulated_operator_is_a_frozen_pose(
     witness.waits_for_the_stop()
     log = robot.interrupted()
     assert any(stop.reason == Reason.POSE_FROZEN.label for stop in log.stops)
+
+
+def test_an_operator_whose_key_is_revoked_while_the_arm_moves_is_let_go_and_the_arm_stops(
+    tmp_path: Path,
+) -> None:
+    keys = tmp_path / "keys"
+    keys.mkdir()
+    key = new_key(keys, "kim")
+    with RobotSide(tmp_path / "robot", key=keys) as robot:
+        robot.waits()
+        with HandSide(tmp_path / "operator", robot.port, key) as side:
+            side.moves()
+            side.hand.velocity *= SLOWLY
+            before = len(robot.lines)
+            revoked_ns = time.monotonic_ns()
+            revoke_key(keys, "kim")
+            robot.says(LINK_LOST, before)
+            until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
+            assert "LINK LOST, NOT LIVE" in status_words(side.session.snapshot()).live
+        time.sleep(STANDS_S)
+        log = robot.interrupted()
+    found = outage(log, revoked_ns)
+    assert found.reason == Reason.LINK_LOST.label
+    assert found.speed_mm_s > 10.0
+    assert rested_after_ms(found, revoked_ns) < REVOKED_WITHIN_MS + REST_MS + SLACK_MS
+    assert "the key of kim was revoked: its operator is let go" in {note.text for note in log.notes}
+    assert commanded_mm(log, found.fault_ns)[0] == 0.0
