@@ -27,6 +27,7 @@ from hw.arm_report import ArmReport
 from hw.arms import ARM_KINDS
 from hw.guard import process
 from hw.guard.link import (
+    ANSWERS,
     GuardLink,
     GuardMemory,
     GuardMessage,
@@ -379,6 +380,33 @@ def test_a_guard_that_has_answered_is_gone_once_it_is_silent_for_as_long(
     assert not link.alive(51 + TIMEOUT_NS)
     link.beat(51 + TIMEOUT_NS)
     assert not link.alive(51 + TIMEOUT_NS)
+
+
+@pytest.mark.parametrize("answers", [1, 1000])
+def test_a_beat_looks_at_new_answers_that_are_kept_and_at_no_others(
+    silent_guard: SilentGuard, monkeypatch: pytest.MonkeyPatch, answers: int
+) -> None:
+    """It is to take as long after an hour as at first."""
+    memory = GuardMemory(silent_guard.name)
+    link = GuardLink(memory, TIMEOUT_NS, lambda: True)
+    head, looked_at = memory.answers.head, []
+
+    def noted(number: int) -> bytes | None:
+        looked_at.append(number)
+        return head(number)
+
+    monkeypatch.setattr(memory.answers, "head", noted)
+    for _ in range(answers):
+        silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1))
+    link.beat(0)
+    assert looked_at == list(range(max(0, answers - ANSWERS.heads), answers))
+    looked_at.clear()
+    silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1, arm_lost=True))
+    link.beat(1)
+    link.beat(2)
+    assert looked_at == [answers]
+    assert link.arm_lost
+    link.close()
 
 
 # --- what the guard is told of the arm ----------------------------------------------------------
