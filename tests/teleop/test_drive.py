@@ -12,6 +12,7 @@ from tams_app.records import ServoMode
 from tams_app.teleop import drive as drive_module
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.teleop.trajectory import TrajectoryError
+from tams_app.vectors import norm
 from tests.teleop.rig import (
     PERIOD_NS,
     READY_POSITION,
@@ -136,6 +137,15 @@ def test_an_arm_that_drifts_is_brought_back_to_the_target(engaged: Bench) -> Non
     np.testing.assert_allclose(engaged.arm.pose.position, READY_POSITION, atol=2e-3)
 
 
+def test_an_arm_that_turns_by_itself_is_turned_back_to_the_target(engaged: Bench) -> None:
+    engaged.hand.grip = 1.0
+    engaged.run(20)
+    engaged.arm.pose = replace(engaged.arm.pose, rotation=READY_ROTATION.turned((0.0, 0.1, 0.0)))
+    engaged.run(240)
+    left = norm(READY_ROTATION.turn_to(engaged.arm.pose.rotation))
+    assert left < 0.02  # the target gives way, as above
+
+
 class SingularModel(RoomyModel):
     def jacobian(self, joints: np.ndarray) -> np.ndarray:
         return np.zeros((6, 6))
@@ -156,6 +166,24 @@ def test_a_limit_holds_the_arm_once_nothing_was_left_for_300_ms() -> None:
     bench.ask(0, 0.1, 0)
     states = [bench.tick(period_ns=10 * MS).arming for _ in range(40)]
     assert 30 <= states.count(ENGAGED) <= 33  # the hand's speed is smoothed first
+
+
+def test_a_limit_that_comes_and_goes_holds_the_arm_only_once_it_stays() -> None:
+    class Posture(RoomyModel):
+        is_singular = False
+
+        def jacobian(self, joints: np.ndarray) -> np.ndarray:
+            return np.zeros((6, 6)) if self.is_singular else np.eye(6)
+
+    model = Posture()
+    bench = Bench(model=model)
+    bench.engage()
+    bench.ask(0, 0.1, 0)
+    for singular, ticks in ((False, 50), (True, 25), (False, 5), (True, 29)):
+        model.is_singular = singular
+        assert bench.run(ticks, period_ns=10 * MS).arming is ENGAGED
+    states = [bench.tick(period_ns=10 * MS).arming for _ in range(5)]
+    assert states[-1] is HOLDING
 
 
 def test_a_trajectory_that_cannot_be_computed_is_a_fault_and_a_stop(

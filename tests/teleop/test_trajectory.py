@@ -65,6 +65,31 @@ def test_a_plan_keeps_acceleration_and_jerk_as_norms_and_ends_exactly(
     assert_keeps(VelocityTrajectory(velocity, acceleration, target, MOTION), target, MOTION)
 
 
+@given(within(0.01), within(0.1), within(0.01))
+def test_a_plan_of_a_gentle_profile_keeps_it_too(
+    velocity: np.ndarray, acceleration: np.ndarray, target: np.ndarray
+) -> None:
+    gentle = Profile(0.1, 3.0)
+    assert_keeps(VelocityTrajectory(velocity, acceleration, target, gentle), target, gentle)
+
+
+@example(ACROSS)
+@given(plans())
+def test_a_plan_begins_exactly_where_the_motion_is(case: Case) -> None:
+    start = VelocityTrajectory(case.velocity, case.acceleration, NOWHERE, case.stop).at(0.0)
+    assert not any(start.displacement)
+    assert (start.velocity == case.velocity).all()
+    assert (start.acceleration == case.acceleration).all()
+
+
+def test_after_its_end_a_plan_goes_on_at_the_target() -> None:
+    target = np.array([0.1, -0.2, 0.05])
+    plan = VelocityTrajectory(np.array([0, 0.1, 0]), np.array([0.5, 0, 0]), target, MOTION)
+    end, later = plan.at(plan.duration_s - 1e-9), plan.at(plan.duration_s + 0.5)
+    way = np.subtract(later.displacement, end.displacement)
+    np.testing.assert_allclose(way, 0.5 * target, atol=1e-8)
+
+
 @settings(max_examples=200)
 @example(ACROSS)
 @given(plans())
@@ -174,7 +199,7 @@ def test_a_planner_that_lives_until_the_process_ends_is_not_told_of_as_a_leak() 
 
 
 def test_what_is_not_finite_is_refused() -> None:
-    with pytest.raises(TrajectoryError):
+    with pytest.raises(TrajectoryError, match=r"velocity .* should be a valid number"):
         VelocityTrajectory(np.full(3, math.nan), NOWHERE, NOWHERE, STOP)
     with pytest.raises(TrajectoryError):
         VelocityTrajectory(NOWHERE, np.array([0, math.nan, 0]), NOWHERE, STOP)
@@ -236,3 +261,10 @@ def test_plans_are_about_as_fast_as_the_best_split_of_their_limits(profile: Prof
     # Now and then the best lies apart from where the bisection looks.
     assert np.quantile(excess, [0.5, 0.97]) == pytest.approx([0, 0], abs=0.015)
     assert max(excess) < 0.5
+
+
+def test_an_acceleration_near_its_bound_and_mostly_across_is_split_in_the_best_way() -> None:
+    """The steeper the split, the less of the limit is left along the change of velocity."""
+    along, across, change = 1.592, 4.294, 0.08854
+    plan = VelocityTrajectory((-change, 0, 0), (along, across, 0), NOWHERE, STOP)
+    assert plan.duration_s == pytest.approx(best_split_s(along, across, change, STOP), rel=0.01)
