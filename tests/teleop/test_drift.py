@@ -17,10 +17,11 @@ from tams_app.teleop.drift import Drift
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS
-from tests.teleop.rig import Bench, hand_for
+from tests.teleop.rig import Bench, hand_for, make_config
 
 pytestmark = pytest.mark.untimed
 
+ENGAGED, HOLDING = ArmingState.ENGAGED, ArmingState.HOLDING
 STEP_S = 0.008
 X, BACK = (0.2, 0.0, 0.0), (-0.2, 0.0, 0.0)
 
@@ -131,6 +132,24 @@ def test_a_hand_that_is_seen_only_while_it_goes_one_way_is_not_followed(turning:
         if output.arming is not ArmingState.ENGAGED:
             break
     assert (output.arming, output.reason) == (ArmingState.HOLDING, Reason.HAND_NOT_FOLLOWED)
+
+
+@pytest.mark.parametrize(("gap_ms", "state"), [(79.95, ENGAGED), (80.05, HOLDING)])
+def test_a_gap_in_which_the_arm_could_have_gone_further_than_allowed_holds_it(
+    gap_ms: float, state: ArmingState
+) -> None:
+    """The hand jumps meanwhile; the arm at its fastest, 250 mm/s, goes 20 mm in 80 ms."""
+    bench = Bench(make_config(hand__max_drift_mm=20.0))
+    bench.engage()
+    bench.run(5)
+    seen = bench.hand.sample(bench.now_ns, 0.0)
+    for _ in range(10):
+        bench.tick(sample=replace(seen, buttons_ns=bench.now_ns))
+    bench.hand.position = bench.hand.position + np.array([0.1, 0.0, 0.0])
+    after = bench.hand.sample(seen.pose_ns + round(gap_ms * NS_PER_MS), 0.0)
+    for _ in range(2):
+        output = bench.tick(sample=replace(after, buttons_ns=bench.now_ns))
+    assert output.arming is state
 
 
 def engaged(turning: bool) -> Bench:

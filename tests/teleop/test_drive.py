@@ -293,6 +293,20 @@ def test_the_pose_servo_does_not_pull_an_arm_back_that_was_moved_at_rest() -> No
     np.testing.assert_allclose(output.pose.position, moved)
 
 
+@pytest.mark.parametrize(("off_mm", "gives_way"), [(14.99, False), (15.01, True)])
+def test_the_pose_servo_at_rest_gives_way_to_an_arm_that_is_off_by_more_than_the_leash(
+    off_mm: float, gives_way: bool
+) -> None:
+    bench = pose_bench()
+    bench.hand.trigger = 0.0
+    bench.run(20)
+    off = np.array(READY_POSITION) + np.array([0, off_mm / 1000, 0])
+    report = bench.arm.report(bench.now_ns + PERIOD_NS)
+    output = bench.tick(arm=replace(report, tcp=replace(report.tcp, position=off)))
+    assert output.pose is not None
+    np.testing.assert_array_equal(output.pose.position, off if gives_way else READY_POSITION)
+
+
 def test_the_pose_servo_turns_the_pose_in_orientation_mode() -> None:
     bench = pose_bench()
     bench.hand.grip = 1.0
