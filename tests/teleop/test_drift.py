@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.config import HandConfig
+from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop.drift import Drift
@@ -135,25 +135,32 @@ def test_a_hand_that_is_seen_only_while_it_goes_one_way_is_not_followed(turning:
 
 
 @pytest.mark.parametrize(("gap_ms", "state"), [(79.95, ENGAGED), (80.05, HOLDING)])
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("turning", [False, True])
 def test_a_gap_in_which_the_arm_could_have_gone_further_than_allowed_holds_it(
-    gap_ms: float, state: ArmingState
+    turning: bool, scale: float, gap_ms: float, state: ArmingState
 ) -> None:
-    """The hand jumps meanwhile; the arm at its fastest, 250 mm/s, goes 20 mm in 80 ms."""
-    bench = Bench(make_config(hand__max_drift_mm=20.0))
-    bench.engage()
-    bench.run(5)
+    """The hand jumps meanwhile; the arm at its fastest goes 20 mm or turns by 40 mrad in 80 ms."""
+    config = make_config(
+        hand__translation_scale=scale,
+        hand__rotation_scale=scale,
+        hand__max_drift_mm=20.0,
+        hand__max_drift_deg=math.degrees(0.04),
+    )
+    bench = engaged(turning, config)
     seen = bench.hand.sample(bench.now_ns, 0.0)
     for _ in range(10):
         bench.tick(sample=replace(seen, buttons_ns=bench.now_ns))
     bench.hand.position = bench.hand.position + np.array([0.1, 0.0, 0.0])
+    bench.hand.rotation = Rotation.from_rotvec((0.2, 0.0, 0.0)) * bench.hand.rotation
     after = bench.hand.sample(seen.pose_ns + round(gap_ms * NS_PER_MS), 0.0)
     for _ in range(2):
         output = bench.tick(sample=replace(after, buttons_ns=bench.now_ns))
     assert output.arming is state
 
 
-def engaged(turning: bool) -> Bench:
-    bench = Bench()
+def engaged(turning: bool, config: Config | None = None) -> Bench:
+    bench = Bench(config)
     bench.engage()
     if turning:
         bench.hand.grip = 1.0

@@ -321,13 +321,16 @@ def test_the_pose_servo_turns_the_pose_in_orientation_mode() -> None:
     np.testing.assert_allclose(pose.position, READY_POSITION)
 
 
-def test_the_pose_servo_never_holds_a_pose_that_is_not_finite() -> None:
+def test_the_pose_servo_never_holds_a_pose_that_is_not_finite_or_old() -> None:
     bench = pose_bench()
     bench.hand.trigger = 0.0
     bench.run(20)
     report = bench.arm.report(bench.now_ns + PERIOD_NS)
     broken = replace(report, tcp=replace(report.tcp, position=np.full(3, math.nan)))
     far = replace(report, tcp=replace(report.tcp, position=np.array([0.3, 0.1, 0.1])))
-    for arm in (broken, replace(far, received_ns=0)):
+    stale = replace(far, received_ns=bench.now_ns - 200 * MS)
+    for arm in (broken, stale):
         output = bench.tick(arm=arm)
-        assert output.pose is None or (output.pose.position == READY_POSITION).all()
+        assert output.arming is READY
+        assert output.pose is not None
+        assert (output.pose.position == READY_POSITION).all()

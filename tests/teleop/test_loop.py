@@ -65,6 +65,25 @@ def test_disarmed_sends_nothing_and_asks_to_enable_when_confirmed(bench: Bench) 
     assert ready.twist.is_zero
 
 
+@pytest.mark.parametrize("confirm", [False, True])
+def test_the_first_tick_has_nothing_of_a_motion_even_if_it_gets_ready(
+    bench: Bench, confirm: bool
+) -> None:
+    bench.arm_ready = True
+    first = bench.tick(confirm=confirm)
+    assert first.arming is (READY if confirm else DISARMED)
+    assert (first.orientation_mode, first.speed_scale, first.braking) == (False, 1.0, False)
+
+
+@pytest.mark.parametrize(("age_ns", "held"), [(100 * MS, True), (100 * MS + 1, False)])
+def test_a_trigger_is_held_as_long_as_the_buttons_are_fresh(
+    engaged: Bench, age_ns: int, held: bool
+) -> None:
+    now_ns = engaged.now_ns + PERIOD_NS
+    sample = engaged.hand.sample(now_ns, 0.0)
+    assert engaged.tick(sample=replace(sample, buttons_ns=now_ns - age_ns)).deadman is held
+
+
 def test_an_arm_in_the_wrong_mode_does_not_get_ready(bench: Bench) -> None:
     bench.arm.servo = None
     bench.arm_ready = True
@@ -146,6 +165,9 @@ def test_a_report_from_before_the_fault_does_not_confirm_the_stop(engaged: Bench
     old = replace(engaged.arm.report(engaged.now_ns), activity=Activity.STOPPED)
     engaged.tick(estop=True)
     assert engaged.tick(arm=old).stop
+    fault_ns = engaged.times_ns[-2]
+    assert engaged.tick(arm=replace(old, received_ns=fault_ns)).stop
+    assert not engaged.tick(arm=replace(old, received_ns=fault_ns + 1)).stop
 
 
 def test_leaving_a_fault_takes_a_confirmation_with_the_trigger_up(engaged: Bench) -> None:
@@ -206,6 +228,12 @@ def test_a_fault_names_what_else_is_in_the_way_of_confirming_it(engaged: Bench) 
     engaged.arm.fault = None
     engaged.hand.status = ControllerStatus.ROLE_SWAPPED
     assert engaged.tick().detail == "and controller swapped"
+
+
+def test_what_the_link_says_is_no_detail_of_another_reason(engaged: Bench) -> None:
+    engaged.tick(estop=True)
+    output = engaged.tick(link=link(engaged, failure="It is gone."))
+    assert (output.reason, output.detail) == (Reason.EMERGENCY_STOP, "")
 
 
 def test_what_the_link_says_goes_on_with_what_else_is_in_the_way(engaged: Bench) -> None:

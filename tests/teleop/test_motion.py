@@ -71,6 +71,14 @@ def test_an_unchanged_pose_keeps_its_velocity_for_the_hold_time_and_no_longer() 
     assert hand.update(same, 8 * NS_PER_MS + HOLD_NS + 1, 1.0).linear[0] == 0.0
 
 
+@pytest.mark.parametrize(("gap_ns", "speed"), [(50 * NS_PER_MS, 0.2), (50 * NS_PER_MS + 1, 0.0)])
+def test_after_a_gap_of_more_than_50_ms_the_hand_begins_anew(gap_ns: int, speed: float) -> None:
+    hand = motion()
+    hand.anchor(sample((0, 0, 0), 0))
+    twist = hand.update(sample((0.01, 0, 0), gap_ns), gap_ns, 1.0)
+    assert twist.linear[0] == pytest.approx(speed)
+
+
 def test_rejects_in_a_row_become_impossible_and_one_good_pose_forgives() -> None:
     hand = motion(max_rejects=3)
     hand.anchor(sample((0, 0, 0), 0))

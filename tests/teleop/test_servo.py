@@ -103,9 +103,9 @@ def test_an_arm_that_catches_up_is_forgiven() -> None:
 def test_an_arm_that_jumps_away_is_out_of_reach_at_once() -> None:
     target = Target(LimitsConfig())
     target.anchor(HERE)
-    target.watch(at(0.059))
+    target.watch(at(0.05999))
     assert not target.is_out_of_reach
-    target.watch(at(0.061))
+    target.watch(at(0.06001))
     assert target.is_out_of_reach
 
 
