@@ -82,7 +82,7 @@ def test_there_is_no_session_before_a_call() -> None:
         assert end.message(b"x", rig.now_ns) is end.media(rtp(1), rig.now_ns) is None
         assert end.silent_ns(rig.now_ns) is None
         assert (end.connected, end.renewals) == (False, 0)
-    assert desk.end.busy is False
+    assert (rig.robot.operator, desk.end.busy) == ("", False)
 
 
 @pytest.mark.parametrize("lost", [1, 5])
@@ -290,6 +290,13 @@ def test_of_more_calls_than_are_kept_the_oldest_is_forgotten() -> None:
 # --- what changes nothing -------------------------------------------------------------------------
 
 
+def test_what_is_no_packet_of_media_is_not_sent() -> None:
+    rig, desk = connected()
+    for end in (rig.robot, desk.end):
+        for packet in (b"", b"\x80", rtp(1, size=1500), bytes(40)):
+            assert end.media(packet, rig.now_ns) is None
+
+
 def test_what_changes_nothing_at_the_robot_is_counted_by_its_reason() -> None:
     rig, desk = Rig(), Desk()
     forged = bytes((MESSAGE,)) + bytes(100)
@@ -304,11 +311,12 @@ def test_what_changes_nothing_at_the_robot_is_counted_by_its_reason() -> None:
     rig.run_ms(50, desk)
     rig.robot.counts.clear()
     last = desk.sent[-1]
+    changed = last[:-1] + bytes((last[-1] ^ 1,))
     for number in (1, 2, 3):
-        for datagram in (last, last[:-1] + bytes((last[-1] ^ 1,)), forged, rtp(number) + bytes(16)):
+        for datagram in (last, last, changed, forged, rtp(number) + bytes(16)):
             rig.at_robot(datagram, desk.address)
         assert rig.robot.counts == {
-            "late": number,
+            "late": 2 * number,
             "not authentic": 2 * number,
             "media not authentic": number,
         }
@@ -333,12 +341,13 @@ def test_what_changes_nothing_at_the_operators_side_is_counted_by_its_reason() -
     addressed = rig.robot.message(b"state", rig.now_ns)
     assert addressed is not None
     last = addressed[0]
+    changed = last[:-1] + bytes((last[-1] ^ 1,))
     rig.at_desk(desk, last)
     for number in (1, 2, 3):
-        for datagram in (last, last[:-1] + bytes((last[-1] ^ 1,)), forged, rtp(number) + bytes(16)):
+        for datagram in (last, last, changed, forged, rtp(number) + bytes(16)):
             rig.at_desk(desk, datagram)
         assert desk.end.counts == {
-            "late": number,
+            "late": 2 * number,
             "not authentic": 2 * number,
             "media not authentic": number,
         }

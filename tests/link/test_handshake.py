@@ -161,6 +161,7 @@ def test_a_changed_answer_is_none() -> None:
 @given(st.binary(max_size=300), st.integers(2, 300))
 def test_what_is_filled_up_comes_back(content: bytes, size: int) -> None:
     assert unfilled(filled(content, size)) == content
+    assert not any(filled(content, size)[2 + len(content) :])
     assert len(filled(content, size)) == max(size, len(content) + 2)
 
 
