@@ -603,10 +603,10 @@ def test_a_robot_that_is_heard_again_is_not_busy() -> None:
     rig, desk = connected()
     rig.down = lambda datagram: datagram[0] in (COOKIE, BUSY)
     rig.run_ms(REDIAL_MS + 500, desk)
-    assert desk.end.busy
+    busy = desk.end.busy
     rig.down = everything
     rig.run_ms(20, desk)
-    assert not desk.end.busy
+    assert (busy, desk.end.busy) == (True, False)
     assert rig.sessions == 1
 
 
