@@ -56,7 +56,7 @@ def shown(rig: Rig, desk: Desk, packet: bytes) -> bytes | None:
 
 def let_keys_age(rig: Rig, desk: Desk) -> None:
     """Until a second before new ones are due, while both sides say something once a second."""
-    for _ in range(REKEY_NS // NS_PER_S - 2):
+    for _ in range(REKEY_NS // NS_PER_S - 1):
         rig.now_ns += NS_PER_S - STEP_NS
         rig.step(desk)
 
@@ -210,6 +210,17 @@ def test_refused_packets_of_streams_that_are_none_ask_for_no_keys() -> None:
     assert rig.robot.renewals == 0
 
 
+def test_refused_reports_ask_for_no_keys() -> None:
+    """RTCP carries its index, which cannot be lost (RFC 3711, 3.4)."""
+    rig, desk = connected()
+    desk.end.follow({7})
+    for _ in range(50):
+        rig.now_ns += 9 * STEP_NS
+        rig.step(desk)
+        rig.at_desk(desk, rtcp(7) + bytes(20))
+    assert (rig.robot.renewals, desk.end.counts["media not authentic"]) == (0, 50)
+
+
 def test_who_makes_refused_packets_gets_no_more_than_new_keys_now_and_then() -> None:
     rig, desk = connected()
     desk.end.follow({7})
@@ -251,6 +262,24 @@ def test_video_that_is_the_first_to_come_under_the_new_keys_is_shown() -> None:
             rig.send_up(desk, request)
         rig.say(desk, b"hand")
         assert shown(rig, desk, rtp(sequence)) == rtp(sequence)
+    assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
+
+
+def test_new_keys_are_made_once_however_often_they_are_asked_for() -> None:
+    """The round trip takes longer than the operator waits before they ask again."""
+    rig, desk = connected()
+    let_keys_age(rig, desk)
+    rig.run_ms(900, desk)
+    answers: list[tuple[bytes, Address]] = []
+    while len(answers) < 3:
+        rig.now_ns += STEP_NS
+        for request, _ in desk.end.step(rig.now_ns):
+            answers += rig.at_robot(request, desk.address).replies
+    assert desk.calls == 1
+    rig.at_desk(desk, answers[0][0])
+    assert rig.robot.counts == desk.end.counts == {}
+    rig.run_ms(50, desk)
+    assert rig.gets_through(desk)
     assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
 
 
