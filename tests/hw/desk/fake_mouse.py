@@ -12,15 +12,7 @@ import hid
 
 LEFT, RIGHT = 1, 2  # buttons
 PATH = b"/dev/hidraw7"
-_LISTED = [
-    {"vendor_id": 0x046D, "product_id": 0xC31C, "product_string": "Keyboard", "path": b"x"},
-    {
-        "vendor_id": 0x256F,
-        "product_id": 0xC635,
-        "product_string": "SpaceMouse Compact",
-        "path": PATH,
-    },
-]
+_KEYBOARD = {"vendor_id": 0x046D, "product_id": 0xC31C, "product_string": "Keyboard", "path": b"x"}
 
 
 def axes_report(kind: int, *axes: int) -> bytes:
@@ -37,7 +29,8 @@ class FakeMouse:
     def __init__(self) -> None:
         self.waiting: list[bytes] = []
         self.gone = self.refuses = False
-        self.product = 0xC635  # on a cable
+        self.vendor, self.product = 0x256F, 0xC635  # on a cable
+        self.name: str | None = "SpaceMouse Compact"
         self.is_open = False
         self.openings = 0
 
@@ -46,8 +39,13 @@ class FakeMouse:
         """This one and a keyboard are all that hidapi finds."""
 
         def enumerated() -> list[dict[str, Any]]:
-            keyboard, mouse = _LISTED
-            return [] if self.gone else [keyboard, {**mouse, "product_id": self.product}]
+            mouse = {
+                "vendor_id": self.vendor,
+                "product_id": self.product,
+                "product_string": self.name,
+                "path": PATH,
+            }
+            return [] if self.gone else [_KEYBOARD, mouse]
 
         with patch.object(hid, "enumerate", enumerated), patch.object(hid, "device", lambda: self):
             yield
@@ -66,7 +64,7 @@ class FakeMouse:
     def read(self, length: int) -> list[int]:
         if self.gone or not self.is_open:
             raise OSError("read error")
-        return list(self.waiting.pop(0)) if self.waiting else []
+        return list(self.waiting.pop(0))[: range(length)[-1] + 1] if self.waiting else []
 
     def close(self) -> None:
         self.is_open = False

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hw.desk.spacemouse import Reports, SpaceMouse
@@ -45,6 +46,40 @@ def test_a_report_of_axes_is_what_the_cap_does(
     assert asked.angular == pytest.approx(angular)
 
 
+def test_a_cap_that_is_pushed_beyond_full_deflection_is_fully_deflected(reports: Reports) -> None:
+    reports.take(axes_report(1, 350, -350, 0, -350, 350, 0), 0)
+    full = reports.deflection()
+    reports.take(axes_report(1, 400, -700, 0, -32768, 32767, 0), 0)
+    assert reports.deflection() == full
+
+
+@given(st.binary(max_size=16).filter(lambda report: not report or report[0] not in (1, 2, 3)))
+@example(b"")
+@example(bytes((23, *[0xFF] * 12)))
+@example(axes_report(2, 350, 350))  # cut short
+@example(bytes((3,)))
+def test_a_report_that_is_not_known_or_cut_short_changes_nothing(report: bytes) -> None:
+    reports = Reports(dead_zone=0.12)
+    reports.take(buttons_report(LEFT), 0)
+    reports.take(axes_report(1, 0, -350, 0, 0, 0, -350), 0)
+    before = reports.deflection()
+    reports.take(report, NS_PER_S)
+    assert reports.deflection() == before
+
+
+@pytest.mark.parametrize("report", [b"", bytes((0, 1)), bytes((23, 80))])
+def test_a_report_of_another_kind_is_no_sign_of_life(reports: Reports, report: bytes) -> None:
+    reports.take(axes_report(1, 0, -350, 0), NS_PER_S)
+    reports.take(report, 2 * NS_PER_S)
+    assert reports.known_ns(2 * NS_PER_S) == NS_PER_S
+
+
+def test_reports_are_those_of_a_mouse_on_a_cable_unless_it_is_said_that_it_comes_by_radio() -> None:
+    for made, known_ns in ((Reports(0.0), NS_PER_S), (Reports(0.0, by_radio=True), 0)):
+        made.take(buttons_report(LEFT), 0)
+        assert made.known_ns(NS_PER_S) == known_ns
+
+
 def test_the_left_button_is_the_deadman(reports: Reports) -> None:
     reports.take(buttons_report(LEFT), 0)
     assert reports.deflection().trigger == 1.0
@@ -71,6 +106,13 @@ def test_a_brief_press_without_the_deadman_does_nothing_and_does_not_count(
     assert press_right(reports, 0, 1000, left=0) == Presses(grip=1)
     assert press_right(reports, 2 * NS_PER_S, 100, left=0) == Presses(grip=1)
     assert press_right(reports, 4 * NS_PER_S, 100) == Presses(grip=1, a=1)
+
+
+@pytest.mark.parametrize(
+    ("for_ms", "presses"), [(599, Presses(a=1)), (600, Presses(grip=1)), (601, Presses(grip=1))]
+)
+def test_a_press_of_600_ms_is_a_long_one(reports: Reports, for_ms: int, presses: Presses) -> None:
+    assert press_right(reports, NS_PER_S, for_ms) == presses
 
 
 def test_a_long_press_of_the_right_button_changes_the_mode_once(reports: Reports) -> None:
@@ -120,20 +162,85 @@ def test_a_mouse_that_is_opened_again_has_nothing_pressed(mouse: FakeMouse) -> N
     assert driver.read()[0] == NEUTRAL
 
 
+def test_a_mouse_that_was_never_opened_is_a_device_error_and_may_be_closed(
+    mouse: FakeMouse,
+) -> None:
+    driver = SpaceMouse(DeskConfig(), lambda: 0)
+    with pytest.raises(DeviceError, match=r"^The 3D mouse is not open\.$"):
+        driver.read()
+    driver.close()
+    assert mouse.openings == 0
+
+
+CANNOT_BE_OPENED = (
+    "The 3D mouse cannot be opened: give your user the right to read it "
+    "(docs/OPERATOR.md has the udev rule), then plug it in again."
+)
+
+
 def test_what_hidapi_refuses_is_one_sentence_each(mouse: FakeMouse) -> None:
     driver = SpaceMouse(DeskConfig(), lambda: 0)
     mouse.refuses = True
-    with pytest.raises(DeviceError, match="right to read it"):
+    with pytest.raises(DeviceError, match=f"^{re.escape(CANNOT_BE_OPENED)}$"):
         driver.open()
     mouse.refuses = False
     driver.open()
     mouse.gone = True
-    with pytest.raises(DeviceError, match="unplugged"):
+    with pytest.raises(DeviceError, match=r"^The 3D mouse was unplugged: plug it in again\.$"):
         driver.read()
-    with pytest.raises(DeviceError, match="no 3D mouse"):
+    with pytest.raises(DeviceError, match=r"^There is no 3D mouse: plug one in, or choose another"):
         driver.open()
-    with pytest.raises(DeviceError, match="'Pro'"):
+    with pytest.raises(DeviceError, match=r"^There is no 3D mouse whose name has 'Pro' in it: "):
         SpaceMouse(DeskConfig(name="Pro"), lambda: 0).open()
+
+
+@pytest.mark.parametrize(
+    ("vendor", "product", "is_one"),
+    [
+        (0x256F, 0xC635, True),
+        (0x256F, 0x0001, True),  # 3Dconnexion makes nothing else
+        (0x046D, 0xC626, True),  # Logitech: an older one, and what is none
+        (0x046D, 0xC602, False),
+        (0x046D, 0xC640, False),
+        (0x1234, 0xC626, False),
+    ],
+)
+def test_a_3d_mouse_is_known_by_its_vendor_and_product(
+    mouse: FakeMouse, vendor: int, product: int, is_one: bool
+) -> None:
+    mouse.vendor, mouse.product = vendor, product
+    driver = SpaceMouse(DeskConfig(), lambda: 0)
+    if is_one:
+        driver.open()
+        assert mouse.is_open
+    else:
+        with pytest.raises(DeviceError, match="no 3D mouse"):
+            driver.open()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "name", "is_one"),
+    [
+        ("", "SpaceMouse Compact", True),
+        ("compact", "SpaceMouse Compact", True),
+        ("MOUSE C", "SpaceMouse Compact", True),
+        ("pro", "SpaceMouse Compact", False),
+        ("", None, True),  # it does not tell its name
+        ("x", None, False),
+        ("x", "", False),
+    ],
+)
+def test_a_3d_mouse_is_found_by_a_part_of_its_name_in_small_or_capital_letters(
+    mouse: FakeMouse, wanted: str, name: str | None, is_one: bool
+) -> None:
+    mouse.name = name
+    driver = SpaceMouse(DeskConfig(name=wanted), lambda: 0)
+    if is_one:
+        driver.open()
+        assert mouse.is_open
+    else:
+        with pytest.raises(DeviceError, match=f"{wanted!r}"):
+            driver.open()
 
 
 def last_known_ns(driver: SpaceMouse) -> int:

@@ -54,18 +54,23 @@ class FarHand:
     position: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, -0.3]))
     trigger: float = 0.0
     frozen: bool = False
+    buttons_frozen: bool = False
+    tracked: bool = True
     status: ControllerStatus = ControllerStatus.OK
     _pose_ns: int = 0
+    _buttons_ns: int = 0
 
     def read(self, now_ns: int, interval_s: float) -> ControllerSample:
-        if not self.frozen:
+        if self.tracked and not self.frozen:
             self.position = self.position + self.velocity * interval_s
             self._pose_ns = now_ns
+        if not self.buttons_frozen:
+            self._buttons_ns = now_ns
         return ControllerSample(
             self.status,
-            Pose(self.position, Rotation.identity()),
+            Pose(self.position, Rotation.identity()) if self.tracked else None,
             self._pose_ns,
-            now_ns,
+            self._buttons_ns,
             trigger=self.trigger,
             grip=0.0,
             a=False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from hw.link.controller import LinkController
 from tams_app.config import LinkConfig
 from tams_app.link.sealing import MEDIA_OVERHEAD_BYTES
-from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Presses
 from tams_app.session.two_sided.robot import for_robot
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -131,6 +132,110 @@ def test_every_status_of_the_hand_is_passed_on(
     assert exchange.run_ms(100)[-1].status is status
 
 
+def test_buttons_that_do_not_change_grow_old_though_the_way_becomes_longer(
+    exchange: Exchange,
+) -> None:
+    exchange.hand.buttons_frozen = True
+    exchange.run_ms(100)
+    first = exchange.tick()
+    exchange.up = lambda _: DELAY_NS + 30 * NS_PER_MS
+    for sample in exchange.run_ms(1000):
+        assert (sample.status, sample.buttons_ns) == (OK, first.buttons_ns)
+    assert sample.pose_ns > first.pose_ns
+
+
+def test_every_press_is_passed_on(exchange: Exchange) -> None:
+    assert exchange.take(exchange.message(presses=(1, 2, 3, 4))) == ""
+    presses = exchange.controller.sample(exchange.now_ns).presses
+    assert presses == Presses(grip=1, a=2, b=3, menu=4)
+
+
+def test_a_pose_that_changes_without_its_time_is_the_new_one_and_no_newer(
+    exchange: Exchange,
+) -> None:
+    made_ns = exchange.now_ns + exchange.offset_ns - 10 * NS_PER_MS
+    times_ns = []
+    for x in (0.1, 0.2):
+        exchange.now_ns += 10 * NS_PER_MS
+        sent_ns = exchange.now_ns + exchange.offset_ns - DELAY_NS
+        pose = (x, 1.0, -0.3, 0.0, 0.0, 0.0, 1.0)
+        message = exchange.message(sent_ns=sent_ns, pose=pose, pose_ns=made_ns, buttons_ns=made_ns)
+        assert exchange.take(message) == ""
+        sample = exchange.controller.sample(exchange.now_ns)
+        assert sample.pose is not None
+        assert sample.pose.position.tolist() == [x, 1.0, -0.3]
+        times_ns.append(sample.pose_ns)
+    assert times_ns[0] == times_ns[1]
+
+
+@pytest.mark.parametrize("clock_ns", [-7 * HOUR_NS, 200 * HOUR_NS])
+def test_a_hand_that_never_had_a_pose_has_no_pose_that_is_new(clock_ns: int) -> None:
+    exchange = Exchange(offset_ns=clock_ns)
+    exchange.hand.tracked = False
+    exchange.hand.status = ControllerStatus.TRACKING_LOST
+    sample = exchange.run_ms(500)[-1]
+    assert (sample.status, sample.pose) == (ControllerStatus.TRACKING_LOST, None)
+    assert sample.pose_ns == max(0, DELAY_NS - clock_ns)
+
+
+def test_the_time_of_a_pose_that_is_lost_does_not_go_back_when_the_way_becomes_shorter(
+    exchange: Exchange,
+) -> None:
+    exchange.up = lambda _: DELAY_NS + 40 * NS_PER_MS
+    exchange.run_ms(500)
+    exchange.hand.tracked = False
+    exchange.hand.status = ControllerStatus.TRACKING_LOST
+    last = exchange.run_ms(100)[-1]
+    assert last.pose is None
+    exchange.up = lambda _: DELAY_NS
+    for sample in exchange.run_ms(500):
+        assert sample.pose_ns >= last.pose_ns
+        last = sample
+    assert (last.status, last.pose) == (ControllerStatus.TRACKING_LOST, None)
+
+
+def test_while_poses_wait_a_pose_that_is_lost_is_gone_and_one_that_is_found_is_there_at_once(
+    exchange: Exchange,
+) -> None:
+    exchange.up = lambda _: DELAY_NS + 40 * NS_PER_MS
+    last = exchange.run_ms(500)[-1]
+    exchange.up = lambda _: DELAY_NS
+    for _ in range(10):
+        before, last = last, exchange.tick()
+        if last.pose_ns == before.pose_ns:
+            break
+    assert last.pose_ns == before.pose_ns, "the poses wait"
+    exchange.on_their_way.clear()
+    exchange.now_ns += NS_PER_MS
+    assert exchange.take(exchange.message(pose=None)) == ""
+    assert exchange.controller.sample(exchange.now_ns).pose is None
+    exchange.now_ns += NS_PER_MS
+    found = exchange.message()
+    assert exchange.take(found) == ""
+    sample = exchange.controller.sample(exchange.now_ns)
+    assert sample.pose is not None
+    assert sample.pose_ns > last.pose_ns
+
+
+def test_what_is_heard_before_the_start_does_not_count_and_nothing_is_felt() -> None:
+    exchange = Exchange()
+    controller = LinkController(exchange.config, lambda _: None, exchange.pulses.append)
+    now_ns = exchange.now_ns
+    message = exchange.message(echo_ns=now_ns - DELAY_NS)
+    assert controller.take(message, now_ns) == ""
+    assert controller.sample(now_ns).status is ControllerStatus.DISCONNECTED
+    controller.pulse(Haptic.FAULT)
+    assert exchange.pulses == []
+    controller.start()
+    assert controller.sample(now_ns).status is LOST
+
+
+def test_what_is_heard_before_the_first_sample_counts_in_it() -> None:
+    exchange = Exchange()
+    assert exchange.take(exchange.message(echo_ns=exchange.now_ns - DELAY_NS)) == ""
+    assert exchange.controller.sample(exchange.now_ns).status is OK
+
+
 def test_pulses_go_out_only_while_it_is_in_use() -> None:
     exchange = Exchange()
     exchange.controller.pulse(Haptic.LIMIT)
@@ -174,6 +279,23 @@ def test_what_does_not_count_changes_nothing_but_its_counter(
 def test_a_sample_at_the_bound_counts(exchange: Exchange) -> None:
     bound_ns = round(exchange.config.longest_age_ms * NS_PER_MS)
     assert exchange.take(exchange.message(echo_ns=exchange.now_ns - bound_ns)) == ""
+
+
+HALF = 0.5**0.5
+
+
+@pytest.mark.parametrize(
+    "rotation", [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (HALF, 0, 0, -HALF)]
+)
+@pytest.mark.parametrize(
+    ("size", "reason"),
+    [(1.0009, ""), (0.9991, ""), (1.0011, "without a rotation"), (0.9989, "without a rotation")],
+)
+def test_every_rotation_counts_if_its_quaternion_is_as_long_as_one_to_a_thousandth(
+    exchange: Exchange, rotation: tuple[float, ...], size: float, reason: str
+) -> None:
+    pose = (0.0, 1.0, 0.0, *(size * part for part in rotation))
+    assert exchange.take(exchange.message(pose=pose)) == reason
 
 
 def test_a_message_that_comes_twice_counts_once(exchange: Exchange) -> None:
@@ -256,6 +378,32 @@ def test_no_sample_that_counts_is_older_than_the_bound(
             made_ns = sent_ns.get(sample.pose.position.tobytes(), start_ns)
             assert exchange.now_ns - made_ns <= longest_ns + lost_ns
     assert exchange.tick().status is OK
+
+
+def test_after_the_computer_was_suspended_only_what_answers_a_later_stamp_counts(
+    exchange: Exchange,
+) -> None:
+    exchange.controller.wake(exchange.now_ns)
+    statuses = [sample.status for sample in exchange.run_ms(300)]
+    first = statuses.index(OK)
+    assert set(statuses[:first]) == {LOST}
+    assert 40 <= first * TICK_NS / NS_PER_MS <= 60  # a round trip
+    assert set(statuses[first:]) == {OK}
+    assert exchange.taken[-len(statuses) :].count("without an echo") == first
+
+
+def test_once_an_operator_was_let_go_times_are_those_of_what_comes_then(exchange: Exchange) -> None:
+    """A pose is as old as it is, also where one of before was newer."""
+    last = exchange.tick()
+    exchange.controller.let_go()
+    assert exchange.tick().status is LOST
+    exchange.controller.let_go()
+    exchange.controller.sample(exchange.now_ns)
+    there_ns = exchange.now_ns + exchange.offset_ns
+    old_ns = there_ns - 90 * NS_PER_MS
+    assert exchange.take(exchange.message(pose_ns=old_ns, buttons_ns=old_ns)) == ""
+    sample = exchange.controller.sample(exchange.now_ns)
+    assert sample.pose_ns == sample.buttons_ns == exchange.now_ns - 90 * NS_PER_MS < last.pose_ns
 
 
 @pytest.mark.parametrize("gap_ms", [150, 2000])
@@ -349,7 +497,7 @@ def test_no_jumps_make_the_arm_faster_than_the_hand(first_ns: int, second_ns: in
 
 
 @pytest.mark.parametrize(
-    ("before_ms", "after_ms"), [(60, 20), (110, 10), (25, 21), (30, 0), (20, 70)]
+    ("before_ms", "after_ms"), [(60, 20), (110, 10), (25, 21), (60, 55), (30, 0), (20, 70)]
 )
 def test_a_way_that_becomes_shorter_makes_the_hand_no_faster(before_ms: int, after_ms: int) -> None:
     exchange = Exchange(delay_ms=before_ms).settled()
@@ -367,6 +515,33 @@ def test_a_way_that_becomes_shorter_makes_the_hand_no_faster(before_ms: int, aft
         last = sample
     assert fastest_m_s <= 0.25 * 4 / 3 + 1e-6
     assert moved_m >= 0.25 * 1.5 - 0.25 * 0.4, "it goes on within .4 s"
+
+
+@pytest.mark.parametrize(
+    ("jitter_ms", "bound_ms"), [(0, 5), (5, 5), (30, 30), (50, 50), (51, 50), (400, 50)]
+)
+@pytest.mark.parametrize("lost", [0, 2])
+def test_poses_wait_where_a_way_becomes_shorter_by_more_than_its_jitter(
+    jitter_ms: float, bound_ms: int, lost: int
+) -> None:
+    """By 5 ms it may without, by more than 50 never; whether messages are lost meanwhile or not."""
+    for shorter_ns in (bound_ms * NS_PER_MS, bound_ms * NS_PER_MS + 1):
+        exchange = Exchange(LinkConfig(jitter_ms=jitter_ms), delay_ms=80).settled()
+        exchange.up = lambda _: None
+        exchange.run_ms(lost * TICK_NS / NS_PER_MS)
+        delay_ns = 80 * NS_PER_MS - shorter_ns
+        exchange.up = lambda _, delay_ns=delay_ns: delay_ns  # type: ignore[misc]
+        stands = [len(list(same)) for _, same in groupby(s.pose_ns for s in exchange.run_ms(400))]
+        assert (max(stands) * TICK_NS >= 40 * NS_PER_MS) == (shorter_ns > bound_ms * NS_PER_MS)
+
+
+def test_what_a_way_becomes_shorter_by_is_taken_back_within_four_times_as_long() -> None:
+    exchange = Exchange(LinkConfig(jitter_ms=40), delay_ms=80).settled()
+    exchange.up = lambda _: 40 * NS_PER_MS
+    samples = exchange.run_ms(100)
+    assert samples[-1].pose_ns > exchange.now_ns, "newer than the hand can be"
+    last = exchange.run_ms(60 + 2 * TICK_NS / NS_PER_MS)[-1]
+    assert exchange.now_ns - TICK_NS <= last.pose_ns <= exchange.now_ns
 
 
 def test_messages_in_any_order_count_only_as_they_grow_newer(exchange: Exchange) -> None:
@@ -520,6 +695,20 @@ def test_three_gaps_beyond_the_bridge_within_a_second_are_too_many(
 ) -> None:
     statuses = {sample.status for sample in gaps(exchange, count, gap_ms, every_ms)}
     assert statuses == ({OK, ControllerStatus.LINK_GAPS} if too_many else {OK})
+
+
+def test_a_way_that_becomes_longer_for_good_is_one_gap(exchange: Exchange) -> None:
+    """Until the times go by the longer way every sample is older than is bridged."""
+    exchange.up = lambda _: DELAY_NS + 60 * NS_PER_MS
+    assert {sample.status for sample in exchange.run_ms(1000)} == {OK}
+    exchange.up = lambda _: DELAY_NS
+    assert {sample.status for sample in gaps(exchange, 2, 75, 300)} == {OK}
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 6])
+def test_more_gaps_than_three_are_too_many_as_well(exchange: Exchange, count: int) -> None:
+    gaps(exchange, count, 75, 150)
+    assert exchange.tick().status is ControllerStatus.LINK_GAPS
 
 
 def test_samples_that_are_refused_make_a_gap_as_lost_ones_do(exchange: Exchange) -> None:
