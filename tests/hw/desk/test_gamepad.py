@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import signal
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,6 +35,13 @@ def pad() -> Iterator[VirtualPad]:
     made.plug_in()
     yield made
     made.unplug()
+
+
+@pytest.fixture
+def sdl_not_started() -> None:
+    """SDL as a driver finds it that is the first to use it."""
+    while sdl2.SDL_WasInit(sdl2.SDL_INIT_GAMECONTROLLER):
+        sdl2.SDL_QuitSubSystem(sdl2.SDL_INIT_GAMECONTROLLER)
 
 
 @pytest.fixture
@@ -70,6 +81,25 @@ def test_a_stick_that_does_not_quite_come_back_rests(pad: VirtualPad, opened: Ga
     pad.move(LEFT_X, 0.08)
     pad.move(LEFT_Y, -0.08)
     assert opened.read()[0] == NEUTRAL
+
+
+def test_the_most_that_an_axis_can_say_is_full_deflection(pad: VirtualPad, opened: Gamepad) -> None:
+    """-32768, where full on the other side is 32767."""
+    pad.move(LEFT_X, -1.0)
+    pad.move(LEFT_Y, 0.5)
+    full, _ = opened.read()
+    pad.move(LEFT_X, -32768 / 32767)
+    assert opened.read()[0] == full
+
+
+@pytest.mark.parametrize("to", [-1.0, -0.99, -0.97])
+def test_a_trigger_that_does_not_quite_come_back_is_released(
+    pad: VirtualPad, opened: Gamepad, to: float
+) -> None:
+    pad.move(TRIGGER, to)
+    assert opened.read()[0].trigger == 0.0
+    pad.move(TRIGGER, -0.9)
+    assert opened.read()[0].trigger == pytest.approx(0.05, abs=0.001)
 
 
 @pytest.mark.parametrize(("to", "trigger"), [(-1.0, 0.0), (0.0, 0.5), (1.0, 1.0)])
@@ -118,14 +148,89 @@ def test_a_pad_that_is_unplugged_is_a_device_error_and_can_be_opened_again(
     pad: VirtualPad, opened: Gamepad
 ) -> None:
     pad.unplug()
-    with pytest.raises(DeviceError, match="unplugged"):
+    with pytest.raises(DeviceError, match=r"^The gamepad was unplugged: plug it in again\.$"):
         opened.read()
     opened.close()
-    with pytest.raises(DeviceError, match="no gamepad"):
+    with pytest.raises(DeviceError, match=r"^There is no gamepad: plug one in, or choose another"):
         opened.open()
     pad.plug_in()
     opened.open()
     assert opened.read()[0] == NEUTRAL
+
+
+def test_a_pad_that_was_never_opened_is_a_device_error_and_may_be_closed(pad: VirtualPad) -> None:
+    gamepad = Gamepad(ON_CABLE, lambda: 0)
+    with pytest.raises(DeviceError, match="plug it in"):
+        gamepad.read()
+    gamepad.close()
+
+
+def test_a_pad_that_is_closed_is_let_go(pad: VirtualPad, opened: Gamepad) -> None:
+    number = sdl2.SDL_JoystickGetDeviceInstanceID(0)
+    assert sdl2.SDL_GameControllerFromInstanceID(number)
+    opened.close()
+    assert not sdl2.SDL_GameControllerFromInstanceID(number)
+    with pytest.raises(DeviceError):
+        opened.read()
+
+
+def catches_sigterm() -> bool:
+    """Whether anything in this process does, by the kernel."""
+    status = Path("/proc/self/status").read_text("ascii")
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+@pytest.mark.usefixtures("sdl_not_started")
+def test_sdl_is_started_once_leaves_signals_alone_and_hears_pads_without_a_window(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("SDL_NO_SIGNAL_HANDLERS", raising=False)
+    sdl2.SDL_SetHint(sdl2.SDL_HINT_JOYSTICK_ALLOW_BACKGROUND_EVENTS, b"0")
+    caught_before = catches_sigterm()
+    gamepad = Gamepad(ON_CABLE, lambda: 0)
+    for _ in range(3):
+        with pytest.raises(DeviceError, match="no gamepad"):
+            gamepad.open()
+    assert catches_sigterm() == caught_before
+    for hint in (b"SDL_NO_SIGNAL_HANDLERS", sdl2.SDL_HINT_JOYSTICK_ALLOW_BACKGROUND_EVENTS):
+        assert sdl2.SDL_GetHint(hint) == b"1"
+    assert sdl2.SDL_WasInit(sdl2.SDL_INIT_GAMECONTROLLER)
+    sdl2.SDL_QuitSubSystem(sdl2.SDL_INIT_GAMECONTROLLER)
+    assert not sdl2.SDL_WasInit(sdl2.SDL_INIT_GAMECONTROLLER)
+
+
+def test_why_sdl_does_not_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sdl2, "SDL_InitSubSystem", lambda flags: sdl2.SDL_SetError(b"no udev"))
+    with pytest.raises(DeviceError, match=r"^SDL finds no gamepads: no udev\.$"):
+        Gamepad(ON_CABLE, lambda: 0).open()
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "is_taken"),
+    [
+        (b"Pad\xff", "pad", True),  # no UTF-8
+        (b"Pad\xff", "stick", False),
+        (None, "", True),  # SDL does not know it
+        (None, "x", False),
+    ],
+)
+def test_a_pad_with_an_odd_name_or_none_is_no_problem(
+    pad: VirtualPad,
+    monkeypatch: pytest.MonkeyPatch,
+    name: bytes | None,
+    wanted: str,
+    is_taken: bool,
+) -> None:
+    monkeypatch.setattr(sdl2, "SDL_JoystickNameForIndex", lambda index: name)
+    gamepad = Gamepad(DeskConfig(name=wanted, wireless=False), lambda: 0)
+    if is_taken:
+        gamepad.open()
+        assert gamepad.read()[0] == NEUTRAL
+        gamepad.close()
+    else:
+        with pytest.raises(DeviceError, match=f"whose name has '{wanted}' in it"):
+            gamepad.open()
 
 
 def test_only_a_pad_of_the_configured_name_is_taken(pad: VirtualPad) -> None:
@@ -138,9 +243,21 @@ def test_only_a_pad_of_the_configured_name_is_taken(pad: VirtualPad) -> None:
 
 
 @pytest.mark.parametrize("haptic", Haptic)
-def test_a_pad_without_motors_takes_every_pulse(opened: Gamepad, haptic: Haptic) -> None:
+def test_every_pulse_is_felt(pad: VirtualPad, opened: Gamepad, haptic: Haptic) -> None:
     opened.pulse(haptic)
+    assert pad.rumbles == 1
     assert opened.read()[0] == NEUTRAL
+
+
+UNKNOWN_SENTENCE = (
+    "It is not known whether the gamepad 'Virtual Controller' is on a cable: say so with "
+    "controller.desk.wireless, false on a cable, true by radio, where what is held without a "
+    "change counts for 500 ms."
+)
+BATTERY_SENTENCE = (
+    "The gamepad 'Virtual Controller' runs on its battery: use a cable, or set "
+    "controller.desk.wireless to true; what is held without a change then counts for 500 ms."
+)
 
 
 @pytest.mark.parametrize(
@@ -149,12 +266,12 @@ def test_a_pad_without_motors_takes_every_pulse(opened: Gamepad, haptic: Haptic)
         (WIRED, None, ""),
         (WIRED, True, ""),
         (WIRED, False, ""),
-        (UNKNOWN, None, "not known whether"),
+        (UNKNOWN, None, UNKNOWN_SENTENCE),
         (UNKNOWN, True, ""),
         (UNKNOWN, False, ""),
-        (BATTERY, None, "battery"),
+        (BATTERY, None, BATTERY_SENTENCE),
         (BATTERY, True, ""),
-        (BATTERY, False, "battery"),
+        (BATTERY, False, BATTERY_SENTENCE),
     ],
 )
 def test_a_pad_that_is_not_known_to_be_on_a_cable_is_refused_unless_it_is_declared(
@@ -164,12 +281,15 @@ def test_a_pad_that_is_not_known_to_be_on_a_cable_is_refused_unless_it_is_declar
     wireless: bool | None,
     refusal: str,
 ) -> None:
-    monkeypatch.setattr(sdl2, "SDL_JoystickCurrentPowerLevel", lambda joystick: level)
+    def level_of(joystick: Any) -> int:
+        assert sdl2.SDL_JoystickName(joystick) == b"Virtual Controller"
+        return level
+
+    monkeypatch.setattr(sdl2, "SDL_JoystickCurrentPowerLevel", level_of)
     gamepad = Gamepad(DeskConfig(wireless=wireless), lambda: 0)
     if refusal:
-        with pytest.raises(DeviceError, match=refusal) as refused:
+        with pytest.raises(DeviceError, match=f"^{re.escape(refusal)}$"):
             gamepad.open()
-        assert "controller.desk.wireless" in str(refused.value)
     else:
         gamepad.open()
         assert gamepad.read()[0] == NEUTRAL
@@ -184,8 +304,9 @@ def test_what_a_pad_by_radio_holds_without_a_change_is_stale_after_the_configure
     gamepad = Gamepad(DeskConfig(wireless=True, unchanged_ms=unchanged_ms), lambda: now_ns)
     gamepad.open()
     pad.move(LEFT_Y, -1.0)
-    now_ns += NS_PER_S
-    assert gamepad.read()[1] == now_ns  # with the deadman up it may rest as long as it likes
+    for _ in range(3):
+        now_ns += NS_PER_S
+        assert gamepad.read()[1] == now_ns  # with the deadman up it may rest as long as it likes
     pad.move(TRIGGER, 1.0)
     for _ in range(20):  # while anything changes the deadman counts
         pad.move(RIGHT_X, 0.001 if gamepad.read()[1] % 2 else 0.002)
@@ -200,6 +321,12 @@ def test_what_a_pad_by_radio_holds_without_a_change_is_stale_after_the_configure
         assert asked.trigger == 1.0
     pad.move(TRIGGER, 0.99)
     assert gamepad.read()[1] == now_ns
+    for button in range(sdl2.SDL_CONTROLLER_BUTTON_TOUCHPAD):  # which SDL does not simulate
+        for down in (True, False):
+            now_ns += 5 * NS_PER_S
+            assert gamepad.read()[1] < now_ns - 100 * NS_PER_MS
+            pad.press(button, down)
+            assert gamepad.read()[1] == now_ns
     gamepad.close()
 
 
