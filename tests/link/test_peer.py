@@ -493,6 +493,25 @@ def test_an_operator_sends_to_the_address_that_was_dialled_wherever_answers_come
     assert rig.gets_through(desk)
 
 
+def test_a_request_for_new_keys_from_elsewhere_is_answered_by_a_question_alone() -> None:
+    rig, desk = connected()
+    let_keys_age(rig, desk)
+    rig.run_ms(900, desk)
+    replies: list[tuple[bytes, Address]] = []
+    while not replies:
+        rig.now_ns += STEP_NS
+        for request, _ in desk.end.step(rig.now_ns):
+            replies += rig.at_robot(request, ELSEWHERE).replies
+    ((question, to),) = replies
+    assert to == ELSEWHERE
+    ((answer, _),) = desk.end.receive(question, ROBOT, rig.now_ns).replies
+    rig.at_robot(answer, ELSEWHERE)
+    assert sent_to(rig) == ELSEWHERE
+    desk.address = ELSEWHERE
+    rig.run_ms(500, desk)
+    assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
+
+
 def test_an_operator_who_moves_while_keys_are_replaced_stays() -> None:
     rig, desk = connected()
     rig.run_ms(REKEY_MS - 100, desk)
