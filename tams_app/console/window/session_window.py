@@ -11,7 +11,8 @@ from tams_app.console.window.session_face import (
     ShownReplay,
     ShownTrial,
 )
-from tams_app.console.wishes import actions_of
+from tams_app.console.wishes import Wish, actions_of
+from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
 
 _HAND_KEYS = {"Shift_L": DEADMAN, "Shift_R": DEADMAN}
 
@@ -30,7 +31,9 @@ class SessionWindow(SessionFace):
 
     def _on_event(self, event: Event) -> None:
         if isinstance(event, Asked):
-            if action := self._actions.get(event.wish):
+            if event.wish is Wish.CONFIRM and self._is_old(event.t_ns):
+                self._session.note("warning", TOO_LONG_AGO)
+            elif action := self._actions.get(event.wish):
                 action()
         elif isinstance(event, Sought):
             if self._replay is not None:
@@ -42,6 +45,10 @@ class SessionWindow(SessionFace):
                 self._session.keyboard.feed(held_keys(event))
         else:
             super()._on_event(event)
+
+    def _is_old(self, asked_ns: int) -> bool:
+        """Whether it lay in the socket of an application that stood still."""
+        return self._clock.now_ns() - asked_ns > CONFIRMED_AGO_NS
 
 
 def held_keys(event: Keys) -> HeldKeys:

@@ -39,7 +39,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
-from tams_app.session.control import Signals, describe
+from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO, Signals, describe
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.status import finite
@@ -55,7 +55,6 @@ _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's ti
 _HEALTH_NS = NS_PER_S // 10
 _NOTES_KEPT = 3
 _NOTE_BYTES = 220
-_CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _FAREWELLS = 5
 
 
@@ -254,10 +253,10 @@ class RobotLink(Listener):
         if message.confirms > self._confirms:
             self._confirms = message.confirms
             ago_ns = (bound_ns or 0) + message.sent_ns - message.confirmed_ns
-            if bound_ns is not None and 0 <= ago_ns <= _CONFIRMED_AGO_NS:
+            if bound_ns is not None and 0 <= ago_ns <= CONFIRMED_AGO_NS:
                 self._signals.confirm()
             else:
-                self._log.note("warning", "not confirmed: the operator did so too long ago")
+                self._log.note("warning", TOO_LONG_AGO)
         self._log.record(
             HandHeard(
                 t_ns=heard_ns,

@@ -20,8 +20,9 @@ from tams_app.console.window.session_face import SILENT_NS, facts_of
 from tams_app.console.wishes import Wish
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.teleop.clutch import Clutch
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.console.played_session import SNAPSHOT, PlayedSession, window_processes
 from tests.console.window.xvfb import Screen, virtual_screen, wait_for
 
@@ -53,6 +54,27 @@ def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, tmp_path: Path) 
     assert session.reason == "ended by the operator"
     assert session.failure == ""
     assert session.done == ["confirm", "estop", "arm stopped, window open"]
+
+
+def test_a_confirmation_that_a_session_takes_in_too_late_is_none(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    late_s = 0.5 + CONFIRMED_AGO_NS / NS_PER_S
+    session.signals.stop_with(lambda: time.sleep(late_s))  # what comes after it waits in the socket
+
+    def press() -> None:
+        screen.focus("TAMS")
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("key", "space", "key", "Return")
+        assert wait_for(lambda: f"warning: {TOO_LONG_AGO}" in session.notes)
+        screen.xdotool("key", "q")
+
+    session.do = press
+    show(session)
+    assert session.reason == "ended by the operator"
+    assert session.done == ["estop", "arm stopped, window open"]
 
 
 class CountedTrial:
