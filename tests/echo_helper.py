@@ -5,6 +5,8 @@ import signal
 
 from tams_app.runtime.process import HelperSide
 
+LOADED_UNDER = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+
 
 def main() -> None:
     side = HelperSide()
@@ -16,7 +18,10 @@ def main() -> None:
         os._exit(3)
     if behaviour == "stubborn":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    side.ready(number=side.specification["number"])
+    if behaviour == "tell policy":
+        side.ready(policy=LOADED_UNDER)
+    else:
+        side.ready(number=side.specification["number"])
     if behaviour == "listen":
         while not side.told and not side.stop_requested.wait(0.005):
             pass

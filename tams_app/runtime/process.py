@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.errors import HelperError
-from tams_app.runtime.realtime import use_ordinary
+from tams_app.runtime.realtime import ordinary_meanwhile
 
 READY_TIMEOUT_S = 30.0
 PROJECT_DIRECTORY = Path(__file__).resolve().parents[2]
@@ -50,15 +50,16 @@ class HelperProcess:
         stderr = None
         try:
             stderr = self._log_path.open("ab") if self._log_path else None
-            self._process = subprocess.Popen(
-                self._command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=stderr,
-                cwd=PROJECT_DIRECTORY,
-                start_new_session=True,
-                pass_fds=self._descriptors,
-            )
+            with ordinary_meanwhile():  # what it loads must not hold up the machine
+                self._process = subprocess.Popen(
+                    self._command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=stderr,
+                    cwd=PROJECT_DIRECTORY,
+                    start_new_session=True,
+                    pass_fds=self._descriptors,
+                )
         except OSError as error:
             raise HelperError(f"{self.name} could not be started: {error.strerror}") from error
         finally:
@@ -133,7 +134,6 @@ class HelperSide:
     """What a helper's main function needs: its specification, its ready line, its end."""
 
     def __init__(self) -> None:
-        use_ordinary()  # not the priority of the thread that happened to start us
         self.specification: dict[str, Any] = json.loads(sys.argv[1])
         self.told: dict[str, Any] = {}  # by the session, last
         self.stop_requested = threading.Event()

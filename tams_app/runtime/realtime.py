@@ -19,14 +19,15 @@ The application's threads share the GIL: one that is pushed off its core while i
 holds up the control loop, whatever that one's priority. So none of them runs below real time.
 What can fill a core must not run above ordinary processes: where these starve, the kernel takes
 the cores from everything real-time for 50 ms of every second (sched_rt_runtime_us; since Linux 6.8
-the fair server), and the thread that holds the GIL then stands still.
+the fair server), and the thread that holds the GIL then stands still. For the same reason a helper
+loads its modules as an ordinary process, and takes its priority when it is about to work.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 GUARD_PRIORITY = 60
 RELAY_PRIORITY = 20
@@ -99,6 +100,25 @@ def use_ordinary() -> None:
         return
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK in (os.SCHED_FIFO, os.SCHED_RR):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+@contextlib.contextmanager
+def ordinary_meanwhile() -> Iterator[None]:
+    """Let the calling thread be an ordinary one for as long as it starts a process.
+
+    A process inherits the policy of the thread that starts it, and loads its modules under it.
+    """
+    if not hasattr(os, "sched_getscheduler"):
+        yield
+        return
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    use_ordinary()
+    try:
+        yield
+    finally:
+        if os.sched_getscheduler(0) != policy:
+            with contextlib.suppress(PermissionError):
+                os.sched_setscheduler(0, policy, parameters)
 
 
 def _use(policy: str, name: str, priority: int, thread_id: int) -> str:

@@ -105,7 +105,6 @@ class HandSide:
                 "rig.enabled": True,
                 "headless": headless,
                 "seconds": seconds,
-                "control.realtime_priority": 0,
                 "recording.directory": str(out),
                 "recording.min_free_mb": 1.0,
             }

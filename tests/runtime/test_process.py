@@ -11,6 +11,7 @@ import pytest
 
 from tams_app.errors import HelperError
 from tams_app.runtime.process import PROJECT_DIRECTORY, HelperProcess
+from tams_app.runtime.realtime import use_fifo, use_ordinary
 
 pytestmark = pytest.mark.waiting
 
@@ -28,6 +29,19 @@ def test_a_helper_tells_when_it_is_ready_and_ends_when_asked(tmp_path):
     process.stop()
     process.stop()
     assert process.exit_code == 0
+
+
+def test_a_helper_loads_its_modules_as_an_ordinary_process_whoever_starts_it(tmp_path):
+    process = helper(tmp_path, "tell policy")
+    if use_fifo(1).startswith("other"):
+        pytest.skip("no permission for real-time priorities")
+    try:
+        process.start()
+        assert os.sched_getscheduler(0) == os.SCHED_FIFO
+    finally:
+        use_ordinary()
+    assert process.wait_ready() == {"policy": os.SCHED_OTHER}
+    process.stop()
 
 
 def test_a_helper_hears_what_it_is_told_and_telling_one_that_has_ended_harms_nobody(tmp_path):

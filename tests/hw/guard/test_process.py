@@ -1062,10 +1062,9 @@ class GuardInThisProcess:
 
 @pytest.fixture
 def guard_here(monkeypatch: pytest.MonkeyPatch) -> Iterator[GuardInThisProcess]:
-    """What a helper does to its process is undone: input, signals; its scheduling stays."""
+    """What a helper does to its process is undone: input, signals."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     own_input = os.dup(0)
-    monkeypatch.setattr("tams_app.runtime.process.use_ordinary", lambda: None)
     yield GuardInThisProcess(monkeypatch)
     for thread in threading.enumerate():
         if thread.name == "parent-watch":
