@@ -31,6 +31,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
+from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, Signals
 from tams_app.session.guarding import Guarding
@@ -148,7 +149,7 @@ class Application(Listener):
         config = self.config
         network = config.networks[_NETWORK]
         self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
-        return ControlLoop(
+        return build.control_loop(
             config,
             self.clock,
             self.hand,

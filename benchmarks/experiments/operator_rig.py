@@ -19,7 +19,7 @@ from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Outcome, SceneTruth, Vector
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.study.trial import TrialJudge
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -109,7 +109,7 @@ class OperatorRig:
         self.eyes, self.operator = seeing.eyes, seeing.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())
         video = SteadyVideo(delay_ns)
-        self.loop = ControlLoop(
+        self.loop = build.control_loop(
             config,
             self._clock,
             seeing.controller,

@@ -23,7 +23,7 @@ from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ArmState, Outcome, Pose, SceneTruth
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
-from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords, session_header
 from tams_app.session.virtual.rig import VirtualRobot
@@ -134,7 +134,7 @@ class _Recording(Listener):
         self._robot = robot = VirtualRobot(config, clock, lambda _level, _text: None)
         self._judge = TrialJudge(config.trial, build.task_geometry())
         controller = demo_controller(config, self._see)
-        self._loop = ControlLoop(
+        self._loop = build.control_loop(
             config,
             clock,
             controller,

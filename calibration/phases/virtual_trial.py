@@ -99,7 +99,7 @@ class VideolessTrial(Listener):
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
         arming = ArmingObserver(signals, _say_nothing, lambda: SIMULATED, arm_at_once=False)
-        return ControlLoop(
+        return build.control_loop(
             config,
             self._clock,
             self._hand.controller,

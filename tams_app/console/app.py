@@ -29,8 +29,8 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
+from tams_app.session.sentences import Sentences
 from tams_app.session.session import Session
-from tams_app.session.status import StatusBoard
 from tams_app.session.viewing import check_viewers
 from tams_app.teleop.hands import HANDS, hand_of
 
@@ -44,7 +44,7 @@ class ShownSession(FacedSession, Protocol):
     ended: threading.Event
 
     @property
-    def board(self) -> StatusBoard: ...
+    def sentences(self) -> Sentences: ...
 
     def start(self) -> None: ...
 
@@ -157,15 +157,15 @@ def _watch(
             session.poll()
             if end_s is not None and session.elapsed_s() >= end_s:
                 session.end(f"ended after {limit_s:g} s")
-            for note in session.board.take_notes():
+            for note in session.sentences.take():
                 line.say(note, session.elapsed_s())
                 for face in faces:
                     face.say(note)
             for face in faces:
                 face.refresh()
             if line.is_due(session.elapsed_s()):
-                line.update(session.snapshot())
-        for note in session.board.take_notes():
+                line.update(session.state())
+        for note in session.sentences.take():
             line.say(note, session.elapsed_s())
 
 

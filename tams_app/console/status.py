@@ -12,7 +12,7 @@ from rich.text import Text
 
 from tams_app.console.window.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console
-from tams_app.session.status import StatusSnapshot, ViewStatus
+from tams_app.records import SessionState, ViewState
 from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import words_of_hand
 
@@ -27,7 +27,7 @@ _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """A snapshot in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere.
+    """A state in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere.
 
     why: on a terminal below `live`, why the arm does not move, and what to do.
     """
@@ -37,19 +37,20 @@ class Words:
     why: str = ""
 
 
-WordsOf: TypeAlias = Callable[[StatusSnapshot], Words]
+WordsOf: TypeAlias = Callable[[SessionState], Words]
 
 
-def status_words(snapshot: StatusSnapshot) -> Words:
+def status_words(state: SessionState) -> Words:
     """The arm, the views, the link, and in full why the arm does not move."""
     full = [
-        arm_line(snapshot),
-        "   ".join(_view(name, view, snapshot.asked_fps) for name, view in snapshot.views.items()),
-        f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)} kbit/s, "
-        f"queue {_whole(snapshot.queue_ms)} ms{_ssim(snapshot)}",
-        *reason_parts(snapshot),
+        arm_line(state),
+        "   ".join(_view(name, view, state.asked_fps) for name, view in state.views.items()),
+        f"link {_whole(state.link_kbps)}/{_whole(state.budget_kbps)} kbit/s, "
+        f"capacity {_whole(state.capacity_kbps)}, estimated {_whole(state.estimate_kbps)}, "
+        f"queue {_whole(state.queue_ms)} ms{_ssim(state)}",
+        *reason_parts(state),
     ]
-    return Words(fitting(_parts(snapshot)), SEPARATOR.join(full), "".join(reason_parts(snapshot)))
+    return Words(fitting(_parts(state)), SEPARATOR.join(full), "".join(reason_parts(state)))
 
 
 def fitting(parts: Iterable[str]) -> str:
@@ -63,56 +64,56 @@ def fitting(parts: Iterable[str]) -> str:
     return line
 
 
-def arm_parts(snapshot: StatusSnapshot) -> list[str]:
+def arm_parts(state: SessionState) -> list[str]:
     """Time, arming, phase and deadman, in short; where nothing is live, since when."""
-    if (silence_s := silence_of(snapshot)) is not None:
-        return [minutes(snapshot.t_s), _not_live(snapshot, silence_s)]
-    deadman = "held" if snapshot.deadman else "up"
-    return [minutes(snapshot.t_s), snapshot.arming.upper(), snapshot.phase, deadman]
+    if (silence_s := silence_of(state)) is not None:
+        return [minutes(state.t_s), _not_live(state, silence_s)]
+    deadman = "held" if state.deadman else "up"
+    return [minutes(state.t_s), state.arming.upper(), state.phase, deadman]
 
 
-def _parts(snapshot: StatusSnapshot) -> list[str]:
+def _parts(state: SessionState) -> list[str]:
     """The arm and, of the views, the primary one: what matters most comes first."""
-    parts, views = arm_parts(snapshot), snapshot.views
-    if silence_of(snapshot) is not None:
+    parts, views = arm_parts(state), state.views
+    if silence_of(state) is not None:
         return parts
-    name = snapshot.primary_view if snapshot.primary_view in views else next(iter(views), "")
-    link = f"link {_whole(snapshot.link_kbps)}/{_whole(snapshot.capacity_kbps)}k"
+    name = state.primary_view if state.primary_view in views else next(iter(views), "")
+    link = f"link {_whole(state.link_kbps)}/{_whole(state.budget_kbps)}k"
     if name:
         view = views[name]
         parts += [
             f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)}k",
-            f"{_whole(view.shown_age_ms)}ms",
-            f"{_whole(view.given_fps)}/{_whole(snapshot.asked_fps)}fps",
+            f"{_whole(view.age_ms)}ms",
+            f"{_whole(view.given_fps)}/{_whole(state.asked_fps)}fps",
         ]
-    return [*parts, link, f"q{_whole(snapshot.queue_ms)}ms"]
+    return [*parts, link, f"q{_whole(state.queue_ms)}ms"]
 
 
-def arm_line(snapshot: StatusSnapshot) -> str:
+def arm_line(state: SessionState) -> str:
     """Time, arming, phase, what the hand holds, and where the arm is; or that it is not live."""
-    if (silence_s := silence_of(snapshot)) is not None:
-        return f"{minutes(snapshot.t_s)}  {_not_live(snapshot, silence_s)}"
-    held = words_of_hand(snapshot.hand).deadman.removeprefix("the ")
-    deadman = f"{held} {'held' if snapshot.deadman else 'up'}"
-    mode = "orientation" if snapshot.orientation_mode else "translation"
+    if (silence_s := silence_of(state)) is not None:
+        return f"{minutes(state.t_s)}  {_not_live(state, silence_s)}"
+    held = words_of_hand(state.hand).deadman.removeprefix("the ")
+    deadman = f"{held} {'held' if state.deadman else 'up'}"
+    mode = "orientation" if state.orientation_mode else "translation"
     return (
-        f"{minutes(snapshot.t_s)}  {snapshot.arming.upper()}  {snapshot.phase}  "
-        f"{', '.join((deadman, *snapshot.pressed, mode))}"
-        f"{_tcp(snapshot.tcp_mm)}{_gripper(snapshot.gripper_closed)}"
+        f"{minutes(state.t_s)}  {state.arming.upper()}  {state.phase}  "
+        f"{', '.join((deadman, *state.pressed, mode))}"
+        f"{_tcp(state.tcp_mm)}{_gripper(state.gripper_closed)}"
     )
 
 
-def reason_parts(snapshot: StatusSnapshot) -> list[str]:
+def reason_parts(state: SessionState) -> list[str]:
     """Why the arm does not move and what to do, or why it stopped last; none if it has not."""
-    if (silence_s := silence_of(snapshot)) is not None:
+    if (silence_s := silence_of(state)) is not None:
         return [f"{not_received(silence_s)} {STILL_STOPS} still stops it."]
-    if snapshot.reason:
-        return [advice(snapshot.reason, snapshot.lasting, words_of_hand(snapshot.hand))]
-    return [f"last stop: {snapshot.last_stop}"] if snapshot.last_stop else []
+    if state.reason:
+        return [advice(state.reason, state.lasting, words_of_hand(state.hand))]
+    return [f"last stop: {state.last_stop}"] if state.last_stop else []
 
 
-def _not_live(snapshot: StatusSnapshot, silence_s: float) -> str:
-    lost = "LINK LOST, " if snapshot.arming == "link lost" else ""
+def _not_live(state: SessionState, silence_s: float) -> str:
+    lost = "LINK LOST, " if state.arming == "link lost" else ""
     return f"{lost}{NOT_LIVE.upper()} for {silence_s:.1f} s"
 
 
@@ -123,10 +124,10 @@ def minutes(t_s: float) -> str:
 
 
 class StatusLine:
-    """Shows snapshots in place at 5 Hz on a terminal, as plain lines every few seconds elsewhere.
+    """Shows states in place at 5 Hz on a terminal, as plain lines every few seconds elsewhere.
 
     Use it as a context from one thread; `say` prints a sentence that stays. `words_of` puts a
-    snapshot into words.
+    state into words.
     """
 
     def __init__(self, console: Console, words_of: WordsOf = status_words) -> None:
@@ -150,25 +151,23 @@ class StatusLine:
             self._live.stop()
 
     def is_due(self, t_s: float) -> bool:
-        """Whether a snapshot of `t_s` would be shown: the last one was not shown a moment before.
+        """Whether a state of `t_s` would be shown: the last one was not shown a moment before.
 
         The time of a replay may go back: then it is.
         """
         return not self._next_s - self._every_s <= t_s < self._next_s
 
-    def update(self, snapshot: StatusSnapshot) -> None:
-        """Show `snapshot` if it is due."""
-        if not self.is_due(snapshot.t_s):
+    def update(self, state: SessionState) -> None:
+        """Show `state` if it is due."""
+        if not self.is_due(state.t_s):
             return
-        self._next_s = snapshot.t_s + self._every_s
-        words = self._words_of(snapshot)
+        self._next_s = state.t_s + self._every_s
+        words = self._words_of(state)
         if self._live is None:
             self._console.print(words.plain, markup=False, highlight=False, soft_wrap=True)
             return
         text = Text(words.live, no_wrap=True, overflow="ellipsis")
-        text.highlight_words(
-            [snapshot.arming.upper()], _STYLES.get(snapshot.arming.upper(), "bold")
-        )
+        text.highlight_words([state.arming.upper()], _STYLES.get(state.arming.upper(), "bold"))
         why = [Text(words.why)] if words.why else []
         self._live.update(Group(text, *why), refresh=True)
 
@@ -191,17 +190,17 @@ def _gripper(closed: bool | None) -> str:
     return f", gripper {'closed' if closed else 'open'}"
 
 
-def _view(name: str, view: ViewStatus, asked_fps: float | None) -> str:
+def _view(name: str, view: ViewState, asked_fps: float | None) -> str:
     return (
         f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)} kbit/s "
-        f"{_whole(view.given_fps)}/{_whole(asked_fps)} fps {_whole(view.shown_age_ms)} ms"
+        f"{_whole(view.given_fps)}/{_whole(asked_fps)} fps {_whole(view.age_ms)} ms"
     )
 
 
-def _ssim(snapshot: StatusSnapshot) -> str:
-    if snapshot.live_ssim is None:
+def _ssim(state: SessionState) -> str:
+    if state.live_ssim is None:
         return ""
-    return f", live SSIM of {snapshot.primary_view} {snapshot.live_ssim:.2f}"
+    return f", live SSIM of {state.primary_view} {state.live_ssim:.2f}"
 
 
 def _whole(value: float | None) -> str:

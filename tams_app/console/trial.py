@@ -25,11 +25,11 @@ from tams_app.console.wishes import Action, Wish
 from tams_app.errors import TamsError
 from tams_app.printing import Console
 from tams_app.progress import waiting
+from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.session import Session
-from tams_app.session.status import StatusSnapshot
 from tams_app.study.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
 from tams_app.study.plan import PlannedTrial
 
@@ -117,20 +117,20 @@ class LiveTrial:
             Wish.PLACED: self._place,
         }
 
-    def words(self, snapshot: StatusSnapshot) -> Words:
+    def words(self, state: SessionState) -> Words:
         """For the terminal."""
-        time = self._time(snapshot)
-        why = reason_parts(snapshot)
-        full = [arm_line(snapshot), time, *why]
-        return Words(fitting([*arm_parts(snapshot), time]), SEPARATOR.join(full), "".join(why))
+        time = self._time(state)
+        why = reason_parts(state)
+        full = [arm_line(state), time, *why]
+        return Words(fitting([*arm_parts(state), time]), SEPARATOR.join(full), "".join(why))
 
-    def facts_of(self, snapshot: StatusSnapshot) -> TrialFacts:
+    def facts_of(self, state: SessionState) -> TrialFacts:
         """For the window."""
         kind = "practice" if self._trial.practice else "trial"
         return TrialFacts(
             self._trial.participant,
             f"{kind} {self._trial.order}",
-            self._passed_s(snapshot),
+            self._passed_s(state),
             self._limit_s,
             self._drops,
         )
@@ -151,13 +151,13 @@ class LiveTrial:
         self._session.fact(PLACED_FACT, "yes")
         self._session.end("the block is placed, says the experimenter")
 
-    def _passed_s(self, snapshot: StatusSnapshot) -> float | None:
-        if self._began_s is None and snapshot.arming.upper() == "ENGAGED":
-            self._began_s = snapshot.t_s
-        return None if self._began_s is None else snapshot.t_s - self._began_s
+    def _passed_s(self, state: SessionState) -> float | None:
+        if self._began_s is None and state.arming.upper() == "ENGAGED":
+            self._began_s = state.t_s
+        return None if self._began_s is None else state.t_s - self._began_s
 
-    def _time(self, snapshot: StatusSnapshot) -> str:
-        limit, passed_s = minutes(self._limit_s), self._passed_s(snapshot)
+    def _time(self, state: SessionState) -> str:
+        limit, passed_s = minutes(self._limit_s), self._passed_s(state)
         if passed_s is None:
             return f"trial: not begun, {limit} allowed"
         over = ": over, end it with q" if passed_s >= self._limit_s else ""

@@ -26,7 +26,7 @@ def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bo
         session = RobotSession(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
         names = [] if endpoint.key is None else [key.name for key in accepted_keys(endpoint.key)]
         keys = f" with the key of {' or '.join(names)}" if names else ""
-        session.board.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
+        session.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
         return session
 
     return run_and_report(config, make)

@@ -6,20 +6,17 @@ count is in every message: it is repeated until a later message of the other sid
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias, TypeVar
+from typing import TypeVar
 
 import msgspec
 
 from tams_app.errors import TamsError
+from tams_app.records import SessionState, Whole
 from tams_app.vectors import Floats3
 
 HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
-PROTOCOL = 2
-
-# Of any two the difference fits into 64 bits, in which logs, figures and other languages keep them.
-_BEYOND_WHOLE = 1 << 62
-Whole: TypeAlias = Annotated[int, msgspec.Meta(gt=-_BEYOND_WHOLE, lt=_BEYOND_WHOLE)]
+PROTOCOL = 3
 
 
 class MessageError(TamsError):
@@ -102,11 +99,7 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
 
     sent_ns: when it was sent.
     echo_ns, echo_heard_ns: the newest `HandMessage.sent_ns` that was heard, and when that was.
-    sent_kbps: by view, None while it is not known; link_kbps: all views; queue_ms, loss: what the
-        packets meet on their way, of which the robot's side is told (`UplinkFigures`).
-    primary_view: the one that matters in `phase`.
-    reason: why the arm holds or is in fault, "" otherwise, as it is logged; lasting: label of what
-        of it is still there, "" if its cause is gone; last_stop: label of the last recorded stop.
+    state: of the session there; its stamps are of the clock there, `heard_ns` of its last tick.
     haptics: how many pulses there have been; haptic: the last of them.
     first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
     confirms, stops: those of the last `HandMessage`.
@@ -118,22 +111,7 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     sent_ns: Whole
     echo_ns: Whole
     echo_heard_ns: Whole
-    arming: str
-    reason: str
-    deadman: bool
-    orientation_mode: bool
-    phase: str
-    primary_view: str
-    tcp_mm: tuple[float, float, float] | None
-    gripper_closed: bool | None
-    target_kbps: tuple[float, ...]
-    sent_kbps: tuple[float | None, ...]
-    budget_kbps: float | None
-    capacity_kbps: float | None
-    link_kbps: float | None
-    queue_ms: float | None
-    loss: float | None
-    video_age_ms: tuple[float | None, ...]
+    state: SessionState
     first_capture_ns: tuple[Whole | None, ...]
     haptics: Whole
     haptic: str
@@ -143,8 +121,6 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     notes: tuple[str, ...]
     ended: str
     failed: bool
-    lasting: str
-    last_stop: str
 
 
 Message = TypeVar("Message", Welcome, HandMessage, StateMessage)

@@ -117,6 +117,8 @@ _DESCRIPTIONS = {
     # the policy
     "capacity_kbps": "what the uplink carries [kbit/s of IP datagrams]; null: no bottleneck",
     "Allocation.capacity_kbps": "what the uplink is believed to carry [kbit/s of IP datagrams]",
+    "Rates.capacity_kbps": "what the emulated network carries [kbit/s]; null: no limit",
+    "Rates.estimate_kbps": "what the uplink is believed to carry [kbit/s]; null: no limit",
     "budget_kbps": "B: the capacity after the safety factor [kbit/s of IP datagrams]",
     "target_kbps": "target of each view [kbit/s of IP datagrams]",
     # the uplink

@@ -52,6 +52,7 @@ from tams_app.records.policy import (
     Phase,
     PhaseChange,
 )
+from tams_app.records.state import LINK_LOST, SessionState, ViewState, Whole, without_figures
 from tams_app.records.trial import (
     OperatorGlance,
     Outcome,
@@ -72,6 +73,7 @@ from tams_app.records.uplink import (
 
 __all__ = [
     "IP_UDP_HEADER_BYTES",
+    "LINK_LOST",
     "Activity",
     "Allocation",
     "ArmFault",
@@ -106,6 +108,7 @@ __all__ = [
     "Reception",
     "SceneTruth",
     "ServoMode",
+    "SessionState",
     "ShownFrame",
     "Solid",
     "SolidKind",
@@ -118,4 +121,7 @@ __all__ = [
     "UplinkReport",
     "UplinkSummary",
     "Vector",
+    "ViewState",
+    "Whole",
+    "without_figures",
 ]

@@ -42,7 +42,7 @@ VIEW_RATES = (
     *("target_kbps", "sent_kbps", "loss", "captured_fps", "shown_fps", "latency_ms"),
     *("live_ssim", "received_ssim"),
 )
-ALL_RATES = ("budget_kbps", "capacity_kbps", "queue_ms")
+ALL_RATES = ("budget_kbps", "capacity_kbps", "estimate_kbps", "queue_ms")
 RATES = (*VIEW_RATES, *ALL_RATES)
 ALL_VIEWS = "all"
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from hw.arm import Arm
 from hw.arms import arm_kind, check_limits
+from hw.controller import Controller
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
+from tams_app.policy.phases import PhaseInference
 from tams_app.records import Pose
 from tams_app.runtime.clock import Clock
+from tams_app.session.arm_gate import ArmGate
+from tams_app.session.control import ControlLoop, ShownVideo, Signals
 from tams_app.session.devices import Devices
+from tams_app.session.listener import Listener
 from tams_app.session.machine_speed import this_machine
 from tams_app.session.rate_ladder import RateLadder
 from tams_app.session.recorders import SessionRecords
@@ -108,6 +114,31 @@ def rate_ladder(config: Config) -> RateLadder | None:
     if not config.rig.enabled or config.rig.fixed_fps:
         return None
     return RateLadder(config.video.fps, this_machine().starting_fps(config.video.fps))
+
+
+def control_loop(
+    config: Config,
+    clock: Clock,
+    controller: Controller,
+    arm: Arm,
+    gate: ArmGate,
+    video: ShownVideo,
+    signals: Signals,
+    listeners: Sequence[Listener] = (),
+) -> ControlLoop:
+    """The loop with the configured teleoperation and phase inference."""
+    return ControlLoop(
+        config,
+        clock,
+        controller,
+        arm,
+        gate,
+        video,
+        signals,
+        teleop(config, video.delay_ns),
+        PhaseInference(config.policy.phases),
+        listeners,
+    )
 
 
 def teleop(config: Config, delay_ns: int) -> Teleop:

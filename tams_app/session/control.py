@@ -10,11 +10,18 @@ from typing import Protocol
 from hw.arm import Arm
 from hw.controller import Controller
 from tams_app.config import Config
-from tams_app.policy.phases import PhaseInference
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import ArmState, CommandLink, ControllerSample, Tick, TickInputs, Twist
+from tams_app.records import (
+    ArmState,
+    CommandLink,
+    ControllerSample,
+    Phase,
+    PhaseChange,
+    Tick,
+    TickInputs,
+    Twist,
+)
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
-from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.faces import Faces
 from tams_app.session.listener import Listener
@@ -105,6 +112,31 @@ class ShownVideo(Protocol):
         """Whether a newer frame of `view` is shown, which does not count: it is not whole."""
 
 
+class Teleoperation(Protocol):
+    """From what has come in to a command: `teleop.loop.Teleop`."""
+
+    def step(self, told: TeleopInput) -> TeleopOutput: ...
+
+
+class Inference(Protocol):
+    """From the arm's motion to the phase of the task: `policy.phases.PhaseInference`."""
+
+    @property
+    def phase(self) -> Phase:
+        """The phase now."""
+
+    @property
+    def speed(self) -> float:
+        """Smoothed speed of the TCP [m/s]."""
+
+    @property
+    def vertical_speed(self) -> float:
+        """Smoothed vertical speed of the TCP [m/s], upwards."""
+
+    def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
+        """Look at the arm's newest report; the change if another phase has begun."""
+
+
 @dataclass(frozen=True, slots=True)
 class SteadyVideo:
     """The video of a loop that has none: every frame is shown at the same age."""
@@ -130,8 +162,11 @@ class ControlLoop:
         gate: ArmGate,
         video: ShownVideo,
         signals: Signals,
+        teleop: Teleoperation,
+        inference: Inference,
         listeners: Sequence[Listener] = (),
     ) -> None:
+        """`build.control_loop` makes one with the configured teleoperation and inference."""
         self._clock = clock
         self._sleep = SleepWatch(clock)
         self._rate_hz = config.control.rate_hz
@@ -142,8 +177,7 @@ class ControlLoop:
         self._signals = signals
         self._listeners = tuple(listeners)
         signals.stop_with(gate.stop)
-        self._teleop = build.teleop(config, video.delay_ns)
-        self._phases = PhaseInference(config.policy.phases)
+        self._teleop, self._phases = teleop, inference
         self._weights = WeightMatrix(config.policy.weights.matrix)
         # from the light to the capture time stamp, as calibrated; the rig's own cameras have none
         cameras = {} if config.rig.enabled else config.cameras
@@ -230,7 +264,7 @@ class ControlLoop:
 def tick_of(
     told: TeleopInput,
     output: TeleopOutput,
-    phases: PhaseInference,
+    phases: Inference,
     due_ns: int,
     finished_ns: int,
     skipped: int,

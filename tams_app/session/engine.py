@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from tams_app.config import Config
 from tams_app.records import Phase, PhaseChange, StopRecord
 from tams_app.runtime.clock import Clock
-from tams_app.session.control import ControlLoop, Signals
+from tams_app.session import build
+from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.listener import Listener
 from tams_app.session.observers import ArmingObserver, StopWatch, TrialObserver
@@ -58,7 +59,7 @@ class Engine:
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
         arming = ArmingObserver(signals, log.note, self._hand, arm_at_once)
         guard = () if devices.guard is None else (devices.guard,)
-        self.control = ControlLoop(
+        self.control = build.control_loop(
             config,
             clock,
             devices.controller,

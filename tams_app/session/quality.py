@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import Frame, FrameQuality, ShownFrame
+from tams_app.records import Frame, FrameQuality
 from tams_app.session.devices import Note
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import FrameBlock
@@ -32,12 +32,11 @@ class LiveQuality:
         record: Callable[[FrameQuality], None],
         note: Note,
     ) -> None:
-        """`screen`: where shown frames are put. `record` gets one record per captured frame.
+        """`screen`: where the frames shown are put, which the helper reads.
 
-        `record` is called in a thread of its own.
+        `record` gets one record per captured frame, in a thread of its own.
         """
         self._wanted = config.quality.enabled
-        self._screen = screen
         self._record = record
         self._note = note
         self._recent: dict[str, tuple[tuple[int, float], ...]] = {}  # capture [ns] and score
@@ -69,10 +68,6 @@ class LiveQuality:
     def captured(self, frame: Frame) -> None:
         """Hand over a captured frame before it is sent; each view from one thread."""
         self._client.push_capture(frame)
-
-    def shown(self, shown: ShownFrame) -> None:
-        """Hand over a frame that reached the screen; each view from one thread."""
-        self._screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
 
     def recent_live(self, view: str, now_ns: int) -> float | None:
         """Mean live SSIM of the last scored frames of `view`; None where there is none lately."""

@@ -6,10 +6,10 @@ import gc
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import msgspec
 
 from hw.arm import Arm
 from hw.boundary import session_boundary
@@ -19,7 +19,7 @@ from hw.make_controller import keyboard_of
 from tams_app.config import Config, Network
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, PacketRecord, ServoMode
+from tams_app.records import Activity, PacketRecord, ServoMode, SessionState, ShownFrame, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperProcess
@@ -38,7 +38,8 @@ from tams_app.session.guarding import Guarding
 from tams_app.session.listener import Listener
 from tams_app.session.quality import LiveQuality
 from tams_app.session.recorders import LoadMonitor, Recorders
-from tams_app.session.status import StatusBoard, StatusSnapshot
+from tams_app.session.sentences import Sentences
+from tams_app.session.status import StatusBoard
 from tams_app.session.uplink import Capture, Senders, Uplink
 from tams_app.teleop.hands import hand_of
 from tams_app.units import NS_PER_MS
@@ -75,12 +76,14 @@ class Session(Ending):
         self._dry_run = dry_run
         self._stack = ExitStack()
         self._helpers: dict[str, HelperProcess] = {}
-        self._weights = WeightMatrix(config.policy.weights.matrix)
         self._arm: Arm | None = None
         self.keyboard: KeyboardController | None = None  # which the console's window has to feed
         self._gate: ArmGate | None = None
         self._control: Worker | None = None
-        self.board = StatusBoard(config.video.views)
+        self.sentences = Sentences()
+        self._board = StatusBoard(
+            config.video.views, WeightMatrix(config.policy.weights.matrix), config.video.fps
+        )
 
     # --- start ----------------------------------------------------------------------------------
 
@@ -147,7 +150,7 @@ class Session(Ending):
             self._log,
             self.signals,
             lambda: self.end("the trial is over"),
-            (self.board, self._rates, *self._listeners()),
+            (self._board, self._rates, *self._listeners()),
             self._hand,
             self._arm_at_once,
             self._trial_is_limited,
@@ -199,7 +202,8 @@ class Session(Ending):
             network,
             self._clock,
             self._log,
-            self._quality,
+            self._quality.captured,
+            self._show,
             helper_logs,
             self._on_packets,
             self._on_worker_failure,
@@ -219,7 +223,7 @@ class Session(Ending):
         return ()
 
     def _show_note(self, text: str) -> None:
-        self.board.note(text)
+        self.sentences.note(text)
 
     def _connect_devices(self, helper_logs: Path) -> ConnectedDevices:
         guard = Guarding(
@@ -264,6 +268,10 @@ class Session(Ending):
         self._run("load", LoadMonitor(self._clock, self._helper_pids(), self._log.record).run)
         if connected.truth is not None:
             self._run("trial", engine.trial.run)
+
+    def _show(self, shown: ShownFrame) -> None:
+        """Where window, seeing operator and SSIM helper read; in a thread for each view."""
+        self.screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
 
     def _helper_pids(self) -> dict[str, int]:
         pids = {name: process.pid for name, process in self._helpers.items()}
@@ -314,29 +322,26 @@ class Session(Ending):
         """Keep in the log what was learned; a later value of the same name counts."""
         self._log.fact(name, value)
 
-    def snapshot(self) -> StatusSnapshot:
+    def state(self) -> SessionState:
         """What the console shows at this moment."""
-        now_ns, video = self._clock.now_ns(), self._video
-        given_fps = self._rates.given_fps
-        snapshot = self.board.snapshot(
+        state = self._state_at(self._clock.now_ns())
+        live_ssim = self._quality.recent_live(state.primary_view, state.now_ns)
+        views = {view: self._with_latency(view, one) for view, one in state.views.items()}
+        return msgspec.structs.replace(state, live_ssim=live_ssim, views=views)
+
+    def _state_at(self, now_ns: int) -> SessionState:
+        """What this side knows without its screen; from any thread, and quickly."""
+        video, given_fps = self._video, self._rates.given_fps
+        return self._board.state(
             now_ns, self.elapsed_s(), video, video.capacity, given_fps, self._hand()
         )
-        primary = self._weights.primary_view(self.board.phase)
-        live_ssim = self._quality.recent_live(primary, now_ns)
-        return replace(
-            snapshot,
-            primary_view=primary,
-            live_ssim=live_ssim,
-            asked_fps=self.config.video.fps,
-            views={
-                view: replace(status, latency_ms=self._latency_ms(view))
-                for view, status in snapshot.views.items()
-            },
-        )
 
-    def _latency_ms(self, view: str) -> float | None:
+    def _with_latency(self, view: str, state: ViewState) -> ViewState:
         shown = self._video.shown(view)
-        return None if shown is None else (shown.shown_ns - shown.capture_ns) / NS_PER_MS
+        if shown is None:
+            return state
+        latency_ms = (shown.shown_ns - shown.capture_ns) / NS_PER_MS
+        return msgspec.structs.replace(state, latency_ms=latency_ms)
 
     def stop_arm(self) -> None:
         """Stop the arm: the first thing when a session ends; may be called twice.
@@ -391,5 +396,5 @@ class Session(Ending):
         self.fail(sentence)
 
     def _on_packets(self, packets: list[PacketRecord]) -> None:
-        self.board.packets(packets)
+        self._board.packets(packets)
         self._log.packets(packets)

@@ -14,7 +14,7 @@ from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.faces import Faces
 from tams_app.session.recorders import SessionRecords
-from tams_app.session.video import Quality, Video
+from tams_app.session.video import Video
 from tams_app.video.codecs import SOFTWARE, Codecs
 from tams_app.video.receiver import VideoReceiver
 from tams_app.video.relay_client import RelayClient
@@ -36,14 +36,17 @@ class Senders(Video):
         network: Network,
         clock: Clock,
         log: SessionRecords,
-        quality: Quality,
+        on_captured: Callable[[Frame], None],
+        show: Callable[[ShownFrame], None],
         epoch_ns: int | None = None,
         codecs: Codecs = SOFTWARE,
         faces: Faces | None = None,
     ) -> None:
         """A capacity trace begins at `epoch_ns`, by default now. `faces`: what shows the frames."""
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
-        super().__init__(config, network, clock, self._epoch_ns, log, quality, codecs, faces)
+        super().__init__(
+            config, network, clock, self._epoch_ns, log, on_captured, show, codecs, faces
+        )
         self._config = config
         self._network = network
         self._senders: dict[str, VideoSender] = {}
@@ -111,7 +114,8 @@ class Uplink(Senders):
         network: Network,
         clock: Clock,
         log: SessionRecords,
-        quality: Quality,
+        on_captured: Callable[[Frame], None],
+        show: Callable[[ShownFrame], None],
         logs: Path,
         on_packets: Callable[[list[PacketRecord]], None],
         on_failure: Callable[[str, BaseException], None],
@@ -123,7 +127,7 @@ class Uplink(Senders):
 
         `faces`: what shows the frames.
         """
-        super().__init__(config, network, clock, log, quality, epoch_ns, codecs, faces)
+        super().__init__(config, network, clock, log, on_captured, show, epoch_ns, codecs, faces)
         self._logs = logs
         self._on_packets = on_packets
         self._on_failure = on_failure

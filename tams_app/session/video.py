@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping
 
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
@@ -25,16 +24,6 @@ from tams_app.video.repair import RepairRule, repair_rule
 from tams_app.video.view_parity import ViewParity
 
 
-class Quality(Protocol):
-    """Compares the frames shown with those captured."""
-
-    def captured(self, frame: Frame) -> None:
-        """A camera's frame, in the order of capture."""
-
-    def shown(self, shown: ShownFrame) -> None:
-        """A frame that reached the screen, after the captures that came before it."""
-
-
 class Video(ABC):
     """All views of one session, from the camera's frame to the operator's screen."""
 
@@ -45,11 +34,16 @@ class Video(ABC):
         clock: Clock,
         epoch_ns: int,
         log: SessionRecords,
-        quality: Quality,
+        on_captured: Callable[[Frame], None],
+        show: Callable[[ShownFrame], None],
         codecs: Codecs = SOFTWARE,
         faces: Faces | None = None,
     ) -> None:
-        """A capacity trace of `network` begins at `epoch_ns`. `faces`: what shows the frames."""
+        """A capacity trace of `network` begins at `epoch_ns`.
+
+        `on_captured` gets each camera's frame before it is sent, `show` each that is to be shown,
+        after the captures that came before it. `faces`: what the operator looks at.
+        """
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
         mode = config.policy.budget.mode
@@ -75,7 +69,7 @@ class Video(ABC):
         self._fresh = FreshVideo(video.views, faces or Faces())
         self._clock = clock
         self._log = log
-        self._quality = quality
+        self._on_captured, self._show = on_captured, show
 
     def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
         """Choose the parity of each view for what was told and for the targets that come now."""
@@ -92,7 +86,7 @@ class Video(ABC):
     def push(self, frame: Frame) -> None:
         """Send a captured frame; each view from one thread."""
         self._log.capture(frame)
-        self._quality.captured(frame)
+        self._on_captured(frame)
         self._send(frame, self._exceeds_flight(frame.view))
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
@@ -159,7 +153,7 @@ class Video(ABC):
     def _on_shown(self, shown: ShownFrame) -> None:
         self._fresh.shown(shown)
         self._log.record(shown)
-        self._quality.shown(shown)
+        self._show(shown)
 
 
 def video_delay_ns(network: Network, rule: RepairRule) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import deque
 from collections.abc import Callable
@@ -47,7 +48,8 @@ class Rates:
     target_kbps: float | None
     sent_kbps: float | None
     budget_kbps: float | None
-    capacity_kbps: float | None
+    capacity_kbps: float | None  # of the emulated network
+    estimate_kbps: float | None  # of the capacity, as the budget believes
     queue_ms: float | None
     loss: float | None
     views: tuple[ViewRates, ...]
@@ -190,6 +192,7 @@ class RatesMeter:
             sent_kbps=sent_bits / 1000 / passed_s if packets else None,
             budget_kbps=None if allocation is None else allocation.budget_kbps,
             capacity_kbps=self._capacity_kbps,
+            estimate_kbps=None if allocation is None else _finite(allocation.capacity_kbps),
             queue_ms=None if self._queue_ns is None else self._queue_ns / NS_PER_MS,
             loss=sum(one.lost for one in seconds.values()) / packets if packets else None,
             views=views,
@@ -211,3 +214,7 @@ class RatesMeter:
             live_ssim=statistics.fmean(second.live) if second.live else None,
             received_ssim=statistics.fmean(second.received) if second.received else None,
         )
+
+
+def _finite(kbps: float) -> float | None:
+    return kbps if math.isfinite(kbps) else None

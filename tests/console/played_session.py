@@ -6,18 +6,19 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import psutil
+from msgspec.structs import replace
 
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.records import SessionState, ViewState
 from tams_app.session.control import Signals
-from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus
+from tams_app.session.sentences import Sentences
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 
-SNAPSHOT = StatusSnapshot(
+STATE = SessionState(
     t_s=1.0,
     arming="holding",
     deadman=True,
@@ -31,9 +32,9 @@ SNAPSHOT = StatusSnapshot(
     tcp_mm=(350.0, 0.0, 180.0),
     gripper_closed=False,
     views={
-        "eih": ViewStatus(3000, 2950, 95.0, 29.9, 74.0),
-        "gt": ViewStatus(1500, 1480, 96.0, 30.0, 75.0),
-        "gs": ViewStatus(900, 870, 97.0, 30.0, 76.0),
+        "eih": ViewState(3000, 2950, 29.9, 74.0, 95.0),
+        "gt": ViewState(1500, 1480, 30.0, 75.0, 96.0),
+        "gs": ViewState(900, 870, 30.0, 76.0, 97.0),
     },
     link_kbps=5210.0,
     capacity_kbps=6010.0,
@@ -56,7 +57,7 @@ class PlayedSession:
         self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)
         self.keyboard.start()
         self.folder = folder
-        self.board = StatusBoard(())
+        self.sentences = Sentences()
         self.signals = Signals()
         self.ended = threading.Event()
         self.failure = self.reason = ""
@@ -79,9 +80,9 @@ class PlayedSession:
     def elapsed_s(self) -> float:
         return time.monotonic() - self._began_s
 
-    def snapshot(self) -> StatusSnapshot:
+    def state(self) -> SessionState:
         now_ns = time.monotonic_ns()
-        return replace(SNAPSHOT, now_ns=now_ns, heard_ns=now_ns)
+        return replace(STATE, now_ns=now_ns, heard_ns=now_ns)
 
     def end(self, reason: str) -> None:
         self.reason = self.reason or reason

@@ -20,7 +20,7 @@ from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.control import Signals
-from tams_app.session.status import StatusBoard
+from tams_app.session.sentences import Sentences
 
 pytestmark = pytest.mark.waiting
 
@@ -31,7 +31,7 @@ class EndedSession:
     def __init__(self, name, hand="auto"):
         overrides = {"headless": True, "controller.device": hand}
         self.config = load_config(CONFIG_DIRECTORY / name, overrides)
-        self.board = StatusBoard(())
+        self.sentences = Sentences()
         self.signals = Signals()
         self.ended = SimpleNamespace(wait=lambda seconds: True)
         self.notes = []
@@ -208,7 +208,7 @@ class EndlessSession(EndedSession):
     def elapsed_s(self):
         return self.passed_s
 
-    def snapshot(self):
+    def state(self):
         return SimpleNamespace(t_s=0.0, arming="ready")
 
     def end(self, reason):
@@ -219,7 +219,7 @@ class EndlessSession(EndedSession):
 def test_a_limit_counts_from_when_the_session_has_started(monkeypatch):
     monkeypatch.setattr(app, "_read_keys", keys(False))
     session = EndlessSession()
-    app._watch(session, Console(quiet=True), lambda snapshot: Words("", ""), limit_s=10.0)
+    app._watch(session, Console(quiet=True), lambda state: Words("", ""), limit_s=10.0)
     assert session.reason == "ended after 10 s"
     assert session.passed_s == 13.0
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
 
 import cairo
-import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.console.headset.layout import PANEL_WIDTH_PX
@@ -22,12 +21,12 @@ from tams_app.console.window.messages import Facts, ReplayFacts
 from tams_app.console.window.silence import LIVE_NS, NOT_LIVE, as_known, silent_s
 from tams_app.teleop.hands import HANDS
 from tams_app.units import NS_PER_S
-from tests.console.played_session import SNAPSHOT
-from tests.console.window.facts import FACTS, OPENING
+from tests.console.played_session import STATE
+from tests.console.window.facts import FACTS, OPENING, changed
 
 pytestmark = pytest.mark.untimed
 
-PUT = msgspec.structs.replace(FACTS, told_ns=NS_PER_S, heard_ns=NS_PER_S)
+PUT = changed(FACTS, told_ns=NS_PER_S, heard_ns=NS_PER_S)
 
 
 def after(facts: Facts, silence_s: float) -> Facts:
@@ -42,11 +41,11 @@ def after(facts: Facts, silence_s: float) -> Facts:
 def test_facts_are_live_for_three_tenths_of_a_second_and_no_longer(
     told_ns: int, heard_ns: int | None, now_ns: int
 ) -> None:
-    facts = msgspec.structs.replace(FACTS, told_ns=told_ns, heard_ns=heard_ns)
+    facts = changed(FACTS, told_ns=told_ns, heard_ns=heard_ns)
     known = as_known(facts, now_ns)
     oldest_ns = told_ns if heard_ns is None else min(told_ns, heard_ns)
     assert (known is facts) == (now_ns - oldest_ns <= LIVE_NS)
-    assert (known.arming == NOT_LIVE) == (known is not facts)
+    assert (known.state.arming == NOT_LIVE) == (known is not facts)
 
 
 def test_nothing_that_only_a_live_session_can_say_is_said_any_more() -> None:
@@ -55,15 +54,15 @@ def test_nothing_that_only_a_live_session_can_say_is_said_any_more() -> None:
     assert banner.look.word == "NOT LIVE"
     assert "for 4.0 s" in banner.sentence
     assert "emergency stop button on the arm's control box" in banner.key
-    assert dict(hand_rows(known))["deadman"] == "not known"
-    assert dict(hand_rows(known))["buttons"] == "none"
-    assert dict(hand_rows(after(PUT, 0.2)))["deadman"] == "HELD"
+    assert dict(hand_rows(known.state))["deadman"] == "not known"
+    assert dict(hand_rows(known.state))["buttons"] == "none"
+    assert dict(hand_rows(after(PUT, 0.2).state))["deadman"] == "HELD"
 
 
 def test_ages_grow_while_nothing_comes() -> None:
     known = after(PUT, 4.0)
-    assert view_row("eih", known.views["eih"], 30)[-1] == "4095 ms"
-    assert "OLD: 4.1 s" in view_title("eih", known.views["eih"], True, OPENING)
+    assert view_row("eih", known.state.views["eih"], 30)[-1] == "4095 ms"
+    assert "OLD: 4.1 s" in view_title("eih", known.state.views["eih"], True, OPENING)
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -75,9 +74,9 @@ def test_the_headset_says_the_same(hand: str) -> None:
 
 
 def test_a_session_that_works_may_still_hear_nothing_of_the_arm() -> None:
-    silent = msgspec.structs.replace(PUT, told_ns=3 * NS_PER_S)
+    silent = changed(PUT, told_ns=3 * NS_PER_S)
     assert banner_of(as_known(silent, 3 * NS_PER_S)).look.word == "NOT LIVE"
-    lost = msgspec.structs.replace(silent, arming="link lost")
+    lost = changed(silent, arming="link lost")
     banner = banner_of(as_known(lost, 3 * NS_PER_S))
     assert banner.look.word == "LINK LOST"
     assert "for 2.0 s" in banner.sentence
@@ -85,14 +84,14 @@ def test_a_session_that_works_may_still_hear_nothing_of_the_arm() -> None:
 
 
 def test_a_replay_is_never_called_not_live() -> None:
-    replay = msgspec.structs.replace(PUT, replay=ReplayFacts(1.0, True))
+    replay = changed(PUT, replay=ReplayFacts(1.0, True))
     assert as_known(replay, 1 << 60) is replay
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_the_terminal_says_so_too(is_terminal: bool) -> None:
     now_ns = 10 * NS_PER_S
-    silent = replace(SNAPSHOT, arming="engaged", now_ns=now_ns, heard_ns=now_ns - 2 * NS_PER_S)
+    silent = replace(STATE, arming="engaged", now_ns=now_ns, heard_ns=now_ns - 2 * NS_PER_S)
     output = io.StringIO()
     with StatusLine(Console(file=output, width=200, force_terminal=is_terminal)) as line:
         line.update(silent)

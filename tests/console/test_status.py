@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.console.status import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
-from tams_app.session.status import StatusSnapshot, ViewStatus
+from tams_app.records import SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
-SNAPSHOT = StatusSnapshot(
+STATE = SessionState(
     t_s=72.34,
     arming="engaged",
     deadman=True,
@@ -26,16 +26,18 @@ SNAPSHOT = StatusSnapshot(
     hand="openvr",
     tcp_mm=(350.2, -1.4, 180.0),
     gripper_closed=None,
-    views={"eih": ViewStatus(3000, 2950.4, 81.6, 14.9), "gt": ViewStatus(None, None, None)},
+    views={"eih": ViewState(3000, 2950.4, 14.9, age_ms=81.6), "gt": ViewState()},
     link_kbps=5210.0,
+    budget_kbps=5520.0,
     capacity_kbps=6000.0,
+    estimate_kbps=5900.0,
     queue_ms=12.2,
     asked_fps=30,
 )
 
 
 def test_the_line_says_all_an_operator_looks_for() -> None:
-    text = status_words(SNAPSHOT).plain
+    text = status_words(STATE).plain
     for part in (
         "1:12.3",
         "ENGAGED",
@@ -43,21 +45,21 @@ def test_the_line_says_all_an_operator_looks_for() -> None:
         "trigger held, translation, TCP x 350 y -1 z 180 mm",
         "eih 2950/3000 kbit/s 15/30 fps 82 ms",
         "gt –/– kbit/s –/30 fps – ms",
-        "link 5210/6000 kbit/s, queue 12 ms",
+        "link 5210/5520 kbit/s, capacity 6000, estimated 5900, queue 12 ms",
     ):
         assert part in text
     assert "last stop" not in text
 
 
 def test_on_a_terminal_there_is_one_line_with_the_primary_view() -> None:
-    live = status_words(replace(SNAPSHOT, primary_view="gt")).live
-    assert live == "1:12.3 ENGAGED ALIGN held gt –/–k –ms –/30fps link 5210/6000k q12ms"
-    assert " eih 2950/3000k 82ms 15/30fps " in status_words(SNAPSHOT).live
+    live = status_words(replace(STATE, primary_view="gt")).live
+    assert live == "1:12.3 ENGAGED ALIGN held gt –/–k –ms –/30fps link 5210/5520k q12ms"
+    assert " eih 2950/3000k 82ms 15/30fps " in status_words(STATE).live
 
 
 def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
     longest = replace(
-        SNAPSHOT, t_s=7272.3, arming="link lost", phase="PRE_RELEASE", capacity_kbps=100_000.0
+        STATE, t_s=7272.3, arming="link lost", phase="PRE_RELEASE", budget_kbps=100_000.0
     )
     live = status_words(longest).live
     assert len(live) <= COLUMNS
@@ -65,31 +67,29 @@ def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
 
 
 def test_without_views_the_live_line_tells_the_arm() -> None:
-    assert status_words(replace(SNAPSHOT, views={})).live.startswith(
-        "1:12.3 ENGAGED ALIGN held link"
-    )
+    assert status_words(replace(STATE, views={})).live.startswith("1:12.3 ENGAGED ALIGN held link")
 
 
 def test_the_primary_view_s_quality_is_shown_once_it_was_measured() -> None:
-    measured = replace(SNAPSHOT, primary_view="eih", live_ssim=0.874)
+    measured = replace(STATE, primary_view="eih", live_ssim=0.874)
     assert status_words(measured).plain.endswith("queue 12 ms, live SSIM of eih 0.87")
-    assert "SSIM" not in status_words(SNAPSHOT).plain
+    assert "SSIM" not in status_words(STATE).plain
 
 
 def test_the_line_shows_pressed_buttons_and_the_gripper_once_it_is_known() -> None:
-    pressed = replace(SNAPSHOT, pressed=("grip", "A"), gripper_closed=True)
+    pressed = replace(STATE, pressed=("grip", "A"), gripper_closed=True)
     first, *_ = status_words(pressed).plain.split("  |  ")
     assert "trigger held, grip, A, translation, TCP" in first
     assert first.endswith("mm, gripper closed")
-    assert "mm, gripper open" in status_words(replace(SNAPSHOT, gripper_closed=False)).plain
-    assert "gripper" not in status_words(SNAPSHOT).plain
+    assert "mm, gripper open" in status_words(replace(STATE, gripper_closed=False)).plain
+    assert "gripper" not in status_words(STATE).plain
 
 
 def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:
     reason = "[stale video] let go of the trigger"
     output = io.StringIO()
     with StatusLine(Console(file=output, width=80)) as line:
-        line.update(replace(SNAPSHOT, reason=reason, arming="holding", deadman=False))
+        line.update(replace(STATE, reason=reason, arming="holding", deadman=False))
     assert f"{reason}." in output.getvalue()
     assert "HOLDING" in output.getvalue()
     assert "trigger up" in output.getvalue()
@@ -97,7 +97,7 @@ def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:
 
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_what_is_left_to_do_is_told_in_the_words_of_the_hand(is_terminal: bool) -> None:
-    held = replace(SNAPSHOT, arming="holding", reason="stale video", hand="keyboard")
+    held = replace(STATE, arming="holding", reason="stale video", hand="keyboard")
     for lasting, told in (
         ("stale video", "wait until it is back, then release Shift."),
         ("", "stale video. The video is back: release Shift."),
@@ -110,7 +110,7 @@ def test_what_is_left_to_do_is_told_in_the_words_of_the_hand(is_terminal: bool) 
 
 
 def test_the_last_stop_is_the_one_that_was_recorded() -> None:
-    waiting = replace(SNAPSHOT, arming="ready", last_stop="stale video")
+    waiting = replace(STATE, arming="ready", last_stop="stale video")
     assert status_words(waiting).plain.endswith("last stop: stale video")
     in_the_way = status_words(replace(waiting, reason="pose frozen", lasting="pose frozen"))
     assert "last stop" not in in_the_way.plain
@@ -121,7 +121,7 @@ def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:
     output = io.StringIO()
     with StatusLine(Console(file=output, width=80)) as line:
         for tenth in range(121):
-            line.update(replace(SNAPSHOT, t_s=tenth / 10))
+            line.update(replace(STATE, t_s=tenth / 10))
         line.say("the arm is ready: press Enter", 12.1)
     lines = output.getvalue().splitlines()
     assert [one.split()[0] for one in lines[:3]] == ["0:00.0", "0:05.0", "0:10.0"]
@@ -134,16 +134,16 @@ def test_on_a_terminal_the_line_is_renewed_at_five_hertz_and_taken_away() -> Non
     console = Console(file=output, width=100, force_terminal=True, color_system="standard")
     with StatusLine(console) as line:
         for step in range(100):
-            line.update(replace(SNAPSHOT, t_s=step / 100))
+            line.update(replace(STATE, t_s=step / 100))
         shown = output.getvalue().count("ENGAGED")
     assert 5 <= shown <= 6
     assert output.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in output.getvalue()
 
 
-def test_a_snapshot_need_not_be_taken_before_it_is_due() -> None:
+def test_a_state_need_not_be_taken_before_it_is_due() -> None:
     with StatusLine(Console(file=io.StringIO(), width=80)) as line:
         assert line.is_due(0.0)
-        line.update(replace(SNAPSHOT, t_s=0.0))
+        line.update(replace(STATE, t_s=0.0))
         assert not line.is_due(PLAIN_EVERY_S - 0.1)
         assert line.is_due(PLAIN_EVERY_S)
 
@@ -151,5 +151,5 @@ def test_a_snapshot_need_not_be_taken_before_it_is_due() -> None:
 def test_a_narrow_terminal_cuts_lines_instead_of_wrapping_them() -> None:
     output = io.StringIO()
     with StatusLine(Console(file=output, width=30, force_terminal=True)) as line:
-        line.update(SNAPSHOT)
+        line.update(STATE)
     assert "…" in output.getvalue()

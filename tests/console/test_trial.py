@@ -6,11 +6,11 @@ import io
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 import tams_app.console.trial
@@ -23,7 +23,7 @@ from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.recording import read_log
 from tams_app.session.session import Session
 from tams_app.study.marks import DROPS_FACT, PLACED_FACT
-from tests.console.test_status import SNAPSHOT
+from tests.console.test_status import STATE
 from tests.study.synthetic_study import planned_trial
 
 pytestmark = pytest.mark.timed
@@ -179,10 +179,10 @@ def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_plac
         actions[wish]()
     assert session.facts == {DROPS_FACT: "1"}
     assert session.notes == ["drops: 1", "drops: 2", "drops: 1"]
-    assert trial.facts_of(replace(SNAPSHOT, arming="ready")).drops == 1
+    assert trial.facts_of(replace(STATE, arming="ready")).drops == 1
     actions[Wish.PLACED]()
     assert session.reason == "", "before it has begun"
-    trial.facts_of(replace(SNAPSHOT, arming="engaged"))
+    trial.facts_of(replace(STATE, arming="engaged"))
     actions[Wish.PLACED]()
     assert session.facts == {DROPS_FACT: "1", PLACED_FACT: "yes"}
     assert session.reason == "the block is placed, says the experimenter"
@@ -190,9 +190,7 @@ def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_plac
 
 def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> None:
     trial = LiveTrial(TRIAL, 120.0, Marked())
-    words = trial.words(
-        replace(SNAPSHOT, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9)
-    )
+    words = trial.words(replace(STATE, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9))
     for text in (words.live, words.plain):
         assert "READY" in text
         assert "trial: not begun, 2:00.0 allowed" in text
@@ -201,12 +199,10 @@ def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> No
 
 def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -> None:
     trial = LiveTrial(TRIAL, 120.0, Marked())
-    trial.words(replace(SNAPSHOT, arming="engaged", t_s=10.0))
-    ready = trial.words(replace(SNAPSHOT, arming="ready", t_s=31.5))
+    trial.words(replace(STATE, arming="engaged", t_s=10.0))
+    ready = trial.words(replace(STATE, arming="ready", t_s=31.5))
     assert ready.live.endswith("trial: 0:21.5 of 2:00.0")
-    late = replace(
-        SNAPSHOT, arming="holding", phase="PRE_RELEASE", t_s=730.0, last_stop="stale video"
-    )
+    late = replace(STATE, arming="holding", phase="PRE_RELEASE", t_s=730.0, last_stop="stale video")
     over = trial.words(late)
     assert over.live.endswith("of 2:00.0: over, end it with q")
     assert len(over.live) <= COLUMNS
@@ -215,9 +211,9 @@ def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -
 
 def test_the_window_of_a_trial_is_told_who_does_it_and_its_time_and_no_more() -> None:
     trial = LiveTrial(TRIAL, 120.0, Marked())
-    ready = replace(SNAPSHOT, arming="ready", t_s=5.0)
+    ready = replace(STATE, arming="ready", t_s=5.0)
     told = trial.facts_of(ready)
     assert (told.participant, told.passed_s, told.limit_s) == (TRIAL.participant, None, 120.0)
     assert not REVEALING.search(" ".join(trial_texts(told)))
-    trial.facts_of(replace(SNAPSHOT, arming="engaged", t_s=10.0))
+    trial.facts_of(replace(STATE, arming="engaged", t_s=10.0))
     assert trial.facts_of(replace(ready, t_s=31.5)).passed_s == 21.5

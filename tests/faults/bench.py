@@ -22,8 +22,9 @@ from tams_app.config import Config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, ServoMode, StopRecord, Tick, Vector
 from tams_app.runtime.clock import Clock
+from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import ControlLoop, Signals
+from tams_app.session.control import Signals
 from tams_app.session.listener import Listener
 from tams_app.session.observers import StopWatch
 from tams_app.session.recorders import LOG_NAME, Recorders
@@ -105,7 +106,9 @@ class Bench(Listener, ABC):
         self._sight = sight or self.frames
         network = config.networks[NETWORK]
         self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
-        self.loop = ControlLoop(config, clock, self.hand, arm, self, self, self.signals, (self,))
+        self.loop = build.control_loop(
+            config, clock, self.hand, arm, self, self, self.signals, (self,)
+        )
         self.cleaning.callback(arm.close)
 
     # --- time -----------------------------------------------------------------------------------

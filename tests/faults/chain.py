@@ -71,18 +71,8 @@ class NoLog:
         """Forgotten."""
 
 
-class NoQuality:
-    """Compares nothing; `on_shown` sees what is shown."""
-
-    def __init__(self, on_shown: Callable[[ShownFrame], None]) -> None:
-        self.shown = on_shown
-
-    def captured(self, frame: Frame) -> None:
-        """Not looked at."""
-
-
-def _forget(packets: list[PacketRecord]) -> None:
-    """The packets' fates are not kept."""
+def _forget(_told: list[PacketRecord] | Frame) -> None:
+    """Neither packets' fates nor captured frames are kept."""
 
 
 class Chain:
@@ -103,7 +93,7 @@ class Chain:
         clock = MonotonicClock()
         log = SessionRecords(clock, NoLog())
         self.uplink = Uplink(
-            config, network, clock, log, NoQuality(on_shown), logs, _forget, self._fail, epoch_ns
+            config, network, clock, log, _forget, on_shown, logs, _forget, self._fail, epoch_ns
         )
         self.cameras = {view: PatternCamera(view) for view in VIEWS}
         self._stack = ExitStack()

@@ -208,7 +208,7 @@ def test_a_stopped_application_of_the_robot_is_stopped_by_the_guard_and_waits_wh
     application.suspend()
     witness.waits_for_the_stop()
     witness.stands()
-    shown = status_words(side.session.snapshot())
+    shown = status_words(side.session.state())
     assert "NOT LIVE for" in shown.live
     resumed_ns = time.monotonic_ns()
     application.resume()
@@ -295,7 +295,7 @@ def test_an_operator_whose_key_is_revoked_while_the_arm_moves_is_let_go_and_the_
             revoke_key(keys, "kim")
             robot.says(LINK_LOST, before)
             until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
-            assert "LINK LOST, NOT LIVE" in status_words(side.session.snapshot()).live
+            assert "LINK LOST, NOT LIVE" in status_words(side.session.state()).live
         time.sleep(STANDS_S)
         log = robot.interrupted()
     found = outage(log, revoked_ns)

@@ -138,17 +138,17 @@ class HandSide:
     @property
     def arming(self) -> str:
         """As the robot's side told last, "" before it did."""
-        return "" if self.state is None else self.state.arming
+        return "" if self.state is None else self.state.state.arming
 
     @property
     def reason(self) -> str:
         """Why the arm does not move, as the robot's side told last."""
-        return "" if self.state is None else self.state.reason
+        return "" if self.state is None else self.state.state.reason
 
     @property
     def notes(self) -> list[str]:
         """Sentences for the operator so far."""
-        self._notes += self.session.board.take_notes()
+        self._notes += self.session.sentences.take()
         return self._notes
 
     def becomes(self, arming: ArmingState, within_s: float = 60.0) -> None:
@@ -208,10 +208,10 @@ class HandSide:
         return psutil.Process(self.session._helpers[name].pid)
 
     def _y_mm(self) -> float:
-        state = self.state
-        assert state is not None
-        assert state.tcp_mm is not None
-        return state.tcp_mm[1]
+        message = self.state
+        assert message is not None
+        assert message.state.tcp_mm is not None
+        return message.state.tcp_mm[1]
 
 
 def free_port() -> int:

@@ -20,6 +20,7 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
+from tams_app.records import SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
@@ -71,26 +72,42 @@ hands = st.builds(
     presses=st.tuples(COUNT, COUNT, COUNT, COUNT),
     hand=TEXT,
 )
+KNOWN = st.none() | NUMBER
+session_states = st.builds(
+    SessionState,
+    t_s=NUMBER,
+    arming=TEXT,
+    reason=TEXT,
+    lasting=st.none() | TEXT,
+    last_stop=TEXT,
+    deadman=st.none() | st.booleans(),
+    orientation_mode=st.booleans(),
+    gripper_closed=st.none() | st.booleans(),
+    hand=TEXT,
+    pressed=st.lists(TEXT, max_size=4).map(tuple),
+    phase=TEXT,
+    primary_view=TEXT,
+    tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
+    views=st.dictionaries(
+        TEXT, st.builds(ViewState, KNOWN, KNOWN, KNOWN, KNOWN, KNOWN), max_size=3
+    ),
+    link_kbps=KNOWN,
+    budget_kbps=KNOWN,
+    capacity_kbps=KNOWN,
+    estimate_kbps=KNOWN,
+    queue_ms=KNOWN,
+    loss=KNOWN,
+    asked_fps=KNOWN,
+    live_ssim=KNOWN,
+    now_ns=NS,
+    heard_ns=st.none() | NS,
+)
 states = st.builds(
     StateMessage,
     sent_ns=NS,
     echo_ns=NS,
     echo_heard_ns=NS,
-    arming=TEXT,
-    reason=TEXT,
-    deadman=st.booleans(),
-    orientation_mode=st.booleans(),
-    phase=TEXT,
-    tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
-    gripper_closed=st.none() | st.booleans(),
-    target_kbps=st.lists(NUMBER, max_size=3).map(tuple),
-    sent_kbps=st.lists(st.none() | NUMBER, max_size=3).map(tuple),
-    budget_kbps=st.none() | NUMBER,
-    capacity_kbps=st.none() | NUMBER,
-    link_kbps=st.none() | NUMBER,
-    queue_ms=st.none() | NUMBER,
-    loss=st.none() | NUMBER,
-    video_age_ms=st.lists(st.none() | NUMBER, max_size=3).map(tuple),
+    state=session_states,
     first_capture_ns=st.lists(st.none() | NS, max_size=3).map(tuple),
     haptics=COUNT,
     haptic=TEXT,
@@ -100,8 +117,6 @@ states = st.builds(
     notes=st.lists(TEXT, max_size=4).map(tuple),
     ended=TEXT,
     failed=st.booleans(),
-    lasting=TEXT,
-    last_stop=TEXT,
 )
 
 HAND = HandMessage(

@@ -21,10 +21,10 @@ from hw.v4l2.source import V4l2Source
 from tams_app.config import Config
 from tams_app.console.app import POLL_S
 from tams_app.errors import TamsError
+from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import create_session_folder
 from tams_app.session.session import Session
-from tams_app.session.status import StatusSnapshot
 from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
 from tests.session.hardware_hand import pose_in
 
@@ -43,7 +43,7 @@ class Wiring:
 class Look:
     """The session at one moment."""
 
-    snapshot: StatusSnapshot
+    state: SessionState
     notes: list[str]  # since the last look
     ended: bool
     failure: str
@@ -83,8 +83,8 @@ def _serve(requests: Connection, session: Session, runtime: FakeRuntime) -> None
         request, *arguments = requests.recv()
         match request:
             case "look":
-                notes, ended = session.board.take_notes(), session.ended.is_set()
-                requests.send(Look(session.snapshot(), list(notes), ended, session.failure))
+                notes, ended = session.sentences.take(), session.ended.is_set()
+                requests.send(Look(session.state(), list(notes), ended, session.failure))
             case "confirm":
                 session.signals.confirm()
             case "press":

@@ -145,11 +145,11 @@ class Station:
 
     @property
     def arming(self) -> str:
-        return self.seen.snapshot.arming
+        return self.seen.state.arming
 
     @property
     def tcp_height_m(self) -> float:
-        tcp_mm = self.seen.snapshot.tcp_mm
+        tcp_mm = self.seen.state.tcp_mm
         assert tcp_mm is not None
         return tcp_mm[2] / 1000.0
 
@@ -186,9 +186,9 @@ class Station:
 
     def await_frames(self) -> None:
         """Until every view is shown."""
-        views = self.seen.snapshot.views
+        views = self.seen.state.views
         self.until(
-            lambda: all(self.seen.snapshot.views[view].shown_age_ms is not None for view in views),
+            lambda: all(self.seen.state.views[view].age_ms is not None for view in views),
             "frames",
         )
 

@@ -12,7 +12,8 @@ from tams_app.config.devices import CameraConfig
 from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose, ServoMode
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.control import ControlLoop, Signals
+from tams_app.session import build
+from tams_app.session.control import Signals
 from tams_app.session.listener import Listener
 from tams_app.session.video import video_delay_ns
 from tams_app.teleop.safety import ArmingState, Reason, Request
@@ -74,7 +75,7 @@ class Bench(Listener):
         self.ready = False
         network = CONFIG.networks["s2"]
         self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
-        self.loop = ControlLoop(
+        self.loop = build.control_loop(
             config, self.clock, self.hand, self.arm, self, self, self.signals, (self,)
         )
 

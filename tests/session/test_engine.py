@@ -63,7 +63,9 @@ class Mirror(Video):
     """Every frame is on the screen as soon as it was captured."""
 
     def __init__(self, clock, log, quality):
-        super().__init__(CONFIG, resolve_network(CONFIG, "s2"), clock, 0, log, quality)
+        super().__init__(
+            CONFIG, resolve_network(CONFIG, "s2"), clock, 0, log, quality.captured, quality.shown
+        )
         self.targets = []
         self._screen = {}
 

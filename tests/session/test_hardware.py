@@ -77,7 +77,7 @@ def test_a_runtime_that_quits_stops_the_arm_and_says_so(there: Plugged) -> None:
         assert arm.wait_for(lambda: arm.motion.state != State.STOPPED, PATIENCE_S)
         here.quit_steamvr()
         here.until(lambda: here.arming == "fault", "a fault")
-        assert "VR runtime quit" in here.seen.snapshot.reason
+        assert "VR runtime quit" in here.seen.state.reason
         assert arm.wait_for(lambda: arm.motion.state == State.STOPPED, PATIENCE_S)
 
 

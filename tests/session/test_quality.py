@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tams_app.config import VideoConfig
-from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.records import Frame, FrameQuality, Image
 from tams_app.session.quality import RECENT_SCORES, LiveQuality
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -77,19 +77,17 @@ def frame(index: int) -> Image:
     return np.asarray(cv2.resize(coarse, (WIDTH, HEIGHT)), np.uint8)
 
 
-def push(quality: LiveQuality, index: int) -> None:
+def push(session: Session, quality: LiveQuality, index: int) -> None:
     quality.captured(Frame("gt", index, index * FRAME_NS, frame(index)))
     shown = np.asarray(cv2.GaussianBlur(frame(index), (0, 0), 1), np.uint8)
-    quality.shown(
-        ShownFrame("gt", index, index * FRAME_NS + NS_PER_MS, shown, index * FRAME_NS, True)
-    )
+    session.screen.put("gt", index, index * FRAME_NS + NS_PER_MS, shown)
 
 
 def test_every_captured_frame_is_told_once_with_its_scores(
     session: Session, started: LiveQuality
 ) -> None:
     for index in range(6):
-        push(started, index)
+        push(session, started, index)
         assert session.wait(records=index + 1)
     started.close()
     assert [one.index for one in session.records] == list(range(6))
@@ -100,12 +98,12 @@ def test_every_captured_frame_is_told_once_with_its_scores(
 def test_a_killed_helper_is_noted_once_and_its_scores_stay(
     session: Session, started: LiveQuality
 ) -> None:
-    push(started, 0)
+    push(session, started, 0)
     assert session.wait(records=1)
     assert started.pid is not None
     os.kill(started.pid, signal.SIGKILL)
     assert session.wait(notes=1)
-    push(started, 1)
+    push(session, started, 1)
     started.close()
     (note,) = session.notes
     assert note[0] == "warning"
@@ -120,7 +118,7 @@ def test_a_helper_that_cannot_start_is_noted_and_the_session_goes_on_without(
     quality = quality_of(session, tmp_path)
     quality.start()
     assert quality.pid is None
-    push(quality, 0)
+    push(session, quality, 0)
     quality.close()
     ((level, text),) = session.notes
     assert level == "warning"
@@ -137,7 +135,7 @@ def test_no_memory_for_the_frames_is_noted_and_the_session_goes_on_without(
     monkeypatch.setattr("tams_app.video.frame_ring.create_block", full)
     quality = quality_of(session, tmp_path)
     quality.start()
-    push(quality, 0)
+    push(session, quality, 0)
     quality.close()
     assert "No space left on device" in session.notes[0][1]
 
@@ -145,7 +143,7 @@ def test_no_memory_for_the_frames_is_noted_and_the_session_goes_on_without(
 def test_switched_off_there_is_no_helper(session: Session, tmp_path: Path) -> None:
     quality = quality_of(session, tmp_path, enabled=False)
     quality.start()
-    push(quality, 0)
+    push(session, quality, 0)
     quality.close()
     assert quality.pid is None
     assert list(tmp_path.iterdir()) == []

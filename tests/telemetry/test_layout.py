@@ -143,6 +143,7 @@ def test_each_path_of_a_plot_leads_to_values_in_a_log(path: str, log: Contents) 
 COLOURED = [one for config in PANELS.values() for one in config.get("paths", ()) if "color" in one]
 UPLINK = {
     "/rates.capacity_kbps": palette.EMULATED_CAPACITY,
+    "/rates.estimate_kbps": palette.CAPACITY_ESTIMATE,
     "/rates.budget_kbps": palette.UPLINK_BUDGET,
     "/rates.target_kbps": palette.UPLINK_SENT,
     "/rates.sent_kbps": palette.UPLINK_SENT,

@@ -102,8 +102,8 @@ class HeadsetDisplay:
     def _take_in(self, facts: Facts, now_ns: int) -> None:
         opening = self._opening
         for view, cell in self._cells.items():
-            view_facts = facts.views.get(view)
-            title = view_title(view, view_facts, view == facts.primary_view, opening)
+            view_facts = facts.state.views.get(view)
+            title = view_title(view, view_facts, view == facts.state.primary_view, opening)
             silent = facts.silent_s is not None
             if cell.tell(title, silent or is_old(view_facts, opening.old_ms), silent):
                 self._dirty.add(view)
@@ -115,7 +115,7 @@ class HeadsetDisplay:
             )
             self._dirty.add(PANEL)
         before = self._places.views
-        if self._places.step(facts.primary_view, now_ns):
+        if self._places.step(facts.state.primary_view, now_ns):
             self._exchange(before)
 
     def _exchange(self, before: tuple[str, ...]) -> None:

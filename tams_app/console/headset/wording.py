@@ -34,9 +34,10 @@ class PanelWords:
 def panel_words(facts: Facts, hand: str) -> PanelWords:
     """State, phase, why the arm does not move, and what helps; `hand`: of `HANDS`."""
     banner, words = banner_of(facts, hand), HANDS[hand]
-    key = words.told(_KEYS[facts.arming]) if words.confirm and facts.arming in _KEYS else banner.key
+    confirms = words.confirm and facts.state.arming in _KEYS
+    key = words.told(_KEYS[facts.state.arming]) if confirms else banner.key
     if facts.trial is not None:
         note = " · ".join(trial_texts(facts.trial)[:3])
     else:
         note = facts.said[-1].text if facts.said else ""
-    return PanelWords(banner.look, facts.phase, banner.sentence, key, note)
+    return PanelWords(banner.look, facts.state.phase, banner.sentence, key, note)

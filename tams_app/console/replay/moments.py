@@ -9,8 +9,8 @@ import numpy as np
 
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
-from tams_app.records import Note, PacketKind
-from tams_app.session.status import StatusSnapshot, ViewStatus, finite, pressed_buttons
+from tams_app.records import Note, PacketKind, SessionState, ViewState
+from tams_app.session.status import finite, pressed_buttons
 from tams_app.session.uplink_meter import WINDOW_NS
 from tams_app.summary.tables import FrameTable, Integers, PacketTable, known_packets
 from tams_app.teleop.hands import HAND_FACT
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class Moments:
-    """A log by time; `at` gives the snapshot of a moment, `notes_between` what was said."""
+    """A log by time; `at` gives the state of a moment, `notes_between` what was said."""
 
     def __init__(self, log: SessionLog) -> None:
         self._log = log
@@ -37,7 +37,7 @@ class Moments:
         self._stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
         self._stop_ns = _times([stop.visible_ns for stop in self._stops])
 
-    def at(self, t_ns: int) -> StatusSnapshot:
+    def at(self, t_ns: int) -> SessionState:
         """As the console had it at `t_ns`."""
         log = self._log
         tick = _last(log.ticks, self._tick_ns, t_ns)
@@ -52,7 +52,7 @@ class Moments:
         targets = {} if allocation is None else allocation.target_kbps
         primary = self._weights and change and self._weights.primary_view(change.phase)
         x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
-        return StatusSnapshot(
+        return SessionState(
             t_s=(t_ns - log.header.started_ns) / NS_PER_S,
             arming="starting" if tick is None else tick.arming,
             deadman=tick is not None and tick.deadman,
@@ -85,18 +85,16 @@ class Moments:
 
     def _view(
         self, place: int, view: str, t_ns: int, recent: slice, target_kbps: float | None
-    ) -> ViewStatus:
+    ) -> ViewState:
         packets, frames = self._packets, self._frames[view]
         mine = packets.is_video[recent] & (packets.view[recent] == place)
         shown = np.flatnonzero((frames.shown_ns > 0) & (frames.shown_ns <= t_ns))
         newest = int(shown[-1]) if len(shown) else None
         given = np.searchsorted(frames.capture_ns, (t_ns - NS_PER_S, t_ns))
-        return ViewStatus(
+        return ViewState(
             target_kbps=target_kbps,
             sent_kbps=_kbps(packets.size_bytes[recent][mine]),
-            shown_age_ms=None
-            if newest is None
-            else (t_ns - int(frames.capture_ns[newest])) / NS_PER_MS,
+            age_ms=None if newest is None else (t_ns - int(frames.capture_ns[newest])) / NS_PER_MS,
             given_fps=float(given[1] - given[0]),
             latency_ms=None
             if newest is None

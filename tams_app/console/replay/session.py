@@ -20,9 +20,9 @@ from tams_app.console.window.messages import Keys, ReplayFacts
 from tams_app.errors import UnreadableLogError
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
-from tams_app.records import Note
+from tams_app.records import Note, SessionState
 from tams_app.session.faces import Faces
-from tams_app.session.status import StatusBoard, StatusSnapshot
+from tams_app.session.sentences import Sentences
 from tams_app.units import NS_PER_S
 from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
 
@@ -80,7 +80,7 @@ class ReplaySession:
         `key_help`: which keys there are, to be told behind how it goes.
         """
         self.config, self.folder = config, folder
-        self.board = StatusBoard(log.header.views)
+        self.sentences = Sentences()
         self.ended = threading.Event()
         self._log, self._pictures = log, pictures
         self._moments = Moments(log)
@@ -116,7 +116,7 @@ class ReplaySession:
         """Where the replay is, in the session's own time."""
         return (self.playback.position_ns - self._log.header.started_ns) / NS_PER_S
 
-    def snapshot(self) -> StatusSnapshot:
+    def state(self) -> SessionState:
         return self._moments.at(self.playback.position_ns)
 
     def facts(self) -> ReplayFacts:
@@ -146,7 +146,7 @@ class ReplaySession:
         self.ended.set()
 
     def note(self, level: str, text: str) -> None:
-        self.board.note(text)
+        self.sentences.note(text)
 
     def stop_arm(self) -> None:
         """There is none."""
@@ -160,7 +160,7 @@ class ReplaySession:
         if jumped:
             notes = [note for note in notes[-1:] if note is not self._note]
         for note in notes:
-            self.board.note(note.text)
+            self.sentences.note(note.text)
             self._note = note
         self._noted_ns = position_ns
 
@@ -172,7 +172,7 @@ class ReplaySession:
         if told != self._told:
             self._told = told
             is_over = self.config.headless and playback.at_end
-            self.board.note(told if is_over else f"{told}{self._key_help}")
+            self.sentences.note(told if is_over else f"{told}{self._key_help}")
 
     def _put_pictures(self, position_ns: int, jumped: bool) -> None:
         try:

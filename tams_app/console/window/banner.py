@@ -89,8 +89,8 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
 
     hand: what drives the arm, of `HANDS`. shift_is_dead: `Keyboard.shift_is_dead`.
     """
-    words = HANDS[hand]
-    if facts.arming == NOT_LIVE and facts.silent_s is not None:
+    words, state = HANDS[hand], facts.state
+    if state.arming == NOT_LIVE and facts.silent_s is not None:
         key = f"{STILL_STOPS} still stops it"
         return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)
     if facts.replay is not None:
@@ -103,35 +103,37 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
         )
     if hand == SIMULATED:
         banner = _banner_of(facts, _QUIET | _SIMULATED, words)
-        has_stopped = bool(facts.reason or facts.last_stop)
-        return replace(banner, key=_SIMULATED_KEYS.get((facts.arming, has_stopped), banner.key))
+        has_stopped = bool(state.reason or state.last_stop)
+        return replace(banner, key=_SIMULATED_KEYS.get((state.arming, has_stopped), banner.key))
     banner = _banner_of(facts, _QUIET, words)
-    if shift_is_dead and hand == "keyboard" and facts.arming == "ready":
+    if shift_is_dead and hand == "keyboard" and state.arming == "ready":
         return replace(banner, key=_SHIFT_IS_DEAD)
-    moves = words.moves if facts.arming == "ready" else ""
+    moves = words.moves if state.arming == "ready" else ""
     return replace(banner, key=banner.key + moves)
 
 
 def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWords) -> Banner:
-    look = look_of(facts.arming)
-    if facts.arming == "holding":
+    state = facts.state
+    look = look_of(state.arming)
+    if state.arming == "holding":
         return Banner(look, _told(facts), words.told("{release} · Space: emergency stop"))
-    if facts.arming == "fault":
+    if state.arming == "fault":
         key = words.told("Enter, with {deadman} released: first clears, then arms")
         return Banner(look, _told(facts), key)
-    sentence, key = map(words.told, quiet.get(facts.arming, _STARTING))
-    if facts.arming in ("ready", "engaged", "disarmed"):
-        if facts.reason:  # nothing has stopped: it is in the way of going on
+    sentence, key = map(words.told, quiet.get(state.arming, _STARTING))
+    if state.arming in ("ready", "engaged", "disarmed"):
+        if state.reason:  # nothing has stopped: it is in the way of going on
             sentence = f"{sentence} {_told(facts)}"
-        elif facts.last_stop:
-            sentence = f"{sentence} Last stop: {facts.last_stop}."
+        elif state.last_stop:
+            sentence = f"{sentence} Last stop: {state.last_stop}."
     elif facts.silent_s is not None:
         sentence = f"{sentence} {not_received(facts.silent_s)}"
     return Banner(look, sentence, key)
 
 
 def _told(facts: Facts) -> str:
-    reason = facts.reason[:1].upper() + facts.reason[1:]
+    reason = facts.state.reason
+    reason = reason[:1].upper() + reason[1:]
     if reason and not reason.endswith("."):
         reason += "."
     return f"{reason} {facts.advice}".strip() or "The arm has stopped."

@@ -13,7 +13,8 @@ from tams_app import palette
 from tams_app.console.window.banner import look_of
 from tams_app.console.window.figures import HEADINGS, hand_rows, uplink_texts, view_row
 from tams_app.console.window.history import SPAN_S, History
-from tams_app.console.window.messages import Facts, Workspace
+from tams_app.console.window.messages import Workspace
+from tams_app.records import SessionState
 
 GROUND, PANEL = "#101418", "#1B2127"
 INK, FAINT, LINE = "#F2F4F5", "#A9B2BA", "#3A434B"
@@ -62,19 +63,19 @@ def draw_rates(
     scale = width / 540
     left, right, top, bottom = 44 * scale, 44 * scale, 22 * scale, 6 * scale
     write(cr, "kbit/s, last minute: sent ——  target - -", 6, 15 * scale, FAINT, 12 * scale)
-    if not history.facts:
+    if not history.states:
         return
-    now_s = history.facts[-1].t_s
+    now_s = history.states[-1].t_s
     lines = [
         (
             palette.view_colour(place),
             view.upper(),
-            history.curve(lambda facts, view=view: facts.views[view].sent_kbps),  # type: ignore[misc]
-            history.curve(lambda facts, view=view: facts.views[view].target_kbps),  # type: ignore[misc]
+            history.curve(lambda state, view=view: state.views[view].sent_kbps),  # type: ignore[misc]
+            history.curve(lambda state, view=view: state.views[view].target_kbps),  # type: ignore[misc]
         )
         for place, view in enumerate(views)
     ]
-    capacity = history.curve(lambda facts: facts.capacity_kbps)
+    capacity = history.curve(lambda state: state.estimate_kbps)
     most = max((kbps for _, _, sent, target in lines for _, kbps in (*sent, *target)), default=0.0)
     ceiling = _ceiling(max(most * 1.1, 500.0))
     width_px, height_px = width - left - right, height - top - bottom
@@ -141,7 +142,7 @@ def _ceiling(kbps: float) -> float:
 
 
 def draw_table(
-    cr: Context, width: float, height: float, facts: Facts, views: Sequence[str]
+    cr: Context, width: float, height: float, state: SessionState, views: Sequence[str]
 ) -> None:
     """The numbers of each view, and the uplink's below them."""
     fill(cr, PANEL, 0, 0, width, height)
@@ -152,27 +153,27 @@ def draw_table(
         write(cr, heading, 8 + column * (width - 12), step * 0.85, FAINT, size * 0.88)
     for number, view in enumerate(views):
         y = step * (number + 1.9)
-        is_primary = view == facts.primary_view
+        is_primary = view == state.primary_view
         if is_primary:
             fill(cr, "#2F3A43", 0, y - step * 0.76, width, step)
         fill(cr, palette.view_colour(number), 0, y - step * 0.76, 5, step)
-        row = view_row(view, facts.views[view], facts.asked_fps)
+        row = view_row(view, state.views[view], state.asked_fps)
         for cell, column in zip(row, _COLUMNS, strict=True):
             write(cr, cell, 8 + column * (width - 12), y, INK, size, bold=is_primary)
-    for number, text in enumerate(uplink_texts(facts)):
+    for number, text in enumerate(uplink_texts(state)):
         y = step * (len(views) + 2.0 + 0.95 * number)
         write(cr, text, 8, y, INK if number else FAINT, size)
 
 
-def draw_hand(cr: Context, width: float, height: float, facts: Facts) -> None:
+def draw_hand(cr: Context, width: float, height: float, state: SessionState) -> None:
     """Deadman, mode, gripper, buttons and where the TCP is."""
     fill(cr, PANEL, 0, 0, width, height)
-    rows = hand_rows(facts)
+    rows = hand_rows(state)
     step = height / (len(rows) + 0.2)
     size = min(step * 0.68, width / 17)
     for number, (name, word) in enumerate(rows):
         y = step * (number + 0.75)
-        held = number == 0 and facts.deadman is True
+        held = number == 0 and state.deadman is True
         if held:
             fill(
                 cr, look_of("engaged").colour, width * 0.36 - 6, y - size, width * 0.6, size * 1.35
@@ -182,7 +183,7 @@ def draw_hand(cr: Context, width: float, height: float, facts: Facts) -> None:
 
 
 def draw_workspace(
-    cr: Context, width: float, height: float, workspace: Workspace, facts: Facts
+    cr: Context, width: float, height: float, workspace: Workspace, state: SessionState
 ) -> None:
     """The arm's workspace from above, x up and y to the left, and at the side the TCP's height."""
     fill(cr, PANEL, 0, 0, width, height)
@@ -213,21 +214,21 @@ def draw_workspace(
     fill(cr, FAINT, base[0] - 5, base[1] - 5, 10, 10)
     fill(cr, LINE, width - beam, 7, 12, height - 14)
     write(cr, "z", width - beam + 15, 16, FAINT, 11)
-    if facts.tcp_mm is None:
+    if state.tcp_mm is None:
         return
-    tcp = place_of(facts.tcp_mm[0], facts.tcp_mm[1])
+    tcp = place_of(state.tcp_mm[0], state.tcp_mm[1])
     cr.set_source_rgb(*palette.rgb(INK))
     cr.set_line_width(3.0)
     cr.move_to(*base)
     cr.line_to(*tcp)
     cr.stroke()
-    look = look_of(facts.arming)
+    look = look_of(state.arming)
     cr.set_source_rgb(*palette.rgb(look.colour))
     cr.arc(*tcp, 7, 0, 2 * math.pi)
     cr.fill_preserve()
     cr.set_source_rgb(*palette.rgb(INK))
     cr.set_line_width(2.0)
     cr.stroke()
-    share = (facts.tcp_mm[2] - low_z) / (high_z - low_z)
+    share = (state.tcp_mm[2] - low_z) / (high_z - low_z)
     level = 7 + (height - 14) * (1 - min(max(share, 0.0), 1.0))
     fill(cr, INK, width - beam - 3, level - 2, 18, 4)

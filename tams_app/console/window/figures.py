@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tams_app.console.window.messages import Facts, Opening, ReplayFacts, TrialFacts, ViewFacts
+from tams_app.console.window.messages import Opening, ReplayFacts, TrialFacts
+from tams_app.records import SessionState, ViewState
 
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
 
@@ -12,7 +13,7 @@ def whole(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f}"
 
 
-def view_row(name: str, view: ViewFacts, asked_fps: float | None) -> tuple[str, ...]:
+def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, ...]:
     """The cells below HEADINGS."""
     return (
         name.upper(),
@@ -23,25 +24,25 @@ def view_row(name: str, view: ViewFacts, asked_fps: float | None) -> tuple[str, 
     )
 
 
-def uplink_texts(facts: Facts) -> tuple[str, str]:
+def uplink_texts(state: SessionState) -> tuple[str, str]:
     """What the uplink carries, and how it fares."""
-    loss = "–" if facts.loss is None else f"{100 * facts.loss:.1f}"
+    loss = "–" if state.loss is None else f"{100 * state.loss:.1f}"
     return (
-        f"uplink {whole(facts.link_kbps)} kbit/s of budget {whole(facts.budget_kbps)}, "
-        f"capacity {whole(facts.capacity_kbps)}",
-        f"queue {whole(facts.queue_ms)} ms, loss {loss} %",
+        f"uplink {whole(state.link_kbps)} kbit/s of budget {whole(state.budget_kbps)}, "
+        f"capacity {whole(state.capacity_kbps)}, estimated {whole(state.estimate_kbps)}",
+        f"queue {whole(state.queue_ms)} ms, loss {loss} %",
     )
 
 
-def hand_rows(facts: Facts) -> tuple[tuple[str, str], ...]:
+def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
     """What the operator's hand does: name and word."""
-    gripper = {None: "not known", True: "closed", False: "open"}[facts.gripper_closed]
+    gripper = {None: "not known", True: "closed", False: "open"}[state.gripper_closed]
     return (
-        ("deadman", {None: "not known", True: "HELD", False: "released"}[facts.deadman]),
-        ("mode", "orientation" if facts.orientation_mode else "translation"),
+        ("deadman", {None: "not known", True: "HELD", False: "released"}[state.deadman]),
+        ("mode", "orientation" if state.orientation_mode else "translation"),
         ("gripper", gripper),
-        ("buttons", ", ".join(facts.pressed) or "none"),
-        ("TCP", _tcp(facts.tcp_mm)),
+        ("buttons", ", ".join(state.pressed) or "none"),
+        ("TCP", _tcp(state.tcp_mm)),
     )
 
 
@@ -71,12 +72,12 @@ def replay_texts(t_s: float, end_s: float, replay: ReplayFacts) -> tuple[str, st
     return f"{position} / {length}", f"×{replay.speed:g}{state}"
 
 
-def is_old(view: ViewFacts | None, old_ms: float) -> bool:
+def is_old(view: ViewState | None, old_ms: float) -> bool:
     """Whether the view's frame has this age [ms] or more (`teleop` watches the age itself)."""
     return view is not None and view.age_ms is not None and view.age_ms >= old_ms
 
 
-def view_title(name: str, view: ViewFacts | None, is_primary: bool, opening: Opening) -> str:
+def view_title(name: str, view: ViewState | None, is_primary: bool, opening: Opening) -> str:
     """What is written in a view's picture: its name, and if its frame is old, that."""
     title = f"{name.upper()} · primary" if is_primary else name.upper()
     age_ms = None if view is None else view.age_ms

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import msgspec
 
 from tams_app.console.wishes import Wish
+from tams_app.records import SessionState
 
 BEAT_S = 0.02  # a face tells of itself at least so often
 LONGEST = 64 * 1024  # bytes of an `Opening` or an `Event`
@@ -60,16 +61,6 @@ class Opening(msgspec.Struct, frozen=True):
     replay: Outline | None = None
 
 
-class ViewFacts(msgspec.Struct, frozen=True):
-    """One view at this moment; None while nothing is known."""
-
-    target_kbps: float | None
-    sent_kbps: float | None
-    given_fps: float | None
-    latency_ms: float | None  # of the newest frame, from its capture to the mailbox
-    age_ms: float | None  # of the newest frame now, from its capture
-
-
 class TrialFacts(msgspec.Struct, frozen=True):
     """The trial of a study, as far as its participant may know of it."""
 
@@ -96,39 +87,19 @@ class Said(msgspec.Struct, frozen=True):
 
 
 class Facts(msgspec.Struct, frozen=True):
-    """What the session knows at one moment, and what it said last.
+    """The session's state at one moment as a face shows it, and what was said last.
 
-    arming: the state's word. reason: why the arm does not move, "" if nothing holds it; advice:
-    what to do about it now. last_stop: the reason of the last stop, "" before the first. deadman:
-    None: not known. told_ns: when they were put (`FaceClient`); heard_ns: when what they say of the
-    arm was true, None: not known yet. silent_s: for how long nothing has been received, None while
-    that is short; only a face knows it (`console.window.silence`).
+    advice: what to do about `state.reason` now. told_ns: when they were put (`FaceClient`).
+    silent_s: for how long nothing has been received, None while that is short; only a face knows it
+    (`console.window.silence`).
     """
 
-    t_s: float
-    arming: str
-    reason: str
-    advice: str
-    last_stop: str
-    deadman: bool | None
-    pressed: tuple[str, ...]
-    orientation_mode: bool
-    gripper_closed: bool | None
-    phase: str
-    primary_view: str
-    tcp_mm: tuple[float, float, float] | None
-    views: dict[str, ViewFacts]
-    link_kbps: float | None = None
-    budget_kbps: float | None = None
-    capacity_kbps: float | None = None
-    queue_ms: float | None = None
-    loss: float | None = None
-    asked_fps: float | None = None
+    state: SessionState
+    advice: str = ""
     trial: TrialFacts | None = None
     replay: ReplayFacts | None = None
     said: tuple[Said, ...] = ()
     told_ns: int = 0
-    heard_ns: int | None = None
     silent_s: float | None = None
 
 

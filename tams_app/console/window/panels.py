@@ -11,6 +11,7 @@ from tams_app.console.window.figures import replay_texts, trial_texts
 from tams_app.console.window.history import History
 from tams_app.console.window.messages import Facts, Outline, TrialFacts, Workspace
 from tams_app.console.window.toolkit import load
+from tams_app.records import SessionState
 
 
 class BannerPanel:
@@ -47,19 +48,19 @@ class NumbersPanel:
 
     def __init__(self, views: tuple[str, ...], workspace: Workspace, history: History) -> None:
         Gtk = load().Gtk
-        self._facts: Facts | None = None
+        self._state: SessionState | None = None
         rates = _area(
             lambda cr, width, height: canvas.draw_rates(cr, width, height, history, views)
         )
-        table = self._of_facts(
+        table = self._of_state(
             lambda cr, width, height, facts: canvas.draw_table(cr, width, height, facts, views)
         )
-        above = self._of_facts(
+        above = self._of_state(
             lambda cr, width, height, facts: canvas.draw_workspace(
                 cr, width, height, workspace, facts
             )
         )
-        hand = self._of_facts(canvas.draw_hand)
+        hand = self._of_state(canvas.draw_hand)
         self._areas = (rates, table, above, hand)
         self.widget = Gtk.Grid(
             row_homogeneous=True,
@@ -76,14 +77,14 @@ class NumbersPanel:
 
     def show(self, facts: Facts) -> None:
         """These facts, and the rates from the history."""
-        self._facts = facts
+        self._state = facts.state
         for area in self._areas:
             area.queue_draw()
 
-    def _of_facts(self, draw: Callable[[Any, float, float, Facts], None]) -> Any:
+    def _of_state(self, draw: Callable[[Any, float, float, SessionState], None]) -> Any:
         def draw_newest(cr: Any, width: float, height: float) -> None:
-            if self._facts is not None:
-                draw(cr, width, height, self._facts)
+            if self._state is not None:
+                draw(cr, width, height, self._state)
 
         return _area(draw_newest)
 
@@ -93,7 +94,7 @@ class TrialPanel:
 
     def __init__(self, workspace: Workspace) -> None:
         Gtk = load().Gtk
-        self._facts: Facts | None = None
+        self._state: SessionState | None = None
         self.widget = Gtk.Box(
             orientation=Gtk.Orientation.VERTICAL, spacing=10, hexpand=True, vexpand=True
         )
@@ -105,18 +106,17 @@ class TrialPanel:
         self.widget.append(card)
 
         def draw(cr: Any, width: float, height: float) -> None:
-            if self._facts is not None:
-                facts = self._facts
-                canvas.draw_workspace(cr, width / 2 - 2, height, workspace, facts)
+            if (state := self._state) is not None:
+                canvas.draw_workspace(cr, width / 2 - 2, height, workspace, state)
                 cr.translate(width / 2 + 2, 0)
-                canvas.draw_hand(cr, width / 2 - 2, height, facts)
+                canvas.draw_hand(cr, width / 2 - 2, height, state)
 
         self._area = _area(draw)
         self.widget.append(self._area)
 
     def show(self, facts: Facts) -> None:
         """The trial as it stands."""
-        self._facts = facts
+        self._state = facts.state
         if facts.trial is not None:
             self._write(facts.trial)
         self._area.queue_draw()
@@ -177,9 +177,9 @@ class LogBar:
 
     def show(self, facts: Facts) -> None:
         """Where the replay is."""
-        self._t_s = facts.t_s
+        self._t_s = facts.state.t_s
         if facts.replay is not None:
-            texts = replay_texts(facts.t_s, self._end_s, facts.replay)
+            texts = replay_texts(facts.state.t_s, self._end_s, facts.replay)
             for label, text in zip(self._texts, texts, strict=True):
                 label.set_text(text)
         self._area.queue_draw()

@@ -20,13 +20,12 @@ from tams_app.console.window.messages import (
     ReplayFacts,
     Said,
     TrialFacts,
-    ViewFacts,
 )
 from tams_app.console.wishes import Action, AskedSession, Signals, Wish
+from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.faces import Faces
-from tams_app.session.status import StatusSnapshot, ViewStatus
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S
@@ -61,7 +60,7 @@ class FacedSession(AskedSession, Protocol):
 
     def elapsed_s(self) -> float: ...
 
-    def snapshot(self) -> StatusSnapshot: ...
+    def state(self) -> SessionState: ...
 
 
 class ShownTrial(Protocol):
@@ -71,7 +70,7 @@ class ShownTrial(Protocol):
     def actions(self) -> Mapping[Wish, Action]:
         """For wishes that are for a trial only."""
 
-    def facts_of(self, snapshot: StatusSnapshot) -> TrialFacts:
+    def facts_of(self, state: SessionState) -> TrialFacts:
         """The trial as it stands."""
 
 
@@ -157,7 +156,7 @@ class SessionFace:
         now_ns = self._clock.now_ns()
         if now_ns >= self._next_ns:
             self._next_ns = now_ns + EVERY_NS
-            self._client.show(self._facts(self._session.snapshot()))
+            self._client.show(self._facts(self._session.state()))
 
     def close(self) -> None:
         """Close it; may be called twice."""
@@ -183,10 +182,10 @@ class SessionFace:
             )
         self._silent = silent
 
-    def _facts(self, snapshot: StatusSnapshot) -> Facts:
-        trial = None if self._trial is None else self._trial.facts_of(snapshot)
+    def _facts(self, state: SessionState) -> Facts:
+        trial = None if self._trial is None else self._trial.facts_of(state)
         replay = None if self._replay is None else self._replay.facts()
-        return facts_of(snapshot, tuple(self._said), trial, replay)
+        return facts_of(state, tuple(self._said), trial, replay)
 
     def _on_event(self, event: Event) -> None:
         """In a thread of the face's own."""
@@ -201,48 +200,16 @@ class SessionFace:
 
 
 def facts_of(
-    snapshot: StatusSnapshot,
+    state: SessionState,
     said: tuple[Said, ...],
     trial: TrialFacts | None = None,
     replay: ReplayFacts | None = None,
 ) -> Facts:
-    """The snapshot as a face gets it; in a trial without all that tells what is compared."""
-    blind = trial is not None
+    """The state as a face gets it; in a trial without all that tells what is compared."""
     return Facts(
-        t_s=snapshot.t_s,
-        arming=snapshot.arming,
-        reason=snapshot.reason,
-        advice=what_to_do(snapshot.reason, snapshot.lasting, words_of_hand(snapshot.hand)),
-        last_stop=snapshot.last_stop,
-        deadman=snapshot.deadman,
-        pressed=snapshot.pressed,
-        orientation_mode=snapshot.orientation_mode,
-        gripper_closed=snapshot.gripper_closed,
-        phase=snapshot.phase,
-        primary_view=snapshot.primary_view,
-        tcp_mm=snapshot.tcp_mm,
-        views={
-            name: ViewFacts(None, None, None, None, None) if blind else _view(view)
-            for name, view in snapshot.views.items()
-        },
-        link_kbps=None if blind else snapshot.link_kbps,
-        budget_kbps=None if blind else snapshot.budget_kbps,
-        capacity_kbps=None if blind else snapshot.estimate_kbps,
-        queue_ms=None if blind else snapshot.queue_ms,
-        loss=None if blind else snapshot.loss,
-        asked_fps=None if blind else snapshot.asked_fps,
+        state=state if trial is None else without_figures(state),
+        advice=what_to_do(state.reason, state.lasting, words_of_hand(state.hand)),
         trial=trial,
         replay=replay,
         said=said,
-        heard_ns=snapshot.heard_ns,
-    )
-
-
-def _view(view: ViewStatus) -> ViewFacts:
-    return ViewFacts(
-        target_kbps=view.target_kbps,
-        sent_kbps=view.sent_kbps,
-        given_fps=view.given_fps,
-        latency_ms=view.latency_ms,
-        age_ms=view.shown_age_ms,
     )

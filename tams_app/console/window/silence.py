@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from tams_app.console.window.messages import Facts, ViewFacts
-from tams_app.session.status import StatusSnapshot
+from tams_app.console.window.messages import Facts
+from tams_app.records import LINK_LOST, SessionState, ViewState
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 NOT_LIVE = "not live"  # in the place of a state of the arming table
@@ -24,9 +24,9 @@ def silent_s(heard_ns: int | None, now_ns: int) -> float | None:
     return (now_ns - heard_ns) / NS_PER_S
 
 
-def silence_of(snapshot: StatusSnapshot) -> float | None:
-    """`silent_s` of a snapshot, at its own moment."""
-    return silent_s(snapshot.heard_ns, snapshot.now_ns)
+def silence_of(state: SessionState) -> float | None:
+    """`silent_s` of a state, at its own moment."""
+    return silent_s(state.heard_ns, state.now_ns)
 
 
 def as_known(facts: Facts, now_ns: int) -> Facts:
@@ -35,23 +35,23 @@ def as_known(facts: Facts, now_ns: int) -> Facts:
     The application that is silent itself tells nothing of the link either; one that is not may
     tell that it is lost.
     """
+    state = facts.state
     if facts.replay is not None:
         return facts
-    silence_s = silent_s(min(facts.told_ns, facts.heard_ns or facts.told_ns), now_ns)
+    silence_s = silent_s(min(facts.told_ns, state.heard_ns or facts.told_ns), now_ns)
     if silence_s is None:
         return facts
     passed_ms = (now_ns - facts.told_ns) / NS_PER_MS
-    knows_why = facts.arming == "link lost" and silent_s(facts.told_ns, now_ns) is None
-    return msgspec.structs.replace(
-        facts,
-        arming=facts.arming if knows_why else NOT_LIVE,
+    knows_why = state.arming == LINK_LOST and silent_s(facts.told_ns, now_ns) is None
+    old = msgspec.structs.replace(
+        state,
+        arming=state.arming if knows_why else NOT_LIVE,
         reason="",
-        advice="",
         deadman=None,
         pressed=(),
-        views={name: _aged(view, passed_ms) for name, view in facts.views.items()},
-        silent_s=silence_s,
+        views={name: _aged(view, passed_ms) for name, view in state.views.items()},
     )
+    return msgspec.structs.replace(facts, state=old, advice="", silent_s=silence_s)
 
 
 def not_received(silence_s: float) -> str:
@@ -59,6 +59,6 @@ def not_received(silence_s: float) -> str:
     return f"Nothing has been received of the arm for {silence_s:.1f} s: what is shown is old."
 
 
-def _aged(view: ViewFacts, passed_ms: float) -> ViewFacts:
+def _aged(view: ViewState, passed_ms: float) -> ViewState:
     age_ms = None if view.age_ms is None else view.age_ms + passed_ms
     return msgspec.structs.replace(view, age_ms=age_ms)

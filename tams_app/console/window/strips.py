@@ -30,9 +30,9 @@ _PHASES = 0.6  # share of the height; the states have the rest
 def draw_timeline(cr: Context, width: float, height: float, history: History) -> None:
     """The last minute: a row of phases, below it one of states; now is at the right."""
     fill(cr, PANEL, 0, 0, width, height)
-    if not history.facts:
+    if not history.states:
         return
-    now_s = history.facts[-1].t_s
+    now_s = history.states[-1].t_s
     _draw_rows(
         cr,
         (width, height),

@@ -293,13 +293,13 @@ class OperatorWindow:
             self._frame.add_css_class(SILENT_CLASS)
         dead = self._keyboard.shift_is_dead
         self._banner.show(banner_of(facts, self._opening.hand, dead))
-        if facts.arming != self._state:
+        if facts.state.arming != self._state:
             if self._state:
                 self._frame.remove_css_class(state_class(self._state))
-            self._frame.add_css_class(state_class(facts.arming))
-            self._state = facts.arming
+            self._frame.add_css_class(state_class(facts.state.arming))
+            self._state = facts.state.arming
             self._figures_ns = 0
-        if self._places.step(facts.primary_view, now_ns):
+        if self._places.step(facts.state.primary_view, now_ns):
             self._show_textures(self._places.views)
         self._show_places()
         if now_ns - self._figures_ns >= _FIGURES_NS:
@@ -311,9 +311,10 @@ class OperatorWindow:
 
     def _show_places(self) -> None:
         for view, picture in zip(self._places.views, self._pictures, strict=True):
-            view_facts = None if self._shown is None else self._shown.views.get(view)
-            is_primary = self._shown is not None and view == self._shown.primary_view
-            title = view_title(view, view_facts, is_primary, self._opening)
+            state = None if self._shown is None else self._shown.state
+            view_state = None if state is None else state.views.get(view)
+            is_primary = state is not None and view == state.primary_view
+            title = view_title(view, view_state, is_primary, self._opening)
             picture.tell(title, view_class(self._opening.views.index(view)))
 
     def _take_frames(self) -> bool:

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
+from msgspec.structs import replace
 
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
@@ -17,7 +18,7 @@ from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
 from tams_app.link.messages import StateMessage, Welcome
-from tams_app.records import OperatorGlance, ShownFrame
+from tams_app.records import LINK_LOST, OperatorGlance, SessionState, ShownFrame, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_ordinary, use_round_robin
@@ -28,7 +29,8 @@ from tams_app.session.ending import Ending
 from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.rig_operator import RigOperator
-from tams_app.session.status import StatusBoard, StatusSnapshot, ViewStatus, pressed_buttons
+from tams_app.session.sentences import Sentences
+from tams_app.session.status import pressed_buttons
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.operator_video import OperatorVideo
 from tams_app.session.two_sided.welcome import follow, repair_of, welcome_of
@@ -61,7 +63,7 @@ class OperatorSession(Ending):
         self._say = say
         self.folder = folder
         self.signals = Requests(clock)
-        self.board = StatusBoard(())
+        self.sentences = Sentences()
         self.keyboard: KeyboardController | None = None  # which the console's window has to feed
         self._endpoint = endpoint
         self._stack = ExitStack()
@@ -101,7 +103,7 @@ class OperatorSession(Ending):
             self._clock,
             self.folder,
             self._on_worker_failure,
-            self.board.note,
+            self.sentences.note,
             self.signals.estop,
         )
         self._stack.callback(self._log.close)
@@ -257,47 +259,33 @@ class OperatorSession(Ending):
         """Keep a sentence in the log and show it."""
         self._log.note(level, text)
 
-    def snapshot(self) -> StatusSnapshot:
-        """What the console shows at this moment."""
-        state, video = self._link.state, self._video
-        unknown: tuple[float | None, ...] = (None,) * len(self.config.video.views)
-        targets, sent = (
-            (unknown, unknown) if state is None else (state.target_kbps, state.sent_kbps)
-        )
-        views = {
-            view: ViewStatus(
-                target_kbps=target,
-                sent_kbps=sent_kbps,
-                shown_age_ms=self._age_ms(view),
-                given_fps=None if video is None else video.shown_fps(view),
-                latency_ms=self._latency_ms(view),
-            )
-            for view, target, sent_kbps in zip(self.config.video.views, targets, sent, strict=False)
-        }
-        return StatusSnapshot(
+    def state(self) -> SessionState:
+        """What the console shows at this moment: the robot's, and what is known here alone."""
+        message, robots = self._link.state, SessionState(t_s=0.0, arming=LINK_LOST)
+        if message is not None:
+            robots = message.state
+        return replace(
+            robots,
             t_s=self.elapsed_s(),
-            arming="link lost" if state is None or self._hears_nothing() else state.arming,
-            deadman=state is not None and state.deadman,
-            pressed=pressed_buttons(self._link.sample),
-            orientation_mode=state is not None and state.orientation_mode,
-            phase="" if state is None else state.phase,
-            reason="" if state is None else state.reason,
-            lasting="" if state is None else state.lasting,
-            last_stop="" if state is None else state.last_stop,
+            arming=LINK_LOST if self._hears_nothing() else robots.arming,
             hand=hand_of(self.config),
-            tcp_mm=None if state is None else state.tcp_mm,
-            gripper_closed=None if state is None else state.gripper_closed,
-            views=views,
-            link_kbps=None if state is None else state.link_kbps,
-            capacity_kbps=None if state is None else state.capacity_kbps,
-            queue_ms=None if state is None else state.queue_ms,
+            pressed=pressed_buttons(self._link.sample),
+            views={
+                view: self._view(view, robots.views.get(view, ViewState()))
+                for view in self.config.video.views
+            },
             asked_fps=self.config.video.fps,
-            primary_view="" if state is None else state.primary_view,
-            budget_kbps=None if state is None else state.budget_kbps,
-            estimate_kbps=None if state is None else state.capacity_kbps,
-            loss=None if state is None else state.loss,
             now_ns=self._clock.now_ns(),
-            heard_ns=None if state is None else self._link.state_heard_ns,
+            heard_ns=None if message is None else self._link.state_heard_ns,
+        )
+
+    def _view(self, view: str, robots: ViewState) -> ViewState:
+        """`robots`: of the view, as the robot's side knows it."""
+        return replace(
+            robots,
+            given_fps=None if self._video is None else self._video.shown_fps(view),
+            latency_ms=self._latency_ms(view),
+            age_ms=self._age_ms(view),
         )
 
     def stop_arm(self) -> None:

@@ -60,7 +60,7 @@ class RobotSession(Session):
             return Gateway("robot", self._endpoint, welcome, helper_logs)
 
         self.link = link = RobotLink(
-            self.config, self._clock, self.signals, self._log, gateway, self.board.uplink
+            self.config, self._clock, self.signals, self._log, gateway, self._state_at
         )
         self._stack.callback(link.close)
         return RobotVideo(
@@ -68,7 +68,7 @@ class RobotSession(Session):
             network,
             self._clock,
             self._log,
-            self._quality,
+            self._quality.captured,
             helper_logs,
             self._on_packets,
             self._on_worker_failure,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 
 import msgspec
@@ -26,25 +26,21 @@ from tams_app.link.messages import (
     encode,
 )
 from tams_app.link.sealing import LONGEST_MESSAGE_BYTES
-from tams_app.policy.weights import WeightMatrix
 from tams_app.records import (
-    Allocation,
     ArmState,
     HandHeard,
     Haptic,
     LinkHealth,
     Presses,
-    StopRecord,
+    SessionState,
     Tick,
 )
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
-from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO, Signals, describe
+from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO, Signals
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
-from tams_app.session.status import finite
 from tams_app.session.two_sided.welcome import workspace_of
-from tams_app.session.uplink_meter import UplinkFigures
 from tams_app.summary.joined import SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
 from tams_app.teleop.records import TeleopOutput
@@ -71,18 +67,17 @@ class RobotLink(Listener):
         signals: Signals,
         log: SessionRecords,
         make_gateway: Callable[[bytes], Gateway],
-        uplink: Callable[[int], UplinkFigures],
+        state_at: Callable[[int], SessionState],
     ) -> None:
         """`make_gateway`: of what an operator is told when they connect.
 
-        `uplink`: what it carries at a time, asked for in the policy's thread.
+        `state_at`: of this side at a time, asked for in the control thread.
         """
         self._config, self._clock, self._signals, self._log = config, clock, signals, log
         self._make_gateway = make_gateway
         self._gateway: Gateway | None = None
         self.controller = LinkController(config.link, self._receive, self._pulse)
         self._views = config.video.views
-        self._video_age_ns: Callable[[str, int], int | None] = lambda _view, _now_ns: None
         self._first_capture_ns: Callable[[str], int | None] = lambda _view: None
         self._told: set[str] = set()
         self._session = 0
@@ -95,12 +90,8 @@ class RobotLink(Listener):
         self._confirms = self._stops = self._menu_presses = 0
         self._awake_ns = 0  # since this computer was suspended last
         self._offset = OffsetEstimate()
-        self._weights = WeightMatrix(config.policy.weights.matrix)
-        self._uplink = uplink
-        self._figures = UplinkFigures(dict.fromkeys(self._views))
-        self._allocation: Allocation | None = None
-        self._output: TeleopOutput | None = None
-        self._last_stop = ""
+        self._state_at = state_at
+        self._is_armed = False
         self.hand = hand_of(config)  # what drives the arm, of `HANDS`
         self._haptics, self._haptic = 0, ""
         self._notes: tuple[int, tuple[str, ...]] = (0, ())
@@ -115,15 +106,14 @@ class RobotLink(Listener):
         rule: RepairRule,
         feedback: bool,
         first_capture_ns: Callable[[str], int | None],
-        video_age_ns: Callable[[str, int], int | None],
     ) -> int:
         """Listen for an operator; the port on loopback for the streams that are for them.
 
-        `first_capture_ns`: of a view's frame with RTP timestamp 0; `video_age_ns`: at a time, of
-        what is shown. HelperError if the address cannot be used.
+        `first_capture_ns`: of a view's frame with RTP timestamp 0. HelperError if the address
+        cannot be used.
         """
         config = self._config
-        self._first_capture_ns, self._video_age_ns = first_capture_ns, video_age_ns
+        self._first_capture_ns = first_capture_ns
         welcome = Welcome(
             protocol=PROTOCOL,
             version=__version__,
@@ -248,7 +238,7 @@ class RobotLink(Listener):
         menu_presses = Presses(*message.presses).menu
         if menu_presses > self._menu_presses:  # also one that no sample has shown
             self._menu_presses = menu_presses
-            if self._output is not None and self._output.arming.is_armed:
+            if self._is_armed:
                 self._signals.estop()
         if message.confirms > self._confirms:
             self._confirms = message.confirms
@@ -285,59 +275,33 @@ class RobotLink(Listener):
         self._haptics += 1
         self._haptic = haptic.value
 
-    def on_allocation(self, allocation: Allocation) -> None:
-        self._figures = self._uplink(self._clock.now_ns())
-        self._allocation = allocation
-
     def on_wake(self, now_ns: int) -> None:
         self._awake_ns = now_ns
         self.controller.wake(now_ns)
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self._output = output
-
-    def on_stop(self, stop: StopRecord) -> None:
-        self._last_stop = stop.reason
+        self._is_armed = output.arming.is_armed
 
     def on_tick(self, tick: Tick) -> None:
         now_ns = tick.started_ns
         if now_ns >= self._state_due_ns and self._gateway is not None:
             self._state_due_ns = now_ns + _STATE_NS
-            self._state = self._state_now(tick)
+            self._state = self._state_now()
             self._gateway.send(_datagram(self._state))
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))
 
-    def _state_now(self, tick: Tick) -> StateMessage:
-        sent_ns = self._clock.now_ns()
-        message, allocation, arm = self._message, self._allocation, tick.arm
-        figures = self._figures
-        targets: Mapping[str, float] = {} if allocation is None else allocation.target_kbps
-        ages = [self._video_age_ns(view, sent_ns) for view in self._views]
+    def _state_now(self) -> StateMessage:
+        sent_ns, message = self._clock.now_ns(), self._message
         noted, notes = self._notes
         new = notes[-max(0, noted - message.noted) :] if message and message.noted < noted else ()
-        x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
+        state = self._state_at(sent_ns)
         return StateMessage(
             sent_ns=sent_ns,
             echo_ns=0 if message is None else message.sent_ns,
             echo_heard_ns=self._message_heard_ns,
-            arming=tick.arming,
-            reason=cut(describe(self._output)) if self._output is not None else "",
-            deadman=tick.deadman,
-            orientation_mode=tick.orientation_mode,
-            phase=tick.phase.value,
-            primary_view=self._weights.primary_view(tick.phase),
-            tcp_mm=None if arm is None else (x, y, z),
-            gripper_closed=None if arm is None else arm.gripper_closed,
-            target_kbps=tuple(float(targets.get(view, 0.0)) for view in self._views),
-            sent_kbps=tuple(figures.sent_kbps[view] for view in self._views),
-            budget_kbps=None if allocation is None else finite(allocation.budget_kbps),
-            capacity_kbps=None if allocation is None else finite(allocation.capacity_kbps),
-            link_kbps=figures.link_kbps,
-            queue_ms=figures.queue_ms,
-            loss=figures.loss,
-            video_age_ms=tuple(None if age is None else age / NS_PER_MS for age in ages),
+            state=msgspec.structs.replace(state, reason=cut(state.reason)),
             first_capture_ns=tuple(map(self._first_capture_ns, self._views)),
             haptics=self._haptics,
             haptic=self._haptic,
@@ -347,8 +311,6 @@ class RobotLink(Listener):
             notes=new,
             ended="",
             failed=False,
-            lasting=tick.lasting or "",
-            last_stop=self._last_stop,
         )
 
     def _telling(self, state: StateMessage, reason: str, failed: bool) -> StateMessage:

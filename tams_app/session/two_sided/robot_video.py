@@ -8,12 +8,11 @@ from pathlib import Path
 
 from tams_app.config import Config, LinkConfig, Network
 from tams_app.link.gateway import Routes
-from tams_app.records import PacketRecord, ShownFrame
+from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.uplink import Senders
-from tams_app.session.video import Quality
 from tams_app.units import NS_PER_MS
 from tams_app.video.codecs import SOFTWARE, Codecs
 from tams_app.video.packets import receiver_ssrc
@@ -34,7 +33,7 @@ class RobotVideo(Senders):
         network: Network,
         clock: Clock,
         log: SessionRecords,
-        quality: Quality,
+        on_captured: Callable[[Frame], None],
         logs: Path,
         on_packets: Callable[[list[PacketRecord]], None],
         on_failure: Callable[[str, BaseException], None],
@@ -42,7 +41,15 @@ class RobotVideo(Senders):
         codecs: Codecs = SOFTWARE,
     ) -> None:
         """`network` is emulated, on top of the network that the link crosses."""
-        super().__init__(config, behind(network, config.link), clock, log, quality, None, codecs)
+        super().__init__(
+            config,
+            behind(network, config.link),
+            clock,
+            log,
+            on_captured,
+            _show_nothing,
+            codecs=codecs,
+        )
         self.delay_ns += round(config.link.latency_ms * NS_PER_MS)  # what is shown must be told
         self._emulated = network
         self._logs, self._on_packets, self._on_failure = logs, on_packets, on_failure
@@ -55,7 +62,7 @@ class RobotVideo(Senders):
         video = self._config.video
         senders = {view: self._make_sender(view) for view in video.views}
         entrance = self._link.open(
-            self._rule, self._feedback, lambda view: senders[view].sent.first_ns, self.age_ns
+            self._rule, self._feedback, lambda view: senders[view].sent.first_ns
         )
         ends = {
             view: ViewPorts(video.bind_host, entrance, entrance, sender.feedback_port)
@@ -110,6 +117,10 @@ def behind(network: Network, link: LinkConfig) -> Network:
             "jitter_ms": network.jitter_ms + link.jitter_ms,
         }
     )
+
+
+def _show_nothing(_shown: ShownFrame) -> None:
+    """On this side nothing is decoded."""
 
 
 def _is_clear(network: Network) -> bool:

@@ -65,7 +65,9 @@ class TrialVideo(Video):
         video, epoch_ns = config.video, clock.now_ns()
         network = resolve_network(config, config.network)
         self._scores = FrameScores(video.views if video.quality.enabled else (), log.record)
-        super().__init__(config, network, clock, epoch_ns, log, self._scores)
+        super().__init__(
+            config, network, clock, epoch_ns, log, self._scores.captured, self._show_to_all
+        )
         self._watch = watch
         self._chains = VirtualVideo(
             video,
@@ -116,6 +118,6 @@ class TrialVideo(Video):
     def _wire_bytes(self) -> int:
         return self._chains.wire_bytes()
 
-    def _on_shown(self, shown: ShownFrame) -> None:
-        super()._on_shown(shown)
+    def _show_to_all(self, shown: ShownFrame) -> None:
+        self._scores.shown(shown)
         self._watch(shown)

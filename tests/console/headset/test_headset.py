@@ -20,7 +20,7 @@ from tams_app.console.window.messages import Facts
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Image, Phase
 from tests.console.headset.conftest import WornHeadset
-from tests.console.window.facts import FACTS
+from tests.console.window.facts import FACTS, changed
 from tests.console.window.xvfb import wait_for
 
 pytestmark = pytest.mark.waiting
@@ -54,7 +54,7 @@ def all_are_shown(headset: WornHeadset, frames: dict[str, Image]) -> bool:
 
 
 def tell(headset: WornHeadset, facts: Facts) -> None:
-    headset.show(msgspec.structs.replace(facts, t_s=time.monotonic()))
+    headset.show(changed(facts, t_s=time.monotonic()))
 
 
 def has_in_front(headset: WornHeadset, facts: Facts, frame: Image) -> bool:
@@ -100,7 +100,7 @@ def test_around_a_frame_is_its_view_s_colour(
 ) -> None:
     headset.put(pictures)
     tell(headset, FACTS)
-    colour = palette.view_colour(list(FACTS.views).index("gt"))
+    colour = palette.view_colour(list(FACTS.state.views).index("gt"))
 
     def found() -> bool:
         cells = [headset.steamvr.seen(place) for place in PLACES]
@@ -120,7 +120,7 @@ def test_the_primary_view_of_each_phase_is_in_front_and_no_overlay_moves_or_vani
     assert wait_for(lambda: all_are_shown(headset, pictures))
     before = headset.steamvr.overlays()
     headset.steamvr.ask("take done")
-    facts = msgspec.structs.replace(FACTS, phase=phase.name, primary_view=primary)
+    facts = changed(FACTS, phase=phase.name, primary_view=primary)
     assert wait_for(lambda: has_in_front(headset, facts, pictures[primary]))
     assert wait_for(lambda: all_are_shown(headset, pictures))
     done = {what for what, _ in headset.steamvr.ask("take done")}
@@ -143,7 +143,7 @@ def test_views_that_exchange_their_places_are_never_seen_half(
     assert wait_for(lambda: all_are_shown(headset, pictures))
     frames = list(pictures.values())
     for primary in ("eih", "gs", "gt"):
-        facts = msgspec.structs.replace(FACTS, primary_view=primary)
+        facts = changed(FACTS, primary_view=primary)
         deadline_s = time.monotonic() + 60.0
         while not has_in_front(headset, facts, pictures[primary]):
             assert time.monotonic() < deadline_s
@@ -153,24 +153,24 @@ def test_views_that_exchange_their_places_are_never_seen_half(
 
 @pytest.mark.parametrize("arming", ["ready", "engaged", "holding", "fault"])
 def test_the_panel_has_the_state_s_colour_and_word(headset: WornHeadset, arming: str) -> None:
-    tell(headset, msgspec.structs.replace(FACTS, arming=arming))
+    tell(headset, changed(FACTS, arming=arming))
     look = LOOKS[arming]
     assert wait_for(lambda: share_of(panel(headset)[:96], look.colour) > 0.5)
     assert share_of(panel(headset)[:96], look.ink) > 0.02
 
 
 def test_another_phase_reason_or_message_changes_the_panel(headset: WornHeadset) -> None:
-    facts = msgspec.structs.replace(FACTS, arming="holding", reason="workspace limit")
+    facts = changed(FACTS, arming="holding", reason="workspace limit")
     band, words = slice(0, 96), slice(96, None)
     tell(headset, facts)
     assert wait_for(lambda: share_of(panel(headset)[band], LOOKS["holding"].colour) > 0.5)
-    for changed, rows in (
-        (msgspec.structs.replace(facts, phase="ALIGN"), band),
-        (msgspec.structs.replace(facts, reason="stale video"), words),
-        (msgspec.structs.replace(facts, reason="stale video", advice="Wait for it."), words),
+    for other, rows in (
+        (changed(facts, phase="ALIGN"), band),
+        (changed(facts, reason="stale video"), words),
+        (changed(facts, reason="stale video", advice="Wait for it."), words),
     ):
         before = panel(headset)
-        tell(headset, changed)
+        tell(headset, other)
         assert wait_for(lambda: bool((panel(headset) != before)[rows].any()))  # noqa: B023
 
 
@@ -199,7 +199,7 @@ def test_a_headset_whose_session_is_silent_says_so_and_greys_its_views(
 def test_an_old_frame_gets_a_striped_border_and_loses_it_with_the_next(
     headset: WornHeadset, pictures: dict[str, Image]
 ) -> None:
-    old = dict(FACTS.views)
+    old = dict(FACTS.state.views)
     old["gs"] = msgspec.structs.replace(old["gs"], age_ms=1240.0)
     headset.put(pictures)
 
@@ -214,7 +214,7 @@ def test_an_old_frame_gets_a_striped_border_and_loses_it_with_the_next(
                 found += [view for view, one in pictures.items() if np.array_equal(one, frame)]
         return found
 
-    tell(headset, msgspec.structs.replace(FACTS, views=old))
+    tell(headset, changed(FACTS, views=old))
     assert wait_for(lambda: striped() == ["gs"])
     tell(headset, FACTS)
     assert wait_for(lambda: striped() == [])
@@ -226,7 +226,7 @@ def test_without_anything_new_nothing_is_drawn(
     headset.put(pictures)
     tell(headset, FACTS)
     assert wait_for(lambda: all_are_shown(headset, pictures))
-    assert wait_for(lambda: has_in_front(headset, FACTS, pictures[FACTS.primary_view]))
+    assert wait_for(lambda: has_in_front(headset, FACTS, pictures[FACTS.state.primary_view]))
 
     settle(headset)
     headset.steamvr.ask("take done")

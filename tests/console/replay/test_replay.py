@@ -89,21 +89,19 @@ class Replayed:
             self.session.on_keys(Keys(self.now_ns, True, held))
 
 
-def test_snapshot_notes_and_pictures_are_those_of_the_moment(
-    log_path: Path, tmp_path: Path
-) -> None:
+def test_state_notes_and_pictures_are_those_of_the_moment(log_path: Path, tmp_path: Path) -> None:
     replayed = Replayed(log_path, tmp_path)
     expected = (("engaged", "REACH"), ("engaged", "ALIGN"), ("holding", "GRASP"))
     for number, (arming, phase) in enumerate(expected):
         replayed.passes(0.9 if number == 0 else 1.0)
-        snapshot = replayed.session.snapshot()
-        assert (snapshot.arming, snapshot.phase) == (arming, phase)
-        assert snapshot.t_s == pytest.approx(0.9 + number, abs=0.06)
+        state = replayed.session.state()
+        assert (state.arming, state.phase) == (arming, phase)
+        assert state.t_s == pytest.approx(0.9 + number, abs=0.06)
         assert set(replayed.put) == set(VIEWS)
         assert all(abs(grey - GREYS[number]) < 3 for grey in replayed.put.values())
-        notes = replayed.session.board.take_notes()
+        notes = replayed.session.sentences.take()
         assert [note for note in notes if note.startswith("note")] == [f"note {number}"]
-    assert replayed.session.snapshot().reason == "stale video"
+    assert replayed.session.state().reason == "stale video"
 
 
 def test_arrow_keys_go_back_and_the_pictures_with_them(log_path: Path, tmp_path: Path) -> None:
@@ -112,7 +110,7 @@ def test_arrow_keys_go_back_and_the_pictures_with_them(log_path: Path, tmp_path:
     replayed.press("Home")
     replayed.passes(0.5)
     assert all(abs(grey - GREYS[0]) < 3 for grey in replayed.put.values())
-    assert replayed.session.snapshot().reason == ""
+    assert replayed.session.state().reason == ""
     replayed.press("End")
     replayed.passes(0.05)
     assert replayed.session.playback.at_end
@@ -130,7 +128,7 @@ def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> No
     replayed.session.signals.confirm()
     replayed.passes(0.25)
     assert replayed.session.elapsed_s() == pytest.approx(2.0)
-    told = [note for note in replayed.session.board.take_notes() if note.startswith("replay")]
+    told = [note for note in replayed.session.sentences.take() if note.startswith("replay")]
     assert [one.partition(" (")[0] for one in told] == [
         "replay: goes on, 2 times the speed",
         "replay: paused, 2 times the speed",
@@ -156,13 +154,13 @@ def test_it_goes_where_the_bar_is_clicked_and_says_what_was_said_last_there(
     replayed = Replayed(log_path, tmp_path)
     session = replayed.session
     replayed.passes(0.3)
-    session.board.take_notes()
+    session.sentences.take()
     for t_s, note in ((3.6, "note 3"), (1.6, "note 1"), (1.8, None), (3.7, "note 3")):
         session.seek(t_s)
         replayed.passes(0.05)
-        assert session.snapshot().t_s == pytest.approx(t_s + 0.05)
+        assert session.state().t_s == pytest.approx(t_s + 0.05)
         assert all(abs(grey - GREYS[int(t_s)]) < 3 for grey in replayed.put.values())
-        assert session.board.take_notes() == ([] if note is None else [note])
+        assert session.sentences.take() == ([] if note is None else [note])
     assert session.facts().jumps == 4
 
 
@@ -198,15 +196,15 @@ def test_rates_ages_and_frames_are_those_that_the_log_has() -> None:
         sum(one.sent_kbps or 0.0 for one in early.views.values()), rel=0.05
     )
     assert early.views[view].latency_ms is not None
-    assert early.views[view].shown_age_ms is not None
-    assert early.views[view].shown_age_ms >= early.views[view].latency_ms
+    assert early.views[view].age_ms is not None
+    assert early.views[view].age_ms >= early.views[view].latency_ms
 
 
 def test_before_the_first_record_nothing_is_known() -> None:
-    snapshot = Moments(Synthetic(1.0).log()).at(START_NS - NS_PER_S)
-    assert (snapshot.arming, snapshot.tcp_mm, snapshot.reason) == ("starting", None, "")
-    assert snapshot.loss is None
-    assert all(view.target_kbps is None for view in snapshot.views.values())
+    state = Moments(Synthetic(1.0).log()).at(START_NS - NS_PER_S)
+    assert (state.arming, state.tcp_mm, state.reason) == ("starting", None, "")
+    assert state.loss is None
+    assert all(view.target_kbps is None for view in state.views.values())
 
 
 def test_a_replay_without_a_window_ends_with_the_log_and_offers_no_keys_that_nothing_reads(

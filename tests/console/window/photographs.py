@@ -24,7 +24,7 @@ def is_colour(image: Image, colour: str) -> np.ndarray:
 
 def place_of(photograph: Image, view: str) -> tuple[slice, slice] | None:
     """Rows and columns of the picture of `view`, found by the upper edge of its frame."""
-    colour = palette.view_colour(list(FACTS.views).index(view))
+    colour = palette.view_colour(list(FACTS.state.views).index(view))
     edge = is_colour(photograph, colour)
     rows = np.flatnonzero(edge.sum(axis=1) > 200)
     if len(rows) < 5:

@@ -6,22 +6,22 @@ Its folder is the only argument.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.console import app
-from tams_app.session.status import StatusSnapshot
+from tams_app.records import SessionState
 from tests.console.played_session import PlayedSession
 
 
 class EngagedSession(PlayedSession):
     """The arm follows, the deadman is held, and all views have a picture."""
 
-    def snapshot(self) -> StatusSnapshot:
-        return replace(super().snapshot(), arming="engaged", reason="", lasting="", last_stop="")
+    def state(self) -> SessionState:
+        return replace(super().state(), arming="engaged", reason="", lasting="", last_stop="")
 
     def poll(self) -> None:
         super().poll()

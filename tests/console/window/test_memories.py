@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from tams_app.console.window.facts_memory import FactsReader, FactsWriter
 from tams_app.console.window.messages import Said
 from tams_app.console.window.size_memory import Size, keep_size, read_size, size_file
 from tams_app.errors import TamsError
-from tests.console.window.facts import FACTS
+from tests.console.window.facts import FACTS, changed
 
 pytestmark = pytest.mark.untimed
 
@@ -22,8 +21,8 @@ def test_the_reader_gets_the_newest_facts_once() -> None:
     reader = FactsReader(os.dup(writer.descriptor))
     assert reader.newer() is None
     for number in range(9):
-        writer.put(msgspec.structs.replace(FACTS, t_s=float(number)))
-    assert reader.newer() == msgspec.structs.replace(FACTS, t_s=8.0)
+        writer.put(changed(FACTS, t_s=float(number)))
+    assert reader.newer() == changed(FACTS, t_s=8.0)
     assert reader.newer() is None
     writer.close()
 
@@ -38,7 +37,7 @@ def test_facts_leave_no_file_behind() -> None:
 def test_facts_that_do_not_fit_are_refused() -> None:
     writer = FactsWriter()
     with pytest.raises(ValueError, match="bytes"):
-        writer.put(msgspec.structs.replace(FACTS, said=(Said(0.0, "x" * 20_000),)))
+        writer.put(changed(FACTS, said=(Said(0.0, "x" * 20_000),)))
     writer.close()
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 from tams_app import palette
 from tams_app.config import HandDevice
@@ -24,15 +24,16 @@ from tams_app.console.window.figures import (
 )
 from tams_app.console.window.history import SPAN_S, History
 from tams_app.console.window.keyboard import Keyboard, Symbol, key_help, key_name, wish_of
-from tams_app.console.window.messages import Facts, ReplayFacts, Stretch, TrialFacts, ViewFacts
+from tams_app.console.window.messages import Facts, ReplayFacts, Stretch, TrialFacts
 from tams_app.console.window.places import STAYS_NS, Places
 from tams_app.console.window.session_face import facts_of
 from tams_app.console.window.style import state_class, style_sheet
 from tams_app.console.wishes import Wish
+from tams_app.records import ViewState
 from tams_app.teleop.hands import HANDS, SIMULATED
 from tams_app.teleop.safety import ArmingState
-from tests.console.played_session import SNAPSHOT
-from tests.console.window.facts import FACTS, OPENING
+from tests.console.played_session import STATE
+from tests.console.window.facts import FACTS, OPENING, changed
 
 pytestmark = pytest.mark.untimed
 
@@ -46,10 +47,10 @@ STATES = ("disarmed", "ready", "engaged", "holding", "fault")
 @pytest.mark.parametrize("arming", STATES)
 @pytest.mark.parametrize("hand", sorted(set(HANDS) - {SIMULATED}))
 def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand: str) -> None:
-    snapshot = replace(
-        SNAPSHOT, arming=arming, reason="arm reply late", lasting="arm reply late", hand=hand
+    state = replace(
+        STATE, arming=arming, reason="arm reply late", lasting="arm reply late", hand=hand
     )
-    told = banner_of(facts_of(snapshot, ()), hand=hand)
+    told = banner_of(facts_of(state, ()), hand=hand)
     words = f"{told.sentence} {told.key}".lower()
     assert HANDS[hand].deadman.lower() in words
     others = {one.deadman.lower() for one in HANDS.values()} - {HANDS[hand].deadman.lower()}
@@ -61,9 +62,7 @@ def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand:
 def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stops: str) -> None:
     is_stopped = arming in ("holding", "fault")
     reason = "" if stops == "before the first stop" and not is_stopped else "emergency stop"
-    shown = msgspec.structs.replace(
-        FACTS, arming=arming, reason=reason if is_stopped else "", last_stop=reason
-    )
+    shown = changed(FACTS, arming=arming, reason=reason if is_stopped else "", last_stop=reason)
     banner = banner_of(shown, hand=SIMULATED)
     assert "your hand" not in banner.sentence
     if arming == "fault" or (arming == "disarmed" and reason):  # confirmed by a person only
@@ -95,7 +94,7 @@ def test_what_is_written_on_a_banner_can_be_read(arming: str) -> None:
 
 
 def test_a_fault_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
-    facts = msgspec.structs.replace(
+    facts = changed(
         FACTS, arming="fault", reason="arm silent", advice="Check its power, then confirm."
     )
     banner = banner_of(facts)
@@ -105,35 +104,33 @@ def test_a_fault_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
 
 
 def test_a_hold_ends_with_the_trigger_and_says_so() -> None:
-    banner = banner_of(msgspec.structs.replace(FACTS, arming="holding", reason="stale video"))
+    banner = banner_of(changed(FACTS, arming="holding", reason="stale video"))
     assert banner.sentence == "Stale video."
     assert banner.key.startswith("Release the trigger")
 
 
 @pytest.mark.parametrize("arming", ["ready", "engaged", "disarmed"])
 def test_once_the_cause_is_gone_the_last_stop_can_still_be_read(arming: str) -> None:
-    banner = banner_of(msgspec.structs.replace(FACTS, arming=arming, last_stop="stale video"))
+    banner = banner_of(changed(FACTS, arming=arming, last_stop="stale video"))
     assert banner.look.word == arming.upper()
     assert "Last stop: stale video." in banner.sentence
     assert "trigger" in banner.key
-    assert "Last stop" not in banner_of(msgspec.structs.replace(FACTS, arming=arming)).sentence
+    assert "Last stop" not in banner_of(changed(FACTS, arming=arming)).sentence
 
 
 @pytest.mark.parametrize("arming", ["ready", "disarmed"])
 def test_what_is_in_the_way_is_told_and_not_called_a_stop(arming: str) -> None:
-    snapshot = replace(
-        SNAPSHOT, arming=arming, reason="pose frozen", lasting="pose frozen", last_stop=""
-    )
-    banner = banner_of(facts_of(snapshot, ()))
+    state = replace(STATE, arming=arming, reason="pose frozen", lasting="pose frozen", last_stop="")
+    banner = banner_of(facts_of(state, ()))
     assert "Pose frozen. The hand's pose does not change: check SteamVR" in banner.sentence
     assert "Last stop" not in banner.sentence
 
 
 def test_what_had_to_be_waited_for_is_not_once_it_is_back() -> None:
-    snapshot = replace(SNAPSHOT, arming="holding", reason="stale video", hand="keyboard")
+    state = replace(STATE, arming="holding", reason="stale video", hand="keyboard")
 
     def sentence(lasting: str) -> str:
-        return banner_of(facts_of(replace(snapshot, lasting=lasting), ()), "keyboard").sentence
+        return banner_of(facts_of(replace(state, lasting=lasting), ()), "keyboard").sentence
 
     assert "wait until it is back, then release Shift" in sentence("stale video")
     assert sentence("") == "Stale video. The video is back: release Shift."
@@ -141,7 +138,7 @@ def test_what_had_to_be_waited_for_is_not_once_it_is_back() -> None:
 
 @pytest.mark.parametrize("arming", LOOKS)
 def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> None:
-    facts = msgspec.structs.replace(FACTS, arming=arming, reason="stale video")
+    facts = changed(FACTS, arming=arming, reason="stale video")
     banner = banner_of(msgspec.structs.replace(facts, replay=ReplayFacts(1.0, False)))
     assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
     assert banner.key == "Nothing moves · F1: keys"
@@ -150,7 +147,7 @@ def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> No
 
 def test_the_button_says_what_a_click_does() -> None:
     def button(replay: ReplayFacts | None) -> str:
-        return banner_of(msgspec.structs.replace(FACTS, replay=replay)).button
+        return banner_of(changed(FACTS, replay=replay)).button
 
     assert button(None) == "STOP"
     assert button(ReplayFacts(1.0, paused=False)) == "PAUSE"
@@ -203,23 +200,23 @@ def test_the_colours_of_the_uplink_are_greys_seen_on_white_and_on_the_window_s_g
 
 
 def test_a_row_tells_sent_and_target_given_and_asked_latency_and_age() -> None:
-    view = ViewFacts(3000, 2950.4, 14.9, 74.2, 95.0)
+    view = ViewState(3000, 2950.4, 14.9, 74.2, 95.0)
     assert view_row("eih", view, 30) == ("EIH", "2950 / 3000", "15 / 30", "74 ms", "95 ms")
 
 
 def test_what_is_not_known_is_a_dash() -> None:
-    nothing = ViewFacts(None, None, None, None, None)
+    nothing = ViewState(None, None, None, None, None)
     assert view_row("gt", nothing, None) == ("GT", "– / –", "– / –", "– ms", "– ms")
 
 
 def test_the_uplink_s_line_has_budget_capacity_queue_and_loss() -> None:
-    carried, fares = uplink_texts(FACTS)
-    assert carried == "uplink 5210 kbit/s of budget 5520, capacity 6000"
+    carried, fares = uplink_texts(FACTS.state)
+    assert carried == "uplink 5210 kbit/s of budget 5520, capacity 6100, estimated 6000"
     assert fares == "queue 12 ms, loss 0.3 %"
 
 
 def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
-    rows = dict(hand_rows(FACTS))
+    rows = dict(hand_rows(FACTS.state))
     assert rows == {
         "deadman": "HELD",
         "mode": "translation",
@@ -227,10 +224,10 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
         "buttons": "A",
         "TCP": "350, -80, 180 mm",
     }
-    other = msgspec.structs.replace(
+    other = changed(
         FACTS, deadman=False, orientation_mode=True, gripper_closed=None, pressed=(), tcp_mm=None
     )
-    assert [word for _, word in hand_rows(other)] == [
+    assert [word for _, word in hand_rows(other.state)] == [
         "released",
         "orientation",
         "not known",
@@ -240,7 +237,7 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
 
 
 def test_a_picture_that_is_old_says_so() -> None:
-    young, old = ViewFacts(0, 0, 0, 0, 90.0), ViewFacts(0, 0, 0, 0, 1240.0)
+    young, old = ViewState(0, 0, 0, 0, 90.0), ViewState(0, 0, 0, 0, 1240.0)
     assert view_title("eih", young, True, OPENING) == "EIH · primary"
     assert view_title("eih", old, False, OPENING) == "EIH · OLD: 1.2 s"
     assert view_title("gt", None, False, OPENING) == "GT · no frame yet"
@@ -249,7 +246,7 @@ def test_a_picture_that_is_old_says_so() -> None:
 
 
 def test_in_a_trial_a_picture_tells_its_name_alone() -> None:
-    hidden = ViewFacts(None, None, None, None, None)
+    hidden = ViewState(None, None, None, None, None)
     assert view_title("gt", hidden, False, msgspec.structs.replace(OPENING, blind=True)) == "GT"
 
 
@@ -408,7 +405,7 @@ def test_a_shift_that_was_pressed_too_soon_after_the_focus_is_dead_until_it_is_p
 @pytest.mark.parametrize("hand", sorted(HANDS))
 @pytest.mark.parametrize("arming", STATES)
 def test_the_banner_says_what_to_do_about_a_shift_that_is_dead(hand: str, arming: str) -> None:
-    facts = msgspec.structs.replace(FACTS, arming=arming)
+    facts = changed(FACTS, arming=arming)
     says = "let go and press again" in banner_of(facts, hand, shift_is_dead=True).key
     assert says == (hand == "keyboard" and arming == "ready")
 
@@ -459,7 +456,7 @@ def test_in_a_replay_the_keys_that_stop_an_arm_pause_or_go_on_once_for_each_pres
 
 
 def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> Facts:
-    return msgspec.structs.replace(FACTS, t_s=t_s, phase=phase, arming=arming)
+    return changed(FACTS, t_s=t_s, phase=phase, arming=arming)
 
 
 def test_phases_are_stretches_one_after_the_other() -> None:
@@ -478,15 +475,18 @@ def test_what_is_older_than_a_minute_is_forgotten() -> None:
     history = History()
     for t_s in range(200):
         history.add(at(float(t_s)))
-    assert history.facts[0].t_s == 199 - SPAN_S
-    assert history.curve(lambda facts: facts.link_kbps)[0] == (199 - SPAN_S, FACTS.link_kbps)
+    assert history.states[0].t_s == 199 - SPAN_S
+    assert history.curve(lambda state: state.link_kbps)[0] == (
+        199 - SPAN_S,
+        FACTS.state.link_kbps,
+    )
 
 
 def test_facts_of_the_same_moment_count_once() -> None:
     history = History()
     history.add(at(1.0))
     history.add(at(1.0, "ALIGN"))
-    assert [facts.phase for facts in history.facts] == ["REACH"]
+    assert [state.phase for state in history.states] == ["REACH"]
 
 
 def test_facts_of_an_earlier_moment_make_what_came_later_forgotten() -> None:
@@ -494,10 +494,10 @@ def test_facts_of_an_earlier_moment_make_what_came_later_forgotten() -> None:
     for t_s in range(20):
         history.add(at(float(t_s)))
     history.add(at(5.0, "ALIGN"))
-    assert [facts.t_s for facts in history.facts] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
-    assert history.facts[-1].phase == "ALIGN"
+    assert [state.t_s for state in history.states] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert history.states[-1].phase == "ALIGN"
     history.add(at(-1.0))
-    assert [facts.t_s for facts in history.facts] == [-1.0]
+    assert [state.t_s for state in history.states] == [-1.0]
 
 
 def test_where_a_replay_jumps_ahead_what_was_before_is_forgotten() -> None:
@@ -505,7 +505,7 @@ def test_where_a_replay_jumps_ahead_what_was_before_is_forgotten() -> None:
 
     def go_to(t_s: float, jumps: int) -> list[float]:
         history.add(msgspec.structs.replace(at(t_s), replay=ReplayFacts(1.0, False, jumps)))
-        return [facts.t_s for facts in history.facts]
+        return [state.t_s for state in history.states]
 
     assert go_to(1.0, 0) == [1.0]
     assert go_to(2.0, 0) == [1.0, 2.0]

@@ -8,22 +8,21 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 from rich.console import Console
 
 from tams_app.config import ClutchConfig
 from tams_app.console import app
-from tams_app.console.window.messages import TrialFacts, ViewFacts
+from tams_app.console.window.messages import TrialFacts
 from tams_app.console.window.session_face import SILENT_NS, facts_of
 from tams_app.console.wishes import Wish
 from tams_app.errors import SetupError
-from tams_app.records import ControllerSample, ControllerStatus
+from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
 from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.teleop.clutch import Clutch
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.console.played_session import SNAPSHOT, PlayedSession, window_processes
+from tests.console.played_session import STATE, PlayedSession, window_processes
 from tests.console.window.xvfb import Screen, virtual_screen, wait_for
 
 pytestmark = pytest.mark.waiting
@@ -87,7 +86,7 @@ class CountedTrial:
             for wish in (Wish.DROP, Wish.NO_DROP, Wish.PLACED)
         }
 
-    def facts_of(self, _snapshot: object) -> TrialFacts:
+    def facts_of(self, _state: object) -> TrialFacts:
         return TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
 
 
@@ -303,17 +302,18 @@ def test_the_size_is_remembered(screen: Screen, tmp_path: Path) -> None:
 
 
 def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:
-    facts = facts_of(SNAPSHOT, ())
+    facts = facts_of(STATE, ())
     assert facts.advice.startswith("The video is too old to steer by")
-    assert facts.views["gt"] == ViewFacts(1500, 1480, 30.0, 75.0, 96.0)
-    assert (facts.budget_kbps, facts.capacity_kbps, facts.queue_ms) == (5520.0, 6000.0, 12.0)
+    assert facts.state is STATE
 
 
 def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
-    trial = TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
-    told = msgspec.to_builtins(facts_of(SNAPSHOT, (), trial))
-    rates = {"link_kbps", "budget_kbps", "capacity_kbps", "queue_ms", "loss", "asked_fps"}
-    assert {key for key in rates if told[key] is not None} == set()
-    assert all(value is None for view in told["views"].values() for value in view.values())
-    assert told["trial"]["participant"] == "P01"
-    assert told["arming"] == "holding"
+    facts = facts_of(STATE, (), TrialFacts("P01", "trial 2 of 9", 3.0, 120.0))
+    state = facts.state
+    assert set(state.views.values()) == {ViewState()}
+    told = {name for name in SessionState.__struct_fields__ if getattr(state, name) is not None}
+    arm = {"arming", "reason", "lasting", "last_stop", "orientation_mode", "gripper_closed"}
+    hand = {"hand", "pressed", "deadman", "tcp_mm", "phase", "primary_view"}
+    assert told == arm | hand | {"t_s", "now_ns", "views"}
+    assert facts.trial is not None
+    assert (facts.trial.participant, state.arming) == ("P01", "holding")

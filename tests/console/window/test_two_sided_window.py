@@ -90,15 +90,15 @@ def _drive(side: HandSide, screen: Screen) -> None:
         assert wait_for(lambda: shows_all(state), LOOKED_AT_S), state  # noqa: B023
 
     def has_the_robots_figures() -> bool:
-        now = session.snapshot()
+        now = session.state()
         rates = now.link_kbps, *(view.sent_kbps for view in now.views.values())
         others = now.budget_kbps, now.queue_ms, now.loss
-        ages = [view.shown_age_ms for view in now.views.values()]
+        ages = [view.age_ms for view in now.views.values()]
         return all(rates) and all(ages) and None not in others
 
     until(has_the_robots_figures, "what only the robot's side knows")
     side.hand.a = True
-    until(lambda: session.snapshot().pressed == ("A",), "the button that is held here")
+    until(lambda: session.state().pressed == ("A",), "the button that is held here")
 
     side.hand.a = False
     stops_by_its_key()

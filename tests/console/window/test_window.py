@@ -6,7 +6,6 @@ import os
 import signal
 import time
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -15,7 +14,7 @@ from tams_app.console.window.messages import Keys
 from tams_app.console.wishes import Wish
 from tams_app.records import Image
 from tests.console.window.conftest import ShownWindow
-from tests.console.window.facts import FACTS
+from tests.console.window.facts import FACTS, changed
 from tests.console.window.photographs import SAME, banner_is, difference, width_of
 from tests.console.window.xvfb import wait_for
 
@@ -34,9 +33,7 @@ def test_what_was_received_is_what_is_seen_and_banner_and_border_tell_the_state(
     angle = list(LOOKS).index(arming)
     published = {view: np.rot90(image, 2 * angle).copy() for view, image in pictures.items()}
     window.put(published)
-    window.show(
-        msgspec.structs.replace(FACTS, arming=arming, reason="stale video", t_s=time.monotonic())
-    )
+    window.show(changed(FACTS, arming=arming, reason="stale video", t_s=time.monotonic()))
     assert wait_for(lambda: all_are_shown(window, published))
     assert wait_for(lambda: banner_is(window.screen.photograph(), arming))
 
@@ -59,11 +56,13 @@ def test_the_primary_view_gets_the_large_place_with_its_own_picture(
     window.put(pictures)
     for primary in ("gs", "gt", "eih"):
         time.sleep(1.0)  # views that have just exchanged stay for a moment
-        facts = msgspec.structs.replace(FACTS, primary_view=primary, t_s=time.monotonic())
+        facts = changed(FACTS, primary_view=primary, t_s=time.monotonic())
         window.show(facts)
         assert wait_for(lambda: width_of(window.screen.photograph(), primary) > 600)  # noqa: B023
         photograph = window.screen.photograph()
-        assert all(width_of(photograph, view) < 400 for view in FACTS.views if view != primary)
+        assert all(
+            width_of(photograph, view) < 400 for view in FACTS.state.views if view != primary
+        )
         assert wait_for(lambda: all_are_shown(window, pictures))
 
 
@@ -146,7 +145,7 @@ def test_a_window_that_stands_still_delays_nobody_and_shows_the_newest_when_it_g
         spent_ns = time.process_time_ns()
         for number in range(300):  # ten seconds of frames: the rings go round many times
             window.put(pictures)
-            window.show(msgspec.structs.replace(FACTS, t_s=time.monotonic() + number))
+            window.show(changed(FACTS, t_s=time.monotonic() + number))
         spent_ns = time.process_time_ns() - spent_ns
         blocked = window.client.ended
         newest = {view: np.flipud(image).copy() for view, image in pictures.items()}

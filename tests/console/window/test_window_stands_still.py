@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import time
 
-import msgspec
 import pytest
 
 from tests.console.window.conftest import ShownWindow
-from tests.console.window.facts import FACTS
+from tests.console.window.facts import FACTS, changed
 from tests.console.window.xvfb import wait_for
 
 pytestmark = pytest.mark.waiting
 
 
 def test_what_fails_while_facts_are_taken_in_ends_its_signs_of_life(window: ShownWindow) -> None:
-    window.show(msgspec.structs.replace(FACTS, t_s=time.monotonic()))
+    window.show(changed(FACTS, t_s=time.monotonic()))
     assert wait_for(lambda: len(window.events) > 20)
-    window.show(msgspec.structs.replace(FACTS, t_s="now"))  # which the window cannot read
+    window.show(changed(FACTS, t_s="now"))  # which the window cannot read
 
     def is_silent() -> bool:
         heard = len(window.events)

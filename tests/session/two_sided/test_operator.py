@@ -24,7 +24,7 @@ from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
-from tams_app.records import ShownFrame
+from tams_app.records import SessionState, ShownFrame
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.two_sided.operator import OperatorSession
@@ -39,22 +39,7 @@ STATE = StateMessage(
     sent_ns=1,
     echo_ns=0,
     echo_heard_ns=0,
-    arming="ready",
-    reason="",
-    deadman=False,
-    orientation_mode=False,
-    phase="REACH",
-    primary_view="eih",
-    tcp_mm=None,
-    gripper_closed=None,
-    target_kbps=(),
-    sent_kbps=(),
-    budget_kbps=None,
-    capacity_kbps=None,
-    link_kbps=None,
-    queue_ms=None,
-    loss=None,
-    video_age_ms=(),
+    state=SessionState(t_s=0.0, arming="ready", phase="REACH", primary_view="eih"),
     first_capture_ns=(),
     haptics=0,
     haptic="",
@@ -64,8 +49,6 @@ STATE = StateMessage(
     notes=(),
     ended="",
     failed=False,
-    lasting="",
-    last_stop="",
 )
 
 
@@ -174,22 +157,23 @@ def test_what_the_operator_sees_of_a_silent_robot_is_not_live(
 ) -> None:
     clock = VirtualClock()
     session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
-    state = msgspec.structs.replace(STATE, arming="engaged", deadman=True)
+    state = msgspec.structs.replace(STATE.state, arming="engaged", deadman=True)
+    message = msgspec.structs.replace(STATE, state=state)
     link: Any = SimpleNamespace(
-        state=state, state_heard_ns=clock.now_ns(), sample=None, offset=None, event=None
+        state=message, state_heard_ns=clock.now_ns(), sample=None, offset=None, event=None
     )
     session._link, session._welcome = link, decode(welcome(stopped_after_ms=900.0), Welcome)
     clock.advance_ns(290 * NS_PER_MS)
-    assert silence_of(session.snapshot()) is None
+    assert silence_of(session.state()) is None
     clock.advance_ns(110 * NS_PER_MS)
-    shown = session.snapshot()
+    shown = session.state()
     assert silence_of(shown) == pytest.approx(0.4)
     assert "NOT LIVE for 0.4 s" in status_words(shown).live
     facts = msgspec.structs.replace(facts_of(shown, ()), told_ns=clock.now_ns())
     known = as_known(facts, clock.now_ns())
-    assert (known.arming, known.deadman) == ("not live", None)
+    assert (known.state.arming, known.state.deadman) == ("not live", None)
     clock.advance_ns(600 * NS_PER_MS)
-    assert "LINK LOST, NOT LIVE" in status_words(session.snapshot()).live
+    assert "LINK LOST, NOT LIVE" in status_words(session.state()).live
 
 
 def test_whom_the_robot_is_lost_to_is_told_what_to_let_go_in_the_words_of_their_hand(

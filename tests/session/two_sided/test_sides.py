@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from hw.controller import Controller
+from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import ClutchConfig, Config, load_config
 from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
+from tams_app.policy.weights import WeightMatrix
 from tams_app.presses import PressCounter
 from tams_app.records import (
     Allocation,
@@ -20,6 +22,9 @@ from tams_app.records import (
     HandHeard,
     Haptic,
     LinkHealth,
+    PacketFate,
+    PacketKind,
+    PacketRecord,
     Phase,
     Pose,
     StateHeard,
@@ -27,12 +32,13 @@ from tams_app.records import (
 )
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.control import Signals
+from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.fresh_video import SteeredBy
+from tams_app.session.status import StatusBoard
 from tams_app.session.two_sided.operator_link import OperatorLink, Requests
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.two_sided.welcome import follow
-from tams_app.session.uplink_meter import UplinkFigures
+from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.repair import RepairRule
@@ -94,7 +100,8 @@ class Sides:
         self.signals, self.requests = Signals(), Requests(self.operator_clock)
         self.shown = dict.fromkeys(VIEWS, SteeredBy())
         self.welcome = b""
-        self.figures = UplinkFigures(dict.fromkeys(VIEWS))
+        weights = WeightMatrix(config.policy.weights.matrix)
+        self.board = StatusBoard(VIEWS, weights, config.video.fps)
 
         def make_gateway(welcome: bytes) -> MemoryGateway:
             self.welcome = welcome
@@ -106,11 +113,11 @@ class Sides:
             self.signals,
             self.robot_log,
             make_gateway,
-            lambda _now_ns: self.figures,
+            lambda now_ns: self.board.state(
+                now_ns, 1.0, SteadyVideo(), UnlimitedCapacity(), {}, hand_of(config)
+            ),
         )
-        self.robot.open(
-            RepairRule(True, 60, 300.0), True, lambda _view: 17, lambda _view, _now_ns: 5
-        )
+        self.robot.open(RepairRule(True, 60, 300.0), True, lambda _view: 17)
         self.robot.controller.start()
         self.operator = OperatorLink(
             self.operator_clock,
@@ -348,17 +355,22 @@ def test_a_long_sentence_leaves_room_in_the_datagram():
 def test_the_operators_side_knows_what_the_uplink_carries():
     sides = Sides()
     sides.run(1.0)
-    state = sides.operator.state
-    assert (state.sent_kbps, state.budget_kbps, state.link_kbps) == ((None,) * 3, None, None)
-    sent = dict(zip(VIEWS, (800.0, 900.0, 1000.0), strict=True))
-    sides.figures = UplinkFigures(sent, link_kbps=2900.0, queue_ms=12.0, loss=0.02)
+    state = sides.operator.state.state
+    assert [state.views[view].sent_kbps for view in VIEWS] == [None] * 3
+    assert (state.budget_kbps, state.link_kbps) == (None, None)
+    now_ns = sides.robot_clock.now_ns()
+    left_ns = now_ns + 12 * NS_PER_MS
+    for view, fate in zip(VIEWS, (PacketFate.LOST, *[PacketFate.DELIVERED] * 2), strict=True):
+        packet = PacketRecord(view, PacketKind.MEDIA, 0, 1000, now_ns, left_ns, left_ns, fate)
+        sides.board.packets([packet] * 50)
     targets = dict.fromkeys(VIEWS, 1000)
-    sides.robot.on_allocation(Allocation(0, Phase.REACH, float("inf"), 3400.0, targets))
+    sides.board.on_allocation(Allocation(now_ns, Phase.REACH, float("inf"), 3400.0, targets))
     sides.run(1.0)
-    state = sides.operator.state
-    assert (state.sent_kbps, state.budget_kbps) == ((800.0, 900.0, 1000.0), 3400.0)
-    assert (state.link_kbps, state.queue_ms, state.loss) == (2900.0, 12.0, 0.02)
-    assert state.capacity_kbps is None, "without limit"
+    state = sides.operator.state.state
+    assert [state.views[view].sent_kbps for view in VIEWS] == [400.0] * 3
+    assert [state.views[view].target_kbps for view in VIEWS] == [1000.0] * 3
+    assert (state.link_kbps, state.queue_ms, state.loss) == (1200.0, 12.0, 1 / 3)
+    assert (state.budget_kbps, state.estimate_kbps) == (3400.0, None), "without limit"
 
 
 def test_the_robots_side_knows_which_frames_are_shown():
@@ -456,11 +468,11 @@ def test_each_side_knows_what_the_other_has_to_tell_the_operator():
     sides = Sides()
     assert sides.robot.hand == "sim", "until it is known"
     sides.operator._driven_with = "keyboard"
-    sides.robot.on_stop(StopRecord("stale video", 0, 1))
+    sides.board.on_stop(StopRecord("stale video", 0, 1))
     sides.run(0.5)
     assert sides.robot.hand == "keyboard"
-    assert sides.operator.state.last_stop == "stale video"
-    assert sides.operator.state.lasting == ""
+    assert sides.operator.state.state.last_stop == "stale video"
+    assert sides.operator.state.state.lasting == ""
     sides.operator._driven_with = "a glove"
     sides.run(0.5)
     assert sides.robot.hand == "keyboard", "of a hand that is not known there are no words"
@@ -473,7 +485,7 @@ def test_the_primary_view_is_the_one_of_the_robot_s_weights():
         weights["REACH"] = {name: 0.8 if name == view else 0.1 for name in VIEWS}
         sides = Sides(config=load_config(overrides={"policy.weights.matrix": weights}))
         sides.run(0.5)
-        seen.add((view, sides.operator.state.primary_view))
+        seen.add((view, sides.operator.state.state.primary_view))
     assert seen == {(view, view) for view in VIEWS}
 
 

@@ -12,7 +12,8 @@ from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Vector
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.control import ControlLoop, Signals, SteadyVideo
+from tams_app.session import build
+from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -52,7 +53,7 @@ class SeeingRig:
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
         controller = self._participant.controller
         video = SteadyVideo(self._delay_ns)
-        self._loop = ControlLoop(
+        self._loop = build.control_loop(
             config, self._clock, controller, robot.arm, robot.gate, video, Signals()
         )
         robot.arm.connect()

@@ -1,0 +1,87 @@
+"""What a session knows at one moment: one record for link, terminal, window, headset and replay."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+import msgspec
+
+# Of any two the difference fits into 64 bits, in which logs, figures and other languages keep them.
+_BEYOND_WHOLE = 1 << 62
+Whole: TypeAlias = Annotated[int, msgspec.Meta(gt=-_BEYOND_WHOLE, lt=_BEYOND_WHOLE)]
+
+LINK_LOST = "link lost"  # in the place of a state of the arming table
+
+
+class ViewState(msgspec.Struct, frozen=True, array_like=True):
+    """One view; None while a value is not known.
+
+    target_kbps, sent_kbps: what it is to send, and what it has sent in the last second. given_fps:
+    frames in the last second, of the camera or, over a link, as shown. latency_ms: of the newest
+    frame shown, from its capture to the mailbox. age_ms: of the newest frame shown that counts,
+    since its capture.
+    """
+
+    target_kbps: float | None = None
+    sent_kbps: float | None = None
+    given_fps: float | None = None
+    latency_ms: float | None = None
+    age_ms: float | None = None
+
+
+class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
+    """A session at one moment; None while a value is not known.
+
+    t_s: since its start. arming: the state's word. reason: why the arm does not move, "" if nothing
+    holds it, as it is logged. lasting: label of what of it is still there, "" if its cause is gone.
+    last_stop: label of the last stop of the recorded list, "" before the first. hand: what drives
+    the arm, of `HANDS`. pressed: buttons other than the trigger. tcp_mm: in the arm's base frame.
+    primary_view: the one that matters in `phase`. link_kbps, queue_ms, loss: of the last second,
+    all views (`UplinkFigures`). budget_kbps: what the views share. capacity_kbps: what the emulated
+    network carries; None where it is without limit, or real. estimate_kbps: of the capacity, as the
+    budget believes. asked_fps: of each camera. live_ssim: of the primary view, over its last scored
+    frames. now_ns: the moment, on the clock of the side that shows it. heard_ns: when what is said
+    of the arm was true: of the control loop's last tick, or when the robot's side's last message
+    came; None: not live.
+    """
+
+    t_s: float
+    arming: str
+    reason: str = ""
+    lasting: str | None = ""
+    last_stop: str = ""
+    deadman: bool | None = False
+    orientation_mode: bool = False
+    gripper_closed: bool | None = None
+    hand: str = ""
+    pressed: tuple[str, ...] = ()
+    phase: str = ""
+    primary_view: str = ""
+    tcp_mm: tuple[float, float, float] | None = None
+    views: dict[str, ViewState] = {}
+    link_kbps: float | None = None
+    budget_kbps: float | None = None
+    capacity_kbps: float | None = None
+    estimate_kbps: float | None = None
+    queue_ms: float | None = None
+    loss: float | None = None
+    asked_fps: float | None = None
+    live_ssim: float | None = None
+    now_ns: Whole = 0
+    heard_ns: Whole | None = None
+
+
+def without_figures(state: SessionState) -> SessionState:
+    """The state without all that tells what is compared: rates, ages and quality."""
+    return msgspec.structs.replace(
+        state,
+        views=dict.fromkeys(state.views, ViewState()),
+        link_kbps=None,
+        budget_kbps=None,
+        capacity_kbps=None,
+        estimate_kbps=None,
+        queue_ms=None,
+        loss=None,
+        asked_fps=None,
+        live_ssim=None,
+    )
