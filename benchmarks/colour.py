@@ -20,9 +20,9 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import Image
 from tams_app.units import NS_PER_S
-from tams_app.video.colour import Planes, bgr_of, i420_of
-from tams_app.video.pipelines import raw_caps
-from tams_app.video.ssim import FrameMoments, luma_of, ssim
+from tams_app.video.core.colour import Planes, bgr_of, i420_of
+from tams_app.video.core.pipelines import raw_caps
+from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
 
 ROUNDS = 50
 

@@ -40,7 +40,7 @@ from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.repair import repair_rule
+from tams_app.video.core.repair import repair_rule
 
 STALL_S = 0.2
 PATIENCE_S = 20.0

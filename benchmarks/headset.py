@@ -32,7 +32,7 @@ from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import HANDS
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.faked_process import BLIND
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
 from tests.console.window.facts import FACTS

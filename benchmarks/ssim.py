@@ -17,8 +17,8 @@ from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
 from tams_app.records import FrameQuality
 from tams_app.runtime.kept_memory import keep_freed_memory
-from tams_app.video.quality import Fate, Image, Scorer
-from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
+from tams_app.video.core.quality import Fate, Image, Scorer
+from tams_app.video.core.ssim import FrameMoments, Luma, luma_of, ssim
 
 ROUNDS = 15
 

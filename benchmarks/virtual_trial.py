@@ -33,7 +33,7 @@ from tams_app.session.virtual import trial as trial_module
 from tams_app.session.virtual.trial import VirtualTrial, run_virtual_trial
 from tams_app.session.virtual.video import FrameScores
 from tams_app.study.runner import machine
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.virtual.video import VirtualVideo
 
 RESULTS = Path(__file__).parent / "results"
 TARGET = 0.5  # virtual seconds per second of one core

@@ -29,7 +29,7 @@ from tams_app.console.window.client import WINDOW, FaceClient
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.realtime import WINDOW_NICE
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.window.facts import FACTS
 from tests.console.window.xvfb import virtual_screen, wait_for
 

@@ -8,8 +8,8 @@ import statistics
 from tams_app.config import load_config
 from tams_app.records import PacketFate, PacketKind
 from tams_app.units import NS_PER_MS
-from tams_app.video.link import Link
-from tams_app.video.networks import network_capacity, resolve_network
+from tams_app.video.core.link import Link
+from tams_app.video.live.networks import network_capacity, resolve_network
 
 LAB = {"latency_ms": 25, "jitter_ms": 5, "loss": 0.01, "loss_burst": 3, "rate_kbps": 4000}
 config = load_config(overrides={"networks.lab": LAB})

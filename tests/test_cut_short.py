@@ -21,7 +21,7 @@ from tests.spoken import spoken
 HELPERS = {
     "rig": "hw.sim.rig",
     "renderer": "hw.sim.world.renderer",
-    "relay": "tams_app.video.relay",
+    "relay": "tams_app.video.live.relay",
     "guard": "hw.guard.process",
     "operator": "tams_app.session.operator_process",
     "ros2": "tams_app.session.ros2_process",

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.config import Config, load_config
-from tams_app.video.networks import resolve_network
-from tams_app.video.repair import repair_rule
+from tams_app.video.core.repair import repair_rule
+from tams_app.video.live.networks import resolve_network
 
 ALLOCATIONS = ("equal", "static", "tams")
 PRESETS = ("ultrafast", "superfast", "veryfast")

@@ -10,7 +10,7 @@ from typing import Any
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.units import NS_PER_MS
-from tams_app.video.link import Link
+from tams_app.video.core.link import Link
 
 _NS_PER_US = NS_PER_MS // 1000
 

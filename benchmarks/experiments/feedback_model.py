@@ -28,17 +28,17 @@ from tams_app import gst
 from tams_app.config import Config, Network, load_config
 from tams_app.records import EncodedFrame, Frame, PacketKind, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
-from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.networks import network_capacity
-from tams_app.video.packets import media_ssrc
-from tams_app.video.repair import RepairRule, repair_rule
-from tams_app.video.view_decoder import ViewDecoder
-from tams_app.video.virtual_time.event_queue import EventQueue
-from tams_app.video.virtual_time.rtcp_sessions import Feedback
-from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.video import VirtualVideo
-from tams_app.video.virtual_time.wait_idle import IdleWaiter
+from tams_app.video.core.heard_feedback import HeardFeedback
+from tams_app.video.core.packets import media_ssrc
+from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.live.networks import network_capacity
+from tams_app.video.live.view_decoder import ViewDecoder
+from tams_app.video.virtual.event_queue import EventQueue
+from tams_app.video.virtual.rtcp_sessions import Feedback
+from tams_app.video.virtual.shared import ProcessingTimes, VideoRecords
+from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.video import VirtualVideo
+from tams_app.video.virtual.wait_idle import IdleWaiter
 
 NETWORKS = ("s1", "s2", "s3")
 START_NS = NS_PER_S

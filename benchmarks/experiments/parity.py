@@ -27,16 +27,16 @@ from benchmarks.experiments.moving_frames import image
 from tams_app.config import load_config
 from tams_app.records import EncodedFrame, Frame, PacketKind, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video import pipelines
-from tams_app.video.packets import media_ssrc, parity_ssrc
-from tams_app.video.repair import RepairRule, repair_rule
-from tams_app.video.ssim import FrameMoments, luma_of, ssim
-from tams_app.video.view_decoder import ViewDecoder
-from tams_app.video.view_parity import ViewParity
-from tams_app.video.virtual_time import chains, receiver
-from tams_app.video.virtual_time.shared import VideoRecords
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.core import pipelines
+from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.live.view_decoder import ViewDecoder
+from tams_app.video.virtual import chains, receiver
+from tams_app.video.virtual.shared import VideoRecords
+from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.video import VirtualVideo
 
 RESULTS = Path(__file__).parent / "results" / "parity.json"
 VIEW, NETWORK, KBPS, SEEDS, FRAMES = "eih", "s3", 1200.0, 2, 450

@@ -22,16 +22,16 @@ from tams_app.records import (
     PacketKind,
     ShownFrame,
 )
-from tams_app.video import pipelines
-from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.link import Link
-from tams_app.video.packets import identify, media_ssrc
-from tams_app.video.repair import RepairRule
-from tams_app.video.session_feedback import PacketFeedback
-from tams_app.video.view_decoder import ViewDecoder, caps_of_payload_type
-from tams_app.video.view_encoder import ViewEncoder
-from tams_app.video.virtual_time.event_queue import EventQueue
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.core import pipelines
+from tams_app.video.core.heard_feedback import HeardFeedback
+from tams_app.video.core.link import Link
+from tams_app.video.core.packets import identify, media_ssrc
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.session_feedback import PacketFeedback
+from tams_app.video.live.view_decoder import ViewDecoder, caps_of_payload_type
+from tams_app.video.live.view_encoder import ViewEncoder
+from tams_app.video.virtual.event_queue import EventQueue
+from tams_app.video.virtual.stepped_clock import SteppedClock
 
 _SOURCE = "appsrc name={} is-live=true format=time caps={}"
 _SINK = "appsink name={} async=false sync=false"

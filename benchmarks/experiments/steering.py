@@ -25,7 +25,7 @@ from tams_app.session.two_sided.robot import for_robot
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.link import loss_model
+from tams_app.video.core.link import loss_model
 from tests.hw.link.exchange import TICK_NS, Exchange
 from tests.teleop.rig import Bench, hand_for
 

@@ -20,7 +20,7 @@ from tams_app.session.virtual.trial import run_virtual_trial
 from tams_app.study.plan import PlannedTrial
 from tams_app.study.runner import SUMMARY_NAME
 from tams_app.study.trial_process import Job, LocalPool
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.virtual.video import VirtualVideo
 
 ENCODING_NAME = "encoding.json"
 

@@ -80,8 +80,8 @@ def test_threads_of_all_views_count_as_one(name: str, counted: str) -> None:
         ("hw.sim.world.renderer", "renderer"),
         ("hw.guard", "guard"),
         ("hw.guard.process", "guard"),
-        ("tams_app.video.quality_process", "quality"),
-        ("tams_app.video.relay", "relay"),
+        ("tams_app.video.live.quality_process", "quality"),
+        ("tams_app.video.live.relay", "relay"),
     ],
 )
 def test_a_helper_has_the_same_name_in_every_checkout(module: str, name: str) -> None:

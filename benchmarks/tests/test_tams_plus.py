@@ -9,7 +9,7 @@ import pytest
 from benchmarks.experiments import tams_plus
 from benchmarks.experiments.tams_plus import MEASURES, STRATEGIES, Trial, link, plan, rows
 from tams_app.config import load_config
-from tams_app.video.networks import resolve_network
+from tams_app.video.live.networks import resolve_network
 
 pytestmark = pytest.mark.untimed
 

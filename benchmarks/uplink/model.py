@@ -1,7 +1,7 @@
 """A session's traffic, packet by packet, without encoders: views, padding, feedback, other flows.
 
-The link is the product's (`tams_app.video.link`), the budget too. What encoders do is drawn: the
-size of a frame is its target's share times a constant bias and a random factor; a keyframe is
+The link is the product's (`tams_app.video.core.link`), the budget too. What encoders do is drawn:
+the size of a frame is its target's share times a constant bias and a random factor; a keyframe is
 larger, and the frames after it give back what it took, as the servo makes them. A frame enters the
 link in one burst. The receiver tells of all packets every 25 to 50 ms, and what it tells comes
 back with the link's delay; packets of the policy's padding are fed back as any other.
@@ -28,7 +28,7 @@ from tams_app.records import (
     UplinkReport,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.link import Link
+from tams_app.video.core.link import Link
 
 VIEWS = ("eih", "gt", "gs")
 PADDING = "padding"

@@ -20,10 +20,10 @@ from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.receiver import VideoReceiver
-from tams_app.video.repair import repair_rule
-from tams_app.video.sender import VideoSender
-from tams_app.video.udp import ViewPorts, requested_ports
+from tams_app.video.core.repair import repair_rule
+from tams_app.video.live.receiver import VideoReceiver
+from tams_app.video.live.sender import VideoSender
+from tams_app.video.live.udp import ViewPorts, requested_ports
 
 SENDER_HOST, RECEIVER_HOST = "10.213.8.1", "10.213.8.2"
 INTERFACE = "va"  # of the sender, with the bottleneck on its way out

@@ -21,8 +21,8 @@ from tams_app.recording import SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
 from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.colour import bgr_of
-from tams_app.video.recorded import decoded
+from tams_app.video.core.colour import bgr_of
+from tams_app.video.live.recorded import decoded
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,8 @@ from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
-from tams_app.video.codec_choice import choose_codecs
-from tams_app.video.udp import requested_ports
+from tams_app.video.live.codec_choice import choose_codecs
+from tams_app.video.live.udp import requested_ports
 
 SHARED_BYTES = 8_000_000  # frames and world state of the rig
 _RENDER = (

@@ -39,7 +39,7 @@ def add_tools(app: typer.Typer) -> None:
 
 
 def _actions() -> list[str]:
-    from tams_app.video.netem import ACTIONS
+    from tams_app.video.live.netem import ACTIONS
 
     return list(ACTIONS)
 
@@ -66,7 +66,7 @@ def network(
     With `robot` the video crosses that interface. With `run` it stays on loopback, and
     `run --network` emulates its link.
     """
-    from tams_app.video.netem import run_network
+    from tams_app.video.live.netem import run_network
 
     run_network(load_config(config), name, interface, action, typer.echo)
 

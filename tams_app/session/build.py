@@ -29,8 +29,8 @@ from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
 from tams_app.vectors import floats
-from tams_app.video.frame_ring import FrameBlock
-from tams_app.video.networks import resolve_network
+from tams_app.video.live.frame_ring import FrameBlock
+from tams_app.video.live.networks import resolve_network
 
 # of `Workspace.excess`, in its order
 _BOUNDS = (

@@ -36,9 +36,9 @@ class _Decoded:
 class FreshVideo:
     """The frames shown of all views, of which one counts on two conditions; from any thread.
 
-    It is whole (`tams_app.video.whole_chain`), and each face that shows it has given a sign of life
-    since it was decoded: a face that stands still shows what it showed before. Without faces a
-    frame counts at once.
+    It is whole (`tams_app.video.core.whole_chain`), and each face that shows it has given a sign of
+    life since it was decoded: a face that stands still shows what it showed before. Without faces
+    a frame counts at once.
     """
 
     def __init__(self, views: Iterable[str], faces: Faces) -> None:

@@ -38,8 +38,8 @@ from tams_app.runtime.worker import Worker
 from tams_app.session.machine_speed import usable_cores
 from tams_app.session.operator_choice import LEAST_GLANCES_HZ, eyes_share
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
-from tams_app.video.reporting_helper import line_of, reports_to_session
+from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
+from tams_app.video.live.reporting_helper import line_of, reports_to_session
 
 RATE_HZ = 125.0  # a sample for every tick of the control loop: each costs .1 to .3 ms
 _SEND_TIMEOUT_S = 5.0

@@ -14,7 +14,7 @@ from tams_app.session.recorders import SessionRecords
 from tams_app.session.uplink_meter import summary_of
 from tams_app.session.video import Video
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.told_packets import ToldPackets
+from tams_app.video.core.told_packets import ToldPackets
 
 _PADDING_NS = 10 * NS_PER_MS  # trains shorter than the queue that a budget looks for
 _NEVER_NS = 1 << 62

@@ -10,8 +10,8 @@ from tams_app.errors import TamsError
 from tams_app.records import Frame, FrameQuality
 from tams_app.session.devices import Note
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_ring import FrameBlock
-from tams_app.video.quality_client import QualityClient
+from tams_app.video.live.frame_ring import FrameBlock
+from tams_app.video.live.quality_client import QualityClient
 
 RECENT_SCORES = 15
 RECENT_NS = 3 * NS_PER_S  # a score comes up to a second after its frame

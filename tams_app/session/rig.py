@@ -20,7 +20,7 @@ from tams_app.session.devices import Devices, Note
 from tams_app.session.recorded_hand import recorded_hand
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.rig_operator import RigOperator
-from tams_app.video.frame_ring import FrameBlock
+from tams_app.video.live.frame_ring import FrameBlock
 
 LOOPBACK = "127.0.0.1"
 

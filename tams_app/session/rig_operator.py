@@ -13,8 +13,8 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.machine_speed import this_machine
 from tams_app.session.operator_choice import choose_operator
-from tams_app.video.frame_ring import FrameBlock
-from tams_app.video.reporting_helper import ReportingHelper
+from tams_app.video.live.frame_ring import FrameBlock
+from tams_app.video.live.reporting_helper import ReportingHelper
 
 
 class RigOperator:

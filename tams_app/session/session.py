@@ -43,10 +43,10 @@ from tams_app.session.status import StatusBoard
 from tams_app.session.uplink import Capture, Senders, Uplink
 from tams_app.teleop.hands import hand_of
 from tams_app.units import NS_PER_MS
-from tams_app.video.codec_choice import choose_codecs
-from tams_app.video.codecs import Codecs
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
-from tams_app.video.networks import resolve_network
+from tams_app.video.core.codecs import Codecs
+from tams_app.video.live.codec_choice import choose_codecs
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.networks import resolve_network
 
 STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS

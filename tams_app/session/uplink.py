@@ -15,11 +15,11 @@ from tams_app.runtime.clock import Clock
 from tams_app.session.faces import Faces
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
-from tams_app.video.codecs import SOFTWARE, Codecs
-from tams_app.video.receiver import VideoReceiver
-from tams_app.video.relay_client import RelayClient
-from tams_app.video.sender import VideoSender
-from tams_app.video.udp import ViewPorts
+from tams_app.video.core.codecs import SOFTWARE, Codecs
+from tams_app.video.live.receiver import VideoReceiver
+from tams_app.video.live.relay_client import RelayClient
+from tams_app.video.live.sender import VideoSender
+from tams_app.video.live.udp import ViewPorts
 
 _CAMERA_TIMEOUT_S = 0.2
 

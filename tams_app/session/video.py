@@ -14,14 +14,14 @@ from tams_app.session.faces import Faces
 from tams_app.session.fresh_video import FreshVideo
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
-from tams_app.video.codecs import SOFTWARE, Codecs
-from tams_app.video.flight import FlightBound
-from tams_app.video.heard_feedback import HeardFeedback, uplink_report
-from tams_app.video.networks import network_capacity
-from tams_app.video.packets import media_ssrc, parity_ssrc
-from tams_app.video.protection import Protection
-from tams_app.video.repair import RepairRule, repair_rule
-from tams_app.video.view_parity import ViewParity
+from tams_app.video.core.codecs import SOFTWARE, Codecs
+from tams_app.video.core.flight import FlightBound
+from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
+from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.protection import Protection
+from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.live.networks import network_capacity
 
 
 class Video(ABC):

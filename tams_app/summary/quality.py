@@ -27,7 +27,7 @@ from tams_app.summary.tables import (
     phase_at,
     ratio,
 )
-from tams_app.video.concealment import concealed_frames
+from tams_app.video.core.concealment import concealed_frames
 
 SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 INTACT = "undamaged_received_ssim"

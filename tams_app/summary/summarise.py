@@ -30,8 +30,8 @@ from tams_app.summary.tables import (
 )
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_interval import freeze_ns
-from tams_app.video.restoration import restored_packets
+from tams_app.video.core.frame_interval import freeze_ns
+from tams_app.video.core.restoration import restored_packets
 
 SCHEMA = 1
 _BESIDE_MEDIA = (PacketKind.REPAIR, PacketKind.PARITY, PacketKind.PADDING)

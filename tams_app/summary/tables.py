@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from tams_app.recording import SessionLog
 from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_identity import RTP_CLOCK_HZ
-from tams_app.video.frame_interval import FrameIntervals
-from tams_app.video.told_packets import ToldPackets
+from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
+from tams_app.video.core.frame_interval import FrameIntervals
+from tams_app.video.core.told_packets import ToldPackets
 
 _TIMESTAMPS_SINCE = 3  # schema of the log
 

@@ -26,7 +26,7 @@ from tams_app.summary.tables import (
     mean,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.rate_control import STEP_FRACTION, WINDOW_FRAMES, WINDOW_NS
+from tams_app.video.core.rate_control import STEP_FRACTION, WINDOW_FRAMES, WINDOW_NS
 
 LEFT_OUT_NS = 500 * NS_PER_MS  # after a step
 GAP_INTERVALS = 2.5  # of the usual time between frames

@@ -19,7 +19,7 @@ from tams_app.records import (
     PolicyInputs,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.told_packets import ToldPackets
+from tams_app.video.core.told_packets import ToldPackets
 
 PERIOD_NS = NS_PER_S
 _UNDER_WAY = 300  # captures of a view that may still be shown

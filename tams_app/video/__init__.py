@@ -1,4 +1,1 @@
-"""Three H.264 streams over one uplink: senders, receivers, the emulated link, quality.
-
-Modules load GStreamer only when a pipeline is made.
-"""
+"""Three H.264 streams over one uplink: `core` computes, `live` streams, `virtual` steps a clock."""

@@ -16,7 +16,7 @@ from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import SessionState, ViewState
 from tams_app.session.control import Signals
 from tams_app.session.sentences import Sentences
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 STATE = SessionState(
     t_s=1.0,

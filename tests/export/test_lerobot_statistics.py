@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tams_app.export.lerobot.statistics import PixelStatistics, merged, statistics_of
-from tams_app.video.colour import bgr_of, i420_of
+from tams_app.video.core.colour import bgr_of, i420_of
 
 pytestmark = pytest.mark.untimed
 

@@ -40,9 +40,9 @@ _HEADER = struct.Struct(">HHH")
 _MODULES = {
     "rig": "hw.sim.rig",
     "renderer": "hw.sim.world.renderer",
-    "relay": "tams_app.video.relay",
+    "relay": "tams_app.video.live.relay",
     "guard": "hw.guard.process",
-    "quality": "tams_app.video.quality_process",
+    "quality": "tams_app.video.live.quality_process",
     "operator": "tams_app.session.operator_process",
     "link": "tams_app.link.gateway",
 }

@@ -33,7 +33,7 @@ from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.safety import Request as ArmRequest
 from tams_app.units import NS_PER_S
-from tams_app.video.repair import repair_rule
+from tams_app.video.core.repair import repair_rule
 from tests.faults.frames import Frames, Sight
 from tests.faults.hand import Hand
 from tests.faults.wire import Request, TappedModel

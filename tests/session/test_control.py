@@ -17,7 +17,7 @@ from tams_app.session.control import Signals
 from tams_app.session.listener import Listener
 from tams_app.session.video import video_delay_ns
 from tams_app.teleop.safety import ArmingState, Reason, Request
-from tams_app.video.repair import repair_rule
+from tams_app.video.core.repair import repair_rule
 
 pytestmark = pytest.mark.waiting
 

@@ -26,7 +26,7 @@ from tams_app.session.engine import Engine
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
-from tams_app.video.networks import resolve_network
+from tams_app.video.live.networks import resolve_network
 from tests.session.test_control import PERIOD_NS, HeldController
 
 pytestmark = pytest.mark.untimed

@@ -19,7 +19,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.rig_operator import RigOperator
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.hw.sim.operator.scripted_pick import READY
 from tests.rig_views import stored_views
 

@@ -16,7 +16,7 @@ from tams_app.config import VideoConfig
 from tams_app.records import Frame, FrameQuality, Image
 from tams_app.session.quality import RECENT_SCORES, LiveQuality
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 pytestmark = pytest.mark.waiting
 
@@ -132,7 +132,7 @@ def test_no_memory_for_the_frames_is_noted_and_the_session_goes_on_without(
     def full(name: str, size: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tams_app.video.frame_ring.create_block", full)
+    monkeypatch.setattr("tams_app.video.live.frame_ring.create_block", full)
     quality = quality_of(session, tmp_path)
     quality.start()
     push(session, quality, 0)

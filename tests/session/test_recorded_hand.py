@@ -14,7 +14,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorded_hand import ReplayedController, recorded_hand
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.rig import SimulatedRig
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
 
 pytestmark = pytest.mark.untimed

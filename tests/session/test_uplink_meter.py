@@ -15,7 +15,7 @@ from tams_app.records import (
 )
 from tams_app.session.uplink_meter import UplinkFigures, UplinkMeter, summary_of
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.told_packets import ToldPackets
+from tams_app.video.core.told_packets import ToldPackets
 
 pytestmark = pytest.mark.untimed
 

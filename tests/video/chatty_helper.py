@@ -1,7 +1,7 @@
 """A helper process for tests/video/test_reporting_helper.py: reports what it was given."""
 
 from tams_app.runtime.process import HelperSide
-from tams_app.video.reporting_helper import line_of, reports_to_session
+from tams_app.video.live.reporting_helper import line_of, reports_to_session
 
 
 def main() -> None:

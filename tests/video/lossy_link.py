@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from tams_app.video.udp import ViewPorts
+from tams_app.video.live.udp import ViewPorts
 
 Keep = Callable[[int, bytes], bool]  # ordinal and datagram -> whether it gets through
 

@@ -14,16 +14,16 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
-from tams_app.video.codecs import X264, Encoder
-from tams_app.video.colour import bgr_of
-from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.packets import media_ssrc, parity_ssrc
-from tams_app.video.receiver import VideoReceiver
-from tams_app.video.repair import RepairRule
-from tams_app.video.sender import VideoSender
-from tams_app.video.udp import ViewPorts
-from tams_app.video.view_decoder import ViewDecoder
-from tams_app.video.view_parity import ViewParity
+from tams_app.video.core.codecs import X264, Encoder
+from tams_app.video.core.colour import bgr_of
+from tams_app.video.core.heard_feedback import HeardFeedback
+from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.live.receiver import VideoReceiver
+from tams_app.video.live.sender import VideoSender
+from tams_app.video.live.udp import ViewPorts
+from tams_app.video.live.view_decoder import ViewDecoder
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import HEIGHT, WIDTH, frame
 

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_S
-from tams_app.video import codec_choice, codecs
-from tams_app.video.codec_choice import choose_codecs
-from tams_app.video.codecs import AVDEC, SOFTWARE, X264, Decoder, Encoder
-from tams_app.video.frame_interval import FrameTime
-from tams_app.video.rate_control import Overdraft
+from tams_app.video.core import codecs
+from tams_app.video.core.codecs import AVDEC, SOFTWARE, X264, Decoder, Encoder
+from tams_app.video.core.frame_interval import FrameTime
+from tams_app.video.core.rate_control import Overdraft
+from tams_app.video.live import codec_choice
+from tams_app.video.live.codec_choice import choose_codecs
 from tests.video.streams import stream
 
 pytestmark = pytest.mark.waiting

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.video import pipelines
-from tams_app.video.colour import bgr_of, i420_of
+from tams_app.video.core import pipelines
+from tams_app.video.core.colour import bgr_of, i420_of
 
 pytestmark = pytest.mark.untimed
 

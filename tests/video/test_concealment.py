@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.concealment import concealed_frames
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.concealment import concealed_frames
+from tams_app.video.core.repair import RepairRule
 from tests.video.streams import PATIENT, UNREPAIRED, checksum
 from tests.video.virtual_time.runs import shared_run
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.flight import LONGEST_WAIT_NS, FlightBound, UnderWay, view_limits
+from tams_app.video.core.flight import LONGEST_WAIT_NS, FlightBound, UnderWay, view_limits
 
 pytestmark = pytest.mark.untimed
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_identity import (
+from tams_app.video.core.frame_identity import (
     RTP_CLOCK_HZ,
     RtpTimes,
     SentFrame,

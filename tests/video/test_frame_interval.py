@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_interval import (
+from tams_app.video.core.frame_interval import (
     LONGEST_NS,
     SHORTEST_NS,
     FrameIntervals,

@@ -10,7 +10,8 @@ import pytest
 
 from tams_app.records import Image
 from tams_app.runtime.shared_ring import open_block
-from tams_app.video.frame_ring import (
+from tams_app.video.core.ssim import luma_of
+from tams_app.video.live.frame_ring import (
     CAPTURED,
     ENTRIES,
     IMAGES,
@@ -20,7 +21,6 @@ from tams_app.video.frame_ring import (
     FrameWriter,
     RingLayout,
 )
-from tams_app.video.ssim import luma_of
 
 pytestmark = pytest.mark.untimed
 

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from tams_app.records import PacketArrival
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.heard_feedback import HeardFeedback, uplink_report
-from tams_app.video.packets import SEQUENCES
-from tams_app.video.rtcp import ReportBlock
+from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
+from tams_app.video.core.packets import SEQUENCES
+from tams_app.video.core.rtcp import ReportBlock
 
 pytestmark = pytest.mark.untimed
 

@@ -10,7 +10,7 @@ from tams_app.capacity import ConstantCapacity, RateTrace, TraceCapacity, Unlimi
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.link import Link
+from tams_app.video.core.link import Link
 
 pytestmark = pytest.mark.untimed
 

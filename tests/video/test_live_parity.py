@@ -8,8 +8,8 @@ from collections import Counter
 import pytest
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
-from tams_app.video.packets import identify, transport_sequence
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.packets import identify, transport_sequence
+from tams_app.video.core.repair import RepairRule
 from tests.video.lossy_link import LossyLink
 from tests.video.streams import checksum, decoded_checksums, stream
 

@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from tams_app.config import Network
-from tams_app.video.link import GilbertElliottLoss, loss_model
+from tams_app.video.core.link import GilbertElliottLoss, loss_model
 
 pytestmark = pytest.mark.untimed
 

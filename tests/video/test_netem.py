@@ -9,7 +9,7 @@ import pytest
 
 from tams_app.config import Network, load_config
 from tams_app.errors import ConfigError, SetupError
-from tams_app.video import netem
+from tams_app.video.live import netem
 
 pytestmark = pytest.mark.waiting
 

@@ -8,7 +8,7 @@ import pytest
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_MS
-from tams_app.video.networks import network_capacity, resolve_network
+from tams_app.video.live.networks import network_capacity, resolve_network
 
 pytestmark = pytest.mark.untimed
 

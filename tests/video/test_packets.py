@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import PacketKind
-from tams_app.video.packets import identify, read_rtp
+from tams_app.video.core.packets import identify, read_rtp
 
 pytestmark = pytest.mark.untimed
 

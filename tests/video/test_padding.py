@@ -7,8 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
-from tams_app.video.packets import identify, read_rtp, transport_sequence, with_transport_sequence
-from tams_app.video.padding import Padding
+from tams_app.video.core.packets import (
+    identify,
+    read_rtp,
+    transport_sequence,
+    with_transport_sequence,
+)
+from tams_app.video.core.padding import Padding
 from tests.faults.applications import until
 from tests.video.lossy_link import LossyLink
 from tests.video.streams import UNREPAIRED, stream

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tams_app.video.packets import (
+from tams_app.video.core.packets import (
     MEDIA_PAYLOAD_TYPE,
     PARITY_PAYLOAD_TYPE,
     read_rtp,
     transport_sequence,
     with_transport_sequence,
 )
-from tams_app.video.parity import HEADER_BYTES, ParityDecoder, ParityEncoder
+from tams_app.video.core.parity import HEADER_BYTES, ParityDecoder, ParityEncoder
 
 pytestmark = pytest.mark.untimed
 

@@ -10,10 +10,10 @@ import pytest
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_S
-from tams_app.video import pipelines
-from tams_app.video.colour import i420_of
-from tams_app.video.frame_identity import RtpTimes
-from tams_app.video.repair import RepairRule
+from tams_app.video.core import pipelines
+from tams_app.video.core.colour import i420_of
+from tams_app.video.core.frame_identity import RtpTimes
+from tams_app.video.core.repair import RepairRule
 from tests.video.scenes import frame
 
 pytestmark = pytest.mark.waiting

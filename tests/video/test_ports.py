@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tams_app.config import VideoConfig
-from tams_app.video.packets import media_ssrc, repair_ssrc
-from tams_app.video.udp import ViewPorts, requested_ports
+from tams_app.video.core.packets import media_ssrc, repair_ssrc
+from tams_app.video.live.udp import ViewPorts, requested_ports
 
 pytestmark = pytest.mark.waiting
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from tams_app.config import Network, RepairConfig
 from tams_app.records import PacketArrival, Reception, UplinkReport
-from tams_app.video.link import loss_model
-from tams_app.video.protection import Loss, LossEstimate, Protection, share_incomplete
-from tams_app.video.repair import repair_rule
+from tams_app.video.core.link import loss_model
+from tams_app.video.core.protection import Loss, LossEstimate, Protection, share_incomplete
+from tams_app.video.core.repair import repair_rule
 
 pytestmark = pytest.mark.untimed
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS
-from tams_app.video.quality import Fate, Scorer, ViewQuality
-from tams_app.video.ssim import FrameMoments, Luma, ssim
+from tams_app.video.core.quality import Fate, Scorer, ViewQuality
+from tams_app.video.core.ssim import FrameMoments, Luma, ssim
 
 pytestmark = pytest.mark.untimed
 

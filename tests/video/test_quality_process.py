@@ -16,7 +16,8 @@ import pytest
 from tams_app.errors import HelperError
 from tams_app.records import Frame, FrameQuality, Image
 from tams_app.units import NS_PER_MS
-from tams_app.video.frame_ring import (
+from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
+from tams_app.video.live.frame_ring import (
     CAPTURED,
     SHOWN,
     FrameBlock,
@@ -24,9 +25,8 @@ from tams_app.video.frame_ring import (
     FrameWriter,
     RingLayout,
 )
-from tams_app.video.quality_client import QualityClient
-from tams_app.video.quality_process import WAITING_FATES, SparePace, ViewScores, run
-from tams_app.video.ssim import FrameMoments, luma_of, ssim
+from tams_app.video.live.quality_client import QualityClient
+from tams_app.video.live.quality_process import WAITING_FATES, SparePace, ViewScores, run
 
 pytestmark = pytest.mark.waiting
 

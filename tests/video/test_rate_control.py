@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_interval import FrameIntervals, FrameTime
-from tams_app.video.rate_control import WINDOW_FRAMES, X264_FPS, EncoderServo
-from tams_app.video.view_encoder import ViewEncoder
-from tams_app.video.virtual_time.chains import EncoderChain
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
+from tams_app.video.core.frame_interval import FrameIntervals, FrameTime
+from tams_app.video.core.rate_control import WINDOW_FRAMES, X264_FPS, EncoderServo
+from tams_app.video.live.view_encoder import ViewEncoder
+from tams_app.video.virtual.chains import EncoderChain
+from tams_app.video.virtual.stepped_clock import SteppedClock
 from tests.video.camera_times import camera_times_ns
 from tests.video.scenes import image
 

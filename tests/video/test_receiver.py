@@ -10,10 +10,10 @@ import pytest
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.frame_identity import SentFrames
-from tams_app.video.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc
-from tams_app.video.receiver import VideoReceiver
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.frame_identity import SentFrames
+from tams_app.video.core.packets import MEDIA_PAYLOAD_TYPE, REPAIR_PAYLOAD_TYPE, media_ssrc
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.receiver import VideoReceiver
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import (

@@ -14,10 +14,10 @@ from tams_app.config import Network
 from tams_app.errors import HelperError
 from tams_app.records import PacketFate, PacketKind
 from tams_app.units import NS_PER_MS
-from tams_app.video.link import Link
-from tams_app.video.networks import network_capacity
-from tams_app.video.relay_client import RelayClient
-from tams_app.video.udp import ViewPorts
+from tams_app.video.core.link import Link
+from tams_app.video.live.networks import network_capacity
+from tams_app.video.live.relay_client import RelayClient
+from tams_app.video.live.udp import ViewPorts
 
 pytestmark = pytest.mark.waiting
 

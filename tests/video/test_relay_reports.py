@@ -6,8 +6,8 @@ from contextlib import suppress
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.relay import REPORT_BUFFER_BYTES, ReportStream
-from tams_app.video.reporting_helper import decoded, line_of
+from tams_app.video.live.relay import REPORT_BUFFER_BYTES, ReportStream
+from tams_app.video.live.reporting_helper import decoded, line_of
 
 pytestmark = pytest.mark.waiting
 

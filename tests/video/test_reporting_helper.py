@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from tams_app.errors import HelperError
-from tams_app.video.reporting_helper import ReportingHelper, received
+from tams_app.video.live.reporting_helper import ReportingHelper, received
 
 pytestmark = pytest.mark.waiting
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.reporting_helper import decoded, line_of
+from tams_app.video.live.reporting_helper import decoded, line_of
 
 pytestmark = pytest.mark.waiting
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.restoration import restored_packets
+from tams_app.video.core.restoration import restored_packets
 
 pytestmark = pytest.mark.untimed
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.packets import SEQUENCES
-from tams_app.video.rtcp import ARRIVAL_TICK_NS, ReportBlock, read_arrivals, read_blocks
+from tams_app.video.core.packets import SEQUENCES
+from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, ReportBlock, read_arrivals, read_blocks
 
 pytestmark = pytest.mark.untimed
 

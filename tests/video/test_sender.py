@@ -16,9 +16,9 @@ from tams_app.errors import ConfigError
 from tams_app.records import EncodedFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_MS
-from tams_app.video.packets import media_ssrc
-from tams_app.video.sender import VideoSender
-from tams_app.video.udp import ViewPorts
+from tams_app.video.core.packets import media_ssrc
+from tams_app.video.live.sender import VideoSender
+from tams_app.video.live.udp import ViewPorts
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, Stream, decoded_checksums, stream

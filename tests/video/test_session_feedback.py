@@ -11,8 +11,8 @@ import pytest
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketArrival
 from tams_app.units import NS_PER_S
-from tams_app.video.flight import FlightBound
-from tams_app.video.packets import REPAIR_PAYLOAD_TYPE, read_rtp, transport_sequence
+from tams_app.video.core.flight import FlightBound
+from tams_app.video.core.packets import REPAIR_PAYLOAD_TYPE, read_rtp, transport_sequence
 from tests.faults.applications import until
 from tests.video.lossy_link import Keep, LossyLink
 from tests.video.streams import PATIENT, UNREPAIRED, Stream, stream

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_S
-from tams_app.video.rate_control import SourceDrop
+from tams_app.video.core.rate_control import SourceDrop
 
 pytestmark = pytest.mark.untimed
 

@@ -16,7 +16,7 @@ from hw.sim.world.scene import build_model
 from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
 from tams_app.records import Image
-from tams_app.video.ssim import FrameMoments, Luma, luma_of, ssim
+from tams_app.video.core.ssim import FrameMoments, Luma, luma_of, ssim
 
 pytestmark = pytest.mark.untimed
 

@@ -5,8 +5,8 @@ import pytest
 from tams_app.capacity import TraceCapacity
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_MS
-from tams_app.video.networks import read_trace
-from tams_app.video.traces import parse_trace
+from tams_app.video.live.networks import read_trace
+from tams_app.video.live.traces import parse_trace
 
 pytestmark = pytest.mark.untimed
 

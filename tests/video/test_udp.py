@@ -9,7 +9,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.errors import ConfigError
-from tams_app.video.udp import UdpSocket, ViewPorts, udp_sink, udp_source, wire_bytes_sent
+from tams_app.video.live.udp import UdpSocket, ViewPorts, udp_sink, udp_source, wire_bytes_sent
 
 pytestmark = pytest.mark.waiting
 

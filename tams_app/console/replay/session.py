@@ -24,7 +24,7 @@ from tams_app.records import Note, SessionState
 from tams_app.session.faces import Faces
 from tams_app.session.sentences import Sentences
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 KEY_STEPS: Final = {"Left": -STEP_NS, "Right": STEP_NS, "Home": -(1 << 62), "End": 1 << 62}
 KEY_SPEEDS: Final = {"Up": 1, "Down": -1}

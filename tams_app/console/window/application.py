@@ -14,7 +14,7 @@ from tams_app.console.window.messages import LONGEST, Asked, Event, Opening
 from tams_app.console.wishes import Wish
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
-from tams_app.video.frame_ring import SHOWN, FrameReader, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
 
 _POLL_S = 0.05
 _KEPT = frozenset({Wish.EMERGENCY_STOP, Wish.QUIT, Wish.CLOSE})  # as good once and late

@@ -28,7 +28,7 @@ from tams_app.errors import HelperError, SetupError
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.teleop.hands import hand_of
-from tams_app.video.frame_ring import FrameBlock
+from tams_app.video.live.frame_ring import FrameBlock
 
 _POLL_S = 0.2
 

@@ -29,7 +29,7 @@ from tams_app.session.faces import Faces
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S
-from tams_app.video.frame_ring import FrameBlock
+from tams_app.video.live.frame_ring import FrameBlock
 
 EVERY_NS = NS_PER_S // 10  # facts for the face
 SILENT_NS = 2 * NS_PER_S  # of a face that tells of itself 50 times a second

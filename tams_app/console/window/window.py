@@ -37,7 +37,7 @@ from tams_app.console.window.toolkit import load
 from tams_app.console.wishes import Wish
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
-from tams_app.video.frame_ring import FrameReader
+from tams_app.video.live.frame_ring import FrameReader
 
 TITLE = "TAMS"
 LOOK_MS = 8  # for new frames

@@ -10,8 +10,8 @@ from tams_app.errors import UnreadableLogError
 from tams_app.export.lerobot.episode import Episode
 from tams_app.recording import read_video
 from tams_app.records import EncodedFrame
-from tams_app.video.colour import Planes
-from tams_app.video.recorded import decoded
+from tams_app.video.core.colour import Planes
+from tams_app.video.live.recorded import decoded
 
 
 def frames_on_grid(episode: Episode, view: str) -> Generator[Planes]:

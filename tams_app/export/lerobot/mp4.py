@@ -8,7 +8,7 @@ from typing import Any
 from tams_app import gst
 from tams_app.errors import LogError
 from tams_app.units import NS_PER_S
-from tams_app.video.colour import Planes
+from tams_app.video.core.colour import Planes
 
 # Constant quality, near to lossless beside what the uplink took. A keyframe at least every other
 # frame, as LeRobot's own files have it: a learner reads frames in any order. Without B frames the

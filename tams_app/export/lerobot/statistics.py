@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.video.colour import Planes, bgr_of
+from tams_app.video.core.colour import Planes, bgr_of
 
 Values: TypeAlias = NDArray[np.float64]
 Statistics: TypeAlias = dict[str, Values]

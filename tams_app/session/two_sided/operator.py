@@ -37,8 +37,8 @@ from tams_app.session.two_sided.welcome import follow, repair_of, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, hand_of, words_of_hand
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.codec_choice import choose_codecs
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.codec_choice import choose_codecs
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 _CALL_POLL_NS = 50 * NS_PER_MS
 _TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again

@@ -13,12 +13,12 @@ from tams_app.runtime.clock import Clock
 from tams_app.session.faces import Faces
 from tams_app.session.fresh_video import FreshVideo, SteeredBy
 from tams_app.units import NS_PER_S
-from tams_app.video.codecs import Decoder
-from tams_app.video.frame_identity import SentFrame, capture_of
-from tams_app.video.packets import stream_ssrcs
-from tams_app.video.receiver import VideoReceiver
-from tams_app.video.repair import RepairRule
-from tams_app.video.udp import ViewPorts
+from tams_app.video.core.codecs import Decoder
+from tams_app.video.core.frame_identity import SentFrame, capture_of
+from tams_app.video.core.packets import stream_ssrcs
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.receiver import VideoReceiver
+from tams_app.video.live.udp import ViewPorts
 
 _RATE_NS = NS_PER_S
 

@@ -15,7 +15,7 @@ from tams_app.session.session import Session
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.two_sided.robot_video import RobotVideo
 from tams_app.session.uplink import Senders
-from tams_app.video.codecs import Codecs
+from tams_app.video.core.codecs import Codecs
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7

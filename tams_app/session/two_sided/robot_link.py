@@ -45,7 +45,7 @@ from tams_app.summary.joined import SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
 from tams_app.teleop.records import TeleopOutput
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.repair import RepairRule
 
 _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
 _HEALTH_NS = NS_PER_S // 10

@@ -14,10 +14,10 @@ from tams_app.session.recorders import SessionRecords
 from tams_app.session.two_sided.robot_link import RobotLink
 from tams_app.session.uplink import Senders
 from tams_app.units import NS_PER_MS
-from tams_app.video.codecs import SOFTWARE, Codecs
-from tams_app.video.packets import receiver_ssrc
-from tams_app.video.relay_client import RelayClient
-from tams_app.video.udp import ViewPorts
+from tams_app.video.core.codecs import SOFTWARE, Codecs
+from tams_app.video.core.packets import receiver_ssrc
+from tams_app.video.live.relay_client import RelayClient
+from tams_app.video.live.udp import ViewPorts
 
 
 class RobotVideo(Senders):

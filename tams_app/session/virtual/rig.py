@@ -20,7 +20,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.devices import Note
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual.event_queue import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
 # over (docs/MEASUREMENTS.md, Live and virtual: medians of 18, 11 and 12 ms by view).

@@ -36,7 +36,7 @@ from tams_app.session.virtual.video import TrialVideo
 from tams_app.study.plan import PlannedTrial
 from tams_app.summary.summarise import save_summary
 from tams_app.units import NS_PER_S
-from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual.event_queue import EventQueue
 
 START_NS = NS_PER_S
 ENGAGED_WITHIN_S = 30.0  # else they never will: they need about three
@@ -47,7 +47,7 @@ def run_virtual_trial(
 ) -> Outcome:
     """Run one trial to its end; session.mcap, config.yaml and summary.json are in `folder` then.
 
-    In the main thread of a process that does nothing else (`tams_app.video.virtual_time`).
+    In the main thread of a process that does nothing else (`tams_app.video.virtual`).
     `wall_start_ns`: when it began by the wall's clock, for the log's header. The same arguments
     leave the same bytes on the same machine.
     """

@@ -9,11 +9,11 @@ from tams_app.records import Frame, FrameQuality, Image, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
-from tams_app.video.networks import resolve_network
-from tams_app.video.quality import Fate, Scorer, ViewQuality
-from tams_app.video.ssim import luma_of
-from tams_app.video.virtual_time.shared import VideoRecords
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.core.quality import Fate, Scorer, ViewQuality
+from tams_app.video.core.ssim import luma_of
+from tams_app.video.live.networks import resolve_network
+from tams_app.video.virtual.shared import VideoRecords
+from tams_app.video.virtual.video import VirtualVideo
 
 
 class FrameScores:

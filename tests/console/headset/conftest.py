@@ -13,7 +13,7 @@ from tams_app.console.window.client import FaceClient
 from tams_app.console.window.messages import Beat, Event, Facts
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
 from tests.console.window.feeding import Feeding, feeding
 from tests.console.window.xvfb import virtual_screen

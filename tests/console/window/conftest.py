@@ -14,7 +14,7 @@ from tams_app.console.window.messages import Asked, Event, Facts
 from tams_app.console.wishes import Wish
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.window.feeding import Feeding, feeding
 from tests.console.window.xvfb import Screen, virtual_screen
 

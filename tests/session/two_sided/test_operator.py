@@ -30,8 +30,8 @@ from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.two_sided.operator import OperatorSession
 from tams_app.session.two_sided.operator_video import OperatorVideo
 from tams_app.units import NS_PER_MS
-from tams_app.video.codecs import AVDEC
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.codecs import AVDEC
+from tams_app.video.core.repair import RepairRule
 
 pytestmark = pytest.mark.waiting
 

@@ -41,7 +41,7 @@ from tams_app.session.two_sided.welcome import follow
 from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.repair import RepairRule
 from tests.session.test_parts import output
 from tests.session.two_sided.exchange import MemoryGateway, MemoryLog
 from tests.synthetic_session import tick

@@ -20,7 +20,7 @@ from tams_app.session.virtual.rig import DELIVERY_NS
 from tams_app.session.virtual.trial import START_NS, VirtualTrial, run_virtual_trial
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.frame_interval import freeze_ns
+from tams_app.video.core.frame_interval import freeze_ns
 from tests.session.virtual.runs import (
     LONG_ENOUGH,
     PARTICIPANT,

@@ -15,12 +15,12 @@ from hashlib import sha256
 from tams_app.config import Network, VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
-from tams_app.video.packets import parity_ssrc
-from tams_app.video.repair import RepairRule, repair_rule
-from tams_app.video.view_parity import ViewParity
-from tams_app.video.virtual_time.rtcp_sessions import Feedback
-from tams_app.video.virtual_time.shared import ProcessingTimes, VideoRecords
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.core.packets import parity_ssrc
+from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.virtual.rtcp_sessions import Feedback
+from tams_app.video.virtual.shared import ProcessingTimes, VideoRecords
+from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
 from tests.video.streams import decoded_checksums, jitter_counts
 

@@ -11,13 +11,13 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import EncodedFrame, ShownFrame
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.packets import read_rtp
-from tams_app.video.repair import RepairRule
-from tams_app.video.view_decoder import ViewDecoder
-from tams_app.video.view_encoder import ViewEncoder
-from tams_app.video.virtual_time.chains import DecoderChain, EncoderChain, time_left_ms
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.wait_idle import IdleWaiter
+from tams_app.video.core.packets import read_rtp
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.view_decoder import ViewDecoder
+from tams_app.video.live.view_encoder import ViewEncoder
+from tams_app.video.virtual.chains import DecoderChain, EncoderChain, time_left_ms
+from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.wait_idle import IdleWaiter
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.video.virtual_time.event_queue import EventQueue
+from tams_app.video.virtual.event_queue import EventQueue
 
 pytestmark = pytest.mark.untimed
 

@@ -11,12 +11,12 @@ import pytest
 from tams_app.config import Network, VideoConfig
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord, Reception
 from tams_app.units import NS_PER_MS
-from tams_app.video.heard_feedback import HeardFeedback, uplink_report
-from tams_app.video.packets import media_ssrc, parity_ssrc
-from tams_app.video.repair import repair_rule
-from tams_app.video.rtcp import ARRIVAL_TICK_NS
-from tams_app.video.view_parity import ViewParity
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
+from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.repair import repair_rule
+from tams_app.video.core.rtcp import ARRIVAL_TICK_NS
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.virtual.video import VirtualVideo
 from tests.video.streams import jitter_counts
 from tests.video.virtual_time.runs import NETWORKS, START_NS, Run, drive, run_whole
 

@@ -16,8 +16,8 @@ from tams_app.summary import summarise
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
 from tams_app.summary.tracking import wire_bytes
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.concealment import concealed_frames
-from tams_app.video.repair import RepairRule
+from tams_app.video.core.concealment import concealed_frames
+from tams_app.video.core.repair import RepairRule
 from tests.synthetic_session import header
 from tests.video.camera_times import camera_times_ns
 from tests.video.scenes import image

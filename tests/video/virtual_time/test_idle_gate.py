@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.wait_idle import IdleGate, IdleWaiter
+from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.wait_idle import IdleGate, IdleWaiter
 
 pytestmark = pytest.mark.untimed
 

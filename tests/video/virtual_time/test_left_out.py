@@ -9,7 +9,7 @@ import pytest
 from tams_app.config import Network
 from tams_app.records import Frame, PacketKind
 from tams_app.units import NS_PER_S
-from tams_app.video.flight import FlightBound
+from tams_app.video.core.flight import FlightBound
 from tests.video.scenes import frame
 from tests.video.virtual_time.runs import CLEAN, START_NS, Run, make
 

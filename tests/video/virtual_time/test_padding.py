@@ -10,10 +10,10 @@ import pytest
 from tams_app.config import VideoConfig
 from tams_app.records import PacketArrival, PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.heard_feedback import HeardFeedback
-from tams_app.video.packets import media_ssrc
-from tams_app.video.repair import repair_rule
-from tams_app.video.virtual_time.video import VirtualVideo
+from tams_app.video.core.heard_feedback import HeardFeedback
+from tams_app.video.core.packets import media_ssrc
+from tams_app.video.core.repair import repair_rule
+from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
 from tests.video.virtual_time.runs import CLEAN, START_NS, Run
 

@@ -6,7 +6,7 @@ import pytest
 
 from tams_app.config import RepairConfig
 from tams_app.records import PacketKind
-from tams_app.video.repair import repair_rule
+from tams_app.video.core.repair import repair_rule
 from tests.video.virtual_time.runs import NETWORKS, Run, shared_run
 
 pytestmark = pytest.mark.untimed

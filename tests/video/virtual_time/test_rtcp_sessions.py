@@ -8,7 +8,7 @@ import pytest
 
 from tams_app.records import PacketKind
 from tams_app.units import NS_PER_MS
-from tams_app.video.virtual_time.rtcp_sessions import (
+from tams_app.video.virtual.rtcp_sessions import (
     Feedback,
     ReceiverSession,
     SenderSession,

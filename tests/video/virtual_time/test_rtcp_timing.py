@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.virtual_time.rtcp_timing import Report, RtcpTiming
+from tams_app.video.virtual.rtcp_timing import Report, RtcpTiming
 
 pytestmark = pytest.mark.untimed
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tams_app import gst
-from tams_app.video.virtual_time.stepped_clock import SteppedClock
-from tams_app.video.virtual_time.wait_idle import IdleWaiter
+from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.wait_idle import IdleWaiter
 
 pytestmark = pytest.mark.untimed
 

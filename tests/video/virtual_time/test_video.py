@@ -16,8 +16,8 @@ from tams_app.errors import TamsError
 from tams_app.records import PacketFate, PacketKind
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.repair import RepairRule
-from tams_app.video.virtual_time.shared import ProcessingTimes
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.virtual.shared import ProcessingTimes
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED, checksum, jitter_counts
 from tests.video.virtual_time.runs import (

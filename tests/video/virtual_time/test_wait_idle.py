@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from tams_app.errors import TamsError
-from tams_app.video.virtual_time.wait_idle import IdleWaiter
+from tams_app.video.virtual.wait_idle import IdleWaiter
 
 pytestmark = pytest.mark.waiting
 

@@ -1,0 +1,153 @@
+"""Parity of a frame's packets: any one packet lost of a group is restored bit for bit, at once.
+
+A parity packet is the XOR of the packets of its group, as in RFC 5109 and 8627: their payloads,
+lengths and markers; the timestamp, which a frame's packets share, is its own. The groups of a frame
+interleave, and its parity packets continue the turn behind the last packet, so `groups` packets
+lost in a row are restored too. Two lost of one group are not. Pure: bytes in, bytes out.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import OrderedDict
+from collections.abc import Sequence
+from functools import reduce
+from operator import xor
+
+from tams_app.video.core.packets import (
+    MEDIA_PAYLOAD_TYPE,
+    PARITY_PAYLOAD_TYPE,
+    SEQUENCES,
+    read_rtp,
+    rtp_header,
+)
+
+# first sequence number, packets, distance between their numbers, markers, lengths
+_GROUP = struct.Struct("!HBBBH")
+HEADER_BYTES = _GROUP.size  # what a parity packet is longer than the longest that it protects
+_MOST_PACKETS = 255
+_KEPT_PACKETS = 1024
+_KEPT_WAITING = 64
+
+
+class ParityEncoder:
+    """Makes the parity packets of one view."""
+
+    def __init__(self, ssrc: int, numbered: bool = False) -> None:
+        """`numbered`: its packets have room for the session's number, by which they are told of."""
+        self._ssrc = ssrc
+        self._numbered = numbered
+        self._sequence = 0
+
+    def protect(self, packets: Sequence[bytes], groups: int) -> list[bytes]:
+        """The parity packets of one frame, to be sent behind its last packet.
+
+        Args:
+            packets: the frame's RTP packets, numbered one after the other.
+            groups: how many parity packets are wanted; fewer come of a frame of fewer packets.
+
+        Returns:
+            The parity packets, of which the last is marked as a frame's end is, so that the
+            receiver tells of them at once; none of a frame that is no RTP, or too long for a group.
+        """
+        groups = min(groups, len(packets))
+        if groups == 0 or -(-len(packets) // groups) > _MOST_PACKETS or groups > _MOST_PACKETS:
+            return []
+        order = [(len(packets) + turn) % groups for turn in range(groups)]
+        made = (
+            self._parity(packets[group::groups], groups, last=group == order[-1]) for group in order
+        )
+        return [one for one in made if one]
+
+    def _parity(self, packets: Sequence[bytes], distance: int, *, last: bool) -> bytes:
+        headers = [read_rtp(packet) for packet in packets]
+        if any(header is None for header in headers):
+            return b""
+        known = [header for header in headers if header is not None]
+        payloads = [
+            packet[header.payload_offset :] for packet, header in zip(packets, known, strict=True)
+        ]
+        length = reduce(xor, map(len, payloads))
+        markers = reduce(xor, (header.marker for header in known))
+        group = _GROUP.pack(known[0].sequence, len(packets), distance, markers, length)
+        header = rtp_header(
+            PARITY_PAYLOAD_TYPE,
+            self._sequence,
+            known[0].timestamp,
+            self._ssrc,
+            marker=last,
+            numbered=self._numbered,
+        )
+        self._sequence = (self._sequence + 1) % SEQUENCES
+        return header + group + _xor(payloads)
+
+
+class ParityDecoder:
+    """Restores the lost packets of one view; takes packets in any order, also twice or never."""
+
+    def __init__(self, media_ssrc: int) -> None:
+        self._ssrc = media_ssrc
+        self._media: OrderedDict[tuple[int, int], bytes] = OrderedDict()  # (timestamp, sequence)
+        # parity with two or more missing, by each of these
+        self._waiting: OrderedDict[tuple[int, int], bytes] = OrderedDict()
+
+    def media(self, packet: bytes) -> list[bytes]:
+        """A media packet came: what it lets an earlier parity packet restore."""
+        header = read_rtp(packet)
+        if header is None or header.payload_type != MEDIA_PAYLOAD_TYPE:
+            return []
+        key = (header.timestamp, header.sequence)
+        _keep(self._media, key, packet, _KEPT_PACKETS)
+        waiting = self._waiting.pop(key, None)
+        return [] if waiting is None else self.parity(waiting)
+
+    def parity(self, packet: bytes) -> list[bytes]:
+        """A parity packet came: the packet that it restores, if exactly one of its group misses."""
+        told = read_rtp(packet)
+        if told is None or told.payload_type != PARITY_PAYLOAD_TYPE:
+            return []
+        body = told.payload_offset + _GROUP.size
+        if len(packet) < body:
+            return []
+        first, count, distance, markers, length = _GROUP.unpack_from(packet, told.payload_offset)
+        keys = [(told.timestamp, (first + n * distance) % SEQUENCES) for n in range(count)]
+        missing = [key for key in keys if key not in self._media]
+        if len(missing) > 1:
+            for key in missing:
+                _keep(self._waiting, key, packet, _KEPT_WAITING)
+        if len(missing) != 1:
+            return []
+        payloads = [packet[body:]]
+        for key in keys:
+            if key != missing[0]:
+                kept = self._media[key]
+                known = read_rtp(kept)
+                assert known is not None  # only such packets are kept
+                payloads.append(kept[known.payload_offset :])
+                markers ^= known.marker
+                length ^= len(payloads[-1])
+        payload = _xor(payloads)
+        if length > len(payload):  # no packet of ours
+            return []
+        timestamp, sequence = missing[0]
+        header = rtp_header(
+            MEDIA_PAYLOAD_TYPE, sequence, timestamp, self._ssrc, marker=bool(markers & 1)
+        )
+        restored = header + payload[:length]
+        _keep(self._media, missing[0], restored, _KEPT_PACKETS)
+        return [restored]
+
+
+def _keep(
+    kept: OrderedDict[tuple[int, int], bytes], key: tuple[int, int], packet: bytes, most: int
+) -> None:
+    kept[key] = packet
+    if len(kept) > most:
+        kept.popitem(last=False)
+
+
+def _xor(payloads: Sequence[bytes]) -> bytes:
+    """The XOR of all, as long as the longest."""
+    longest = max(map(len, payloads))
+    numbers = (int.from_bytes(payload.ljust(longest, b"\0"), "big") for payload in payloads)
+    return reduce(xor, numbers).to_bytes(longest, "big")

@@ -1,0 +1,186 @@
+"""The launch descriptions of the video chains, in pieces.
+
+`encoder_chain` and `decoder_chain` are the paper's chains without their ends. `session_sender` and
+`session_receiver` put an appsrc or appsink and an rtpsession around them, between the network's
+ends. Settings and their reasons: FINDINGS 2 and 3.
+"""
+
+from __future__ import annotations
+
+from tams_app.config import VideoConfig
+from tams_app.units import NS_PER_MS
+from tams_app.video.core.codecs import AVDEC, X264, Decoder, Encoder
+from tams_app.video.core.packets import (
+    MEDIA_PAYLOAD_TYPE,
+    PADDING_PAYLOAD_TYPE,
+    PARITY_PAYLOAD_TYPE,
+    REPAIR_PAYLOAD_TYPE,
+    TRANSPORT_SEQUENCE_BYTES,
+    TRANSPORT_SEQUENCE_URI,
+    media_ssrc,
+    parity_ssrc,
+    repair_ssrc,
+)
+from tams_app.video.core.rate_control import X264_FPS
+from tams_app.video.core.repair import RepairRule
+
+RTCP_CAPS = "application/x-rtcp"
+# To a payloader: write the extension. To a receiving session: report on what has it, after the last
+# packet of each frame. Reports in steps of 25 to 50 ms would leave the end of a frame, in which a
+# queue shows, until the next frame comes.
+_TRANSPORT_SEQUENCE = f"extmap-1={TRANSPORT_SEQUENCE_URI}"
+# AVPF (RFC 4585) lets NACK and PLI leave early, but only one in each regular interval, which is
+# 5 % of the session's bandwidth: estimated from one view it is so long that NACKs came 400 ms late.
+SESSION_BANDWIDTH_BPS = 10_000_000
+RECEIVER_REPORTS_NS = 20 * NS_PER_MS
+# Nothing a sender reports is urgent, and it shares the uplink: at 20 ms it took 70 kbit/s a view.
+SENDER_REPORTS_NS = 500 * NS_PER_MS
+_SESSION = f"rtpsession name=session rtp-profile=avpf bandwidth={SESSION_BANDWIDTH_BPS}"
+_RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
+_SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
+RTX_HISTORY_MS = 1000
+RTX_PAYLOAD_TYPES = f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAIR_PAYLOAD_TYPE};"
+# The last media packets, and every parity packet: nothing of Python runs for a media packet.
+RECENT_PACKETS = 256
+_RECENT = f"appsink name=recent async=false sync=false max-buffers={RECENT_PACKETS} drop=true"
+_PARITY = "appsink name=parity async=false sync=false emit-signals=true max-buffers=64 drop=true"
+# Without async=false a live appsink never leaves PAUSED.
+SHOWN_FRAMES = (
+    "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
+)
+
+
+def raw_caps(config: VideoConfig, pixels: str = "I420,colorimetry=bt601") -> str:
+    """Caps of raw frames, at the rate that x264 is to take them for.
+
+    GStreamer would take 720 rows or more for BT.709; `colour` has one matrix.
+    """
+    return (
+        f"video/x-raw,format={pixels},width={config.width},height={config.height},"
+        f"framerate={X264_FPS}/1"
+    )
+
+
+def received_caps(feedback: bool) -> str:
+    """Caps of what a receiving session gets; `feedback`: it is to tell when each packet came."""
+    extension = f",{_TRANSPORT_SEQUENCE},rtcp-fb-transport-cc=true" if feedback else ""
+    return rtp_caps() + extension
+
+
+def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
+    """Caps of the RTP stream with `payload_type`, asking for NACK and PLI."""
+    common = f"application/x-rtp,media=video,clock-rate=90000,payload={payload_type}"
+    if payload_type == REPAIR_PAYLOAD_TYPE:
+        return f"{common},encoding-name=RTX"
+    if payload_type == PARITY_PAYLOAD_TYPE:
+        return f"{common},encoding-name=PARITY"
+    if payload_type == PADDING_PAYLOAD_TYPE:
+        return f"{common},encoding-name=PADDING"
+    return f"{common},encoding-name=H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true"
+
+
+def rtx_ssrcs(config: VideoConfig, view: str) -> str:
+    """The structure that maps a view's media SSRC to its repair SSRC."""
+    media, repair = media_ssrc(config, view), repair_ssrc(config, view)
+    return f"application/x-rtp-ssrc-map,{media}=(uint){repair};"
+
+
+def encoder_chain(
+    config: VideoConfig,
+    view: str,
+    encoder_kbps: int,
+    feedback: bool = False,
+    encoder: Encoder = X264,
+) -> str:
+    """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's."""
+    extension = f"! application/x-rtp,{_TRANSPORT_SEQUENCE} " if feedback else ""
+    # the payloader does not count what an extension takes
+    mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
+    return (
+        f"{encoder.launch(config, encoder_kbps)} ! h264parse "
+        f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, view)} "
+        f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
+        f"timestamp-offset=0 seqnum-offset=0 {extension}"
+    )
+
+
+def decoder_chain(rule: RepairRule, decoder: Decoder = AVDEC) -> str:
+    """RTP packets in, I420 frames out.
+
+    mode=none keeps PTS an exact linear function of the RTP timestamp (see frame_identity); its
+    deadlines then count from running time 0 unless `ts-offset` is set to the first arrival.
+    rtx-next-seqnum=false: else a packet not yet sent is asked for, and given up when `latency` is
+    less than a frame. rtx-delay=0: the link does not reorder, so a gap is a loss.
+    """
+    return (
+        f"rtpjitterbuffer name=jitterbuffer mode=none latency={rule.latency_ms} do-lost=true "
+        f"do-retransmission={'true' if rule.rtx else 'false'} rtx-next-seqnum=false rtx-delay=0 "
+        f'! rtpptdemux name=ptdemux ignored-payload-types="<{REPAIR_PAYLOAD_TYPE}>" '
+        f"! rtph264depay name=depayloader request-keyframe=true ! h264parse ! {decoder.launch}"
+    )
+
+
+def session_sender(
+    config: VideoConfig,
+    view: str,
+    rtx: bool,
+    encoder_kbps: int,
+    *,
+    rtp_out: str,
+    reports_out: str,
+    feedback_in: str,
+    feedback: bool = False,
+    encoder: Encoder = X264,
+) -> str:
+    """A sender with its rtpsession; frames enter by the appsrc `frames`.
+
+    `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
+    `feedback_in`: of the source of the receiver's RTCP (live: UDP); `feedback`, `encoder`: see
+    `encoder_chain`.
+
+    max-buffers=4: with two the first frames are lost while x264 starts.
+    """
+    history = f"! rtprtxsend name=rtx max-size-time={RTX_HISTORY_MS} " if rtx else ""
+    return (
+        f"{_SENDING} update-ntp64-header-ext=false "
+        "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
+        f'leaky-type=downstream caps="{raw_caps(config)}" '
+        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder)} {history}"
+        "! session.send_rtp_sink "
+        f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
+        f"{feedback_in} ! session.recv_rtcp_sink"
+    )
+
+
+def session_receiver(
+    config: VideoConfig,
+    view: str,
+    rule: RepairRule,
+    *,
+    rtp_in: str,
+    reports_in: str,
+    feedback_out: str,
+    decoder: Decoder = AVDEC,
+) -> str:
+    """A receiver with its rtpsession; frames leave by the appsink `frames`.
+
+    `rtp_in`, `reports_in`: launch descriptions of the sources of the sender's RTP and RTCP,
+    `feedback_out`: of the sink of its own RTCP.
+
+    Only the view's own SSRCs are linked on. With parity, `recent` keeps the media packets that
+    `parity` may need.
+    """
+    decoding = decoder_chain(rule, decoder)
+    media = f"ssrcdemux.src_{media_ssrc(config, view)} ! "
+    if rule.parity:
+        media = (
+            f"ssrcdemux.src_{parity_ssrc(config, view)} ! {_PARITY} "
+            f"{media} tee name=media media. ! {_RECENT} media. ! "
+        )
+    resent = "! rtprtxreceive name=rtx " if rule.rtx else ""
+    return (
+        f"{_RECEIVING} {rtp_in} ! session.recv_rtp_sink "
+        f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
+        f"{media}{decoding} ! {SHOWN_FRAMES} {reports_in} ! session.recv_rtcp_sink "
+        f"session.send_rtcp_src ! {feedback_out}"
+    )

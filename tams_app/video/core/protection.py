@@ -1,0 +1,138 @@
+"""Which views are sent with parity, and how much: where it saves more quality than its bytes cost.
+
+All parity is paid for by the view's own target, so the question is asked view by view: what share
+of the frames is damaged without it and with it, what a damaged frame costs there, and what the
+image loses by the bits that the parity takes. The answer counts by the view's share of all bits,
+and must be worth a change. The constants were measured (FINDINGS 5, docs/MEASUREMENTS.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from tams_app.config import Network
+from tams_app.records import UplinkReport
+from tams_app.video.core.repair import RepairRule
+
+# SSIM that a damaged frame costs: where nothing moves it is the keyframe, which must make a good
+# image from the bits of one frame; then what changed of the image since the frame before.
+STILL_DAMAGE, DAMAGE_OF_CHANGE, MOST_DAMAGE = 0.13, 2.0, 0.4
+SSIM_PER_LOG_RATE = 0.06  # of the received image, where the bits change by a factor of e
+_MOST_GROUPS = 4
+_WORTH_A_CHANGE = 0.004  # SSIM, by the view's share
+_REMEMBERED_PACKETS = 2000.0
+_PRIOR_PACKETS = 200.0  # what the configured network counts for
+_PACKETS_OF_A_RECEPTION = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Share of packets lost, and how many in a row."""
+
+    rate: float
+    mean_burst: float
+
+
+class LossEstimate:
+    """The loss of one view: what its receiver told lately, with the configured network as prior."""
+
+    def __init__(self, prior: Loss) -> None:
+        self._packets = _PRIOR_PACKETS
+        self._lost = prior.rate * _PRIOR_PACKETS
+        self._bursts = self._lost / prior.mean_burst
+        self._last_lost = False
+
+    @property
+    def loss(self) -> Loss:
+        burst = self._lost / self._bursts if self._bursts else 1.0
+        return Loss(self._lost / self._packets, max(burst, 1.0))
+
+    def arrival(self, lost: bool) -> None:
+        """What became of the next packet, in the order of sending."""
+        self._forget(1.0)
+        self._packets += 1
+        self._lost += lost
+        self._bursts += lost and not self._last_lost
+        self._last_lost = lost
+
+    def reception(self, fraction_lost: float) -> None:
+        """A report block: it tells the rate alone."""
+        mean_burst = self.loss.mean_burst
+        self._forget(_PACKETS_OF_A_RECEPTION)
+        lost = fraction_lost * _PACKETS_OF_A_RECEPTION
+        self._packets += _PACKETS_OF_A_RECEPTION
+        self._lost += lost
+        self._bursts += lost / mean_burst
+
+    def _forget(self, packets: float) -> None:
+        kept = 1.0 - packets / _REMEMBERED_PACKETS
+        self._packets, self._lost = self._packets * kept, self._lost * kept
+        self._bursts *= kept
+
+
+def share_incomplete(packets: float, groups: int, loss: Loss) -> float:
+    """The share of frames that stay incomplete: of `packets` each, with `groups` parity packets.
+
+    A frame is lost by a burst longer than the groups are many, or by two bursts of which both hit
+    one group.
+    """
+    starts = loss.rate / loss.mean_burst
+    if groups == 0:
+        return 1.0 - math.pow(1.0 - starts, packets)
+    sent = packets + groups
+    by_one = sent * starts * (1.0 - 1.0 / loss.mean_burst) ** groups
+    by_two = sent * (sent - 1) / 2 * starts**2 / groups
+    return min(1.0, by_one + by_two)
+
+
+class Protection:
+    """The number of parity packets a frame for every view, decided anew as often as it is asked."""
+
+    def __init__(
+        self, views: Iterable[str], network: Network, rule: RepairRule, fps: int, always: bool
+    ) -> None:
+        """`always`: every view gets one at least."""
+        views = tuple(views)
+        prior = Loss(network.loss, network.loss_burst)
+        self._estimates = {view: LossEstimate(prior) for view in views}
+        self._groups = dict.fromkeys(views, 0)
+        self._least_groups = int(always)
+        # From a loss to the keyframe that repairs it: it is noticed, asked for, and comes.
+        refresh_ms = rule.latency_ms + 2 * network.latency_ms + 1000 / fps
+        self._refresh_frames = refresh_ms * fps / 1000
+
+    def observe(self, report: UplinkReport) -> None:
+        """Take in what the receivers told; arrivals tell more than report blocks of the same."""
+        for arrival in report.arrivals:
+            self._estimates[arrival.view].arrival(arrival.arrived_ns is None)
+        if not report.arrivals:
+            for reception in report.receptions:
+                self._estimates[reception.view].reception(reception.fraction_lost)
+
+    def groups(self, view: str, share: float, packets: float, changed: float) -> int:
+        """The parity packets of each of the view's frames from now on.
+
+        Args:
+            view: its name.
+            share: of all bits that go to it now, which is the weight it has in the phase.
+            packets: media packets of a frame, with the parity that it has now.
+            changed: share of its image that changes from frame to frame.
+        """
+        loss = self._estimates[view].loss
+        sent = packets + self._groups[view]  # what the target pays for, whatever it is
+        most_groups = min(_MOST_GROUPS, max(1, math.floor(sent / 2)))
+        costs = [self._cost(groups, sent, changed, loss) for groups in range(most_groups + 1)]
+        best = min(range(self._least_groups, len(costs)), key=costs.__getitem__)
+        now = min(self._groups[view], len(costs) - 1)
+        if now < self._least_groups or share * (costs[now] - costs[best]) >= _WORTH_A_CHANGE:
+            self._groups[view] = best
+        return self._groups[view]
+
+    def _cost(self, groups: int, sent: float, changed: float, loss: Loss) -> float:
+        """Received SSIM lost by damage and by the bits that parity takes of the `sent` packets."""
+        packets = max(sent - groups, 0.5)
+        hit = self._refresh_frames * share_incomplete(packets, groups, loss)
+        damage = min(STILL_DAMAGE + DAMAGE_OF_CHANGE * changed, MOST_DAMAGE)
+        return damage * hit / (1.0 + hit) + SSIM_PER_LOG_RATE * math.log(sent / packets)

@@ -1,0 +1,190 @@
+"""Rings through which other processes get the captured and the shown frames.
+
+One block of memory per kind, in it one ring per view. Captured frames are kept as luma, for the
+SSIM helper alone; shown ones in colour, since the seeing operator looks at them too: copying is
+cheaper than making luma, which is left to the SSIM helper. Index and time of the last
+ENTRIES frames are kept, the pixels of the last IMAGES: a reader that falls behind learns of every
+frame, though it may miss what it looked like.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from tams_app.records import Image
+from tams_app.runtime.shared_ring import (
+    Bulk,
+    RingShape,
+    SharedRing,
+    create_block,
+    new_block_name,
+    open_descriptor,
+    remove_block,
+)
+from tams_app.video.core.ssim import Luma
+
+IMAGES = 16  # half a second
+ENTRIES = 1024  # half a minute
+_ENTRY = struct.Struct("<qq")  # index, time [ns]
+CAPTURED, SHOWN = "captured", "shown"
+_CHANNELS = {CAPTURED: 1, SHOWN: 3}
+
+
+@dataclass(frozen=True, slots=True)
+class RingLayout:
+    """The kind of frames, their views and size [px]; writer and readers must agree on it."""
+
+    kind: str
+    views: tuple[str, ...]
+    width: int
+    height: int
+
+    @property
+    def bulk_shape(self) -> tuple[int, ...]:
+        """Of one frame's array in the ring."""
+        channels = _CHANNELS[self.kind]
+        return (self.height, self.width) if channels == 1 else (self.height, self.width, channels)
+
+    @property
+    def ring_shape(self) -> RingShape:
+        bulk_bytes = self.width * self.height * _CHANNELS[self.kind]
+        return RingShape(_ENTRY.size, ENTRIES, bulk_bytes, IMAGES)
+
+    @property
+    def block_bytes(self) -> int:
+        return len(self.views) * self.ring_shape.size
+
+    def ring(self, block: mmap.mmap, view: str) -> SharedRing:
+        """The ring of `view` within `block`."""
+        shape = self.ring_shape
+        return SharedRing(block, shape, self.views.index(view) * shape.size)
+
+
+@dataclass(frozen=True, slots=True)
+class RingEntry:
+    """One frame that was put; `luma` is None if it was overwritten before it was read."""
+
+    index: int
+    t_ns: int
+    luma: Luma | None
+
+
+class FrameWriter:
+    """Puts the frames of one view into a block; from one thread."""
+
+    def __init__(self, block: mmap.mmap, layout: RingLayout, view: str) -> None:
+        self._ring = layout.ring(block, view)
+        self._shape = (layout.height, layout.width, 3)
+        self._bulk_shape = layout.bulk_shape
+
+    def put(self, index: int, t_ns: int, image: Image) -> None:
+        """Put a BGR image, shape (height, width, 3); ValueError for another size."""
+        if image.shape != self._shape:
+            raise ValueError(f"expected a frame of shape {self._shape}, got {image.shape}")
+        fill = self._to_luma if len(self._bulk_shape) == 2 else self._copy
+        self._ring.put(_ENTRY.pack(index, t_ns), lambda bulk: fill(bulk, image))
+
+    def _to_luma(self, bulk: Bulk, image: Image) -> None:
+        cv2.cvtColor(image, cv2.COLOR_BGR2GRAY, dst=bulk.reshape(self._bulk_shape))
+
+    def _copy(self, bulk: Bulk, image: Image) -> None:
+        np.copyto(bulk.reshape(self._bulk_shape), image)
+
+
+class FrameReader:
+    """Reads one view's ring from its beginning, or its newest frame."""
+
+    def __init__(self, block: mmap.mmap, layout: RingLayout, view: str) -> None:
+        self._ring = layout.ring(block, view)
+        self._bulk_shape = layout.bulk_shape
+        self._next = 0
+
+    def written(self) -> int:
+        """How many frames were put so far."""
+        return self._ring.written()
+
+    def read(self, until: int) -> list[RingEntry]:
+        """The frames not read yet as luma, up to the first `until` that were ever put."""
+        oldest = self.written() - ENTRIES + 1  # the one before it may be overwritten right now
+        self._next = max(self._next, oldest)
+        entries = []
+        for number in range(self._next, until):
+            head, luma = self._ring.head(number), self._ring.bulk(number, self._luma)
+            if head is None:  # overwritten while the ones before it were read
+                continue
+            index, t_ns = _ENTRY.unpack(head)
+            entries.append(RingEntry(index, t_ns, luma))
+        self._next = max(self._next, until)
+        return entries
+
+    def newest_image(self, take: Callable[[Image], Image] = np.copy) -> Image | None:
+        """What `take` makes of the newest frame; None before the first, or if overwritten.
+
+        It is called with the frame as it is kept, in memory that is not to be kept; what it has
+        written elsewhere does not count if None is returned.
+        """
+        number = self._ring.written() - 1
+        if number < 0:
+            return None
+        return self._ring.bulk(number, lambda bulk: take(bulk.reshape(self._bulk_shape)))
+
+    def _luma(self, bulk: Bulk) -> Luma:
+        image = bulk.reshape(self._bulk_shape)
+        luma = image.copy() if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        return np.asarray(luma, np.uint8)
+
+
+class FrameBlock:
+    """The writer's memory for one kind of frames, all views; before `create` they are left out.
+
+    `name` is what the readers' processes open it by, or `descriptor`, which they inherit, where the
+    name is hidden already.
+    """
+
+    def __init__(self, layout: RingLayout) -> None:
+        self.layout = layout
+        self.name = f"{new_block_name()}-{layout.kind}"
+        self.descriptor: int | None = None
+        self._writers: dict[str, FrameWriter] = {}
+        self._stack = ExitStack()
+
+    def create(self) -> None:
+        """Make the memory, unless it is there; OSError if there is no room for it."""
+        if self._writers:
+            return
+        with ExitStack() as stack:
+            block = create_block(self.name, self.layout.block_bytes)
+            stack.callback(self._let_go, block)
+            stack.callback(self.hide)
+            self.descriptor = open_descriptor(self.name)
+            stack.callback(os.close, self.descriptor)
+            self._writers = {
+                view: FrameWriter(block, self.layout, view) for view in self.layout.views
+            }
+            self._stack = stack.pop_all()
+
+    def put(self, view: str, index: int, t_ns: int, image: Image) -> None:
+        """Put a BGR image; each view from one thread."""
+        if writer := self._writers.get(view):
+            writer.put(index, t_ns, image)
+
+    def hide(self) -> None:
+        """Take the name away, once all readers have it open: nothing is left behind then."""
+        remove_block(self.name)
+
+    def close(self) -> None:
+        """Give the memory back, when nothing is put any more; may be called twice."""
+        self._stack.close()
+
+    def _let_go(self, block: mmap.mmap) -> None:
+        self._writers = {}
+        self.descriptor = None
+        block.close()

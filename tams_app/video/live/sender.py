@@ -1,0 +1,236 @@
+"""One view's sender: frames in, H.264 over RTP out, at the rate it was given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from tams_app import gst
+from tams_app.config import VideoConfig
+from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Frame
+from tams_app.runtime.clock import Clock
+from tams_app.video.core import pipelines
+from tams_app.video.core.codecs import X264, Encoder
+from tams_app.video.core.heard_feedback import HeardFeedback
+from tams_app.video.core.packets import media_ssrc, padding_ssrc
+from tams_app.video.core.padding import Padding
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.live.session_feedback import PacketFeedback, ReceptionReports
+from tams_app.video.live.udp import (
+    UdpSocket,
+    ViewPorts,
+    requested_ports,
+    udp_sink,
+    udp_source,
+    wire_bytes_sent,
+)
+from tams_app.video.live.view_encoder import ViewEncoder
+
+
+class VideoSender:
+    """Encodes and sends one view; `push` from one thread, `set_target_kbps` from any.
+
+    Construct, tell the receiver's side `feedback_port`, `start`, `push` each frame, `close`. `sent`
+    tells what the RTP timestamps of its packets stand for.
+    """
+
+    def __init__(
+        self,
+        view: str,
+        config: VideoConfig,
+        rtx: bool,
+        clock: Clock,
+        start_kbps: float,
+        source_drop_below_kbps: float,
+        on_encoded: Callable[[EncodedFrame], None],
+        on_dropped: Callable[[DroppedFrame], None],
+        heard: HeardFeedback | None = None,
+        feedback: bool = False,
+        parity: ViewParity | None = None,
+        encoder: Encoder = X264,
+        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+    ) -> None:
+        """Bind the port for feedback.
+
+        Args:
+            view: the view's name, one of `config.views`.
+            config: size and rate of the frames, encoder, MTU, ports.
+            rtx: whether packets are kept to be sent again (`RepairRule.rtx`).
+            clock: CLOCK_MONOTONIC, for the times on the records.
+            start_kbps: wire rate to meet until the first `set_target_kbps` [kbit/s].
+            source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
+            on_encoded: called once per frame in the encoder's thread: it must only hand over.
+            on_dropped: called once per dropped frame in the thread that pushes.
+            heard: gets what the receiver tells; None: not asked for.
+            feedback: whether packets are numbered for feedback on each; the receiver must agree.
+            parity: protects the frames, where `RepairRule.parity` lets it.
+            encoder: one that works here (`codec_choice`).
+            may_resend: asked with its size before a packet is sent again, where `feedback`.
+
+        Raises:
+            ConfigError: the port is taken.
+            SetupError: GStreamer lacks an element.
+        """
+        gst.require_elements()
+        self.view = view
+        self._on_encoded = on_encoded
+        self._admitted_ns = self._encoded_ns = 0  # capture times
+        self._config = config
+        self._rtx = rtx
+        self._encoder = encoder
+        self._parity = parity
+        self._packets: list[bytes] = []  # of the frame that is being packetised
+        self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
+        self._padded_bytes = 0
+        self._frames = ViewEncoder(
+            view,
+            config,
+            clock,
+            start_kbps,
+            source_drop_below_kbps,
+            self._encoded,
+            on_dropped,
+            encoder,
+        )
+        self._clock = clock
+        self._heard = heard
+        self._feedback = feedback
+        self._may_resend = partial(may_resend, config.mtu_bytes)
+        self._listener: PacketFeedback | ReceptionReports | None = None
+        self.sent = self._frames.sent
+        self._failure = ""
+        self._pipeline: Any = None
+        ports = requested_ports(config, view)
+        self._socket = UdpSocket(ports.host, ports.feedback, f"sender of view {view}")
+
+    @property
+    def feedback_port(self) -> int:
+        """Where the receiver's RTCP must arrive, and where all packets are sent from."""
+        return self._socket.port
+
+    def start(self, link: ViewPorts) -> None:
+        """Begin to send to `link`: the relay's entrances, or the receiver's own ports.
+
+        Feedback counts from `link.rtp` alone.
+        SetupError if GStreamer refuses.
+        """
+        self._link = link
+        pipeline = gst.parse_pipeline(
+            pipelines.session_sender(
+                self._config,
+                self.view,
+                self._rtx,
+                self._frames.encoder_kbps,
+                rtp_out=udp_sink("rtp_out", link.host, link.rtp),
+                reports_out=udp_sink("reports_out", link.host, link.reports),
+                feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
+                feedback=self._feedback,
+                encoder=self._encoder,
+            )
+        )
+        self._pipeline = pipeline
+        self._source = pipeline.get_by_name("frames")
+        self._udpsink = pipeline.get_by_name("rtp_out")
+        self._resender = pipeline.get_by_name("rtx")
+        self._socket.connect(link.host, link.rtp)  # Linux lets it send to `link.reports` as well
+        for end in ("rtp_out", "reports_out", "feedback_in"):
+            self._socket.attach(pipeline.get_by_name(end))
+        # else a session that sent RTCP before the first frame imposes a random SSRC
+        session = pipeline.get_by_name("session")
+        self._rtp_entrance = session.get_static_pad("send_rtp_sink")
+        ssrc = media_ssrc(self._config, self.view)
+        session.get_property("internal-session").set_property("internal-ssrc", ssrc)
+        if self._heard is not None and self._feedback:
+            self._listener = PacketFeedback(session, self._heard, self._clock, self._may_resend)
+        elif self._heard is not None:
+            self._listener = ReceptionReports(session, self._heard)
+        if self._resender is not None:
+            self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
+            self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
+        if self._parity is not None:
+            kinds = gst.load().Gst.PadProbeType
+            packets = pipeline.get_by_name("payloader").get_static_pad("src")
+            protect = partial(self._on_packets, self._parity)
+            gst.add_probe(packets, kinds.BUFFER | kinds.BUFFER_LIST, protect, self._frames.fail)
+        self._frames.attach(pipeline)
+        gst.set_playing(pipeline, f"the sender of view {self.view}")
+
+    def push(self, frame: Frame, left_out: bool = False) -> None:
+        """Encode and send `frame`; not if `left_out`, nor if its target cannot pay for it."""
+        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes, left_out)
+        if buffer is not None:
+            self._admitted_ns = frame.capture_ns
+            if self._parity is not None:
+                self._parity.captured(frame.image)
+            self._source.emit("push-buffer", buffer)
+
+    def pad(self, size_bytes: int) -> None:
+        """Send so much beside the frames, which the target does not pay for; from one thread.
+
+        Nothing is sent before the first frame has left, nor without feedback, which numbers it.
+        """
+        if not self._feedback or not self.wire_bytes:
+            return
+        for packet in self._padding.packets(size_bytes):
+            self._padded_bytes += len(packet) + IP_UDP_HEADER_BYTES
+            self._rtp_entrance.chain(gst.load().Gst.Buffer.new_wrapped(packet))
+
+    def set_target_kbps(self, kbps: float) -> None:
+        """The wire rate to meet from the next frame on: IP datagrams, repair included."""
+        self._frames.set_target_kbps(kbps)
+
+    @property
+    def wire_bytes(self) -> int:
+        """IP datagram bytes sent so far: media, repair and padding."""
+        return wire_bytes_sent(self._udpsink, self._link)
+
+    @property
+    def behind_ns(self) -> int:
+        """From the capture of the frame encoded last to that of the one admitted last."""
+        return max(0, self._admitted_ns - self._encoded_ns)
+
+    def poll(self) -> str:
+        """Why this sender no longer works, in one sentence; "" while it does."""
+        if not self._failure and self._pipeline is not None:
+            reason = self._frames.failure or gst.poll_bus(self._pipeline)
+            if self._listener is not None:
+                reason = reason or self._listener.failure
+            if reason:
+                self._failure = f"the sender of view {self.view} failed: {reason}"
+        return self._failure
+
+    def close(self) -> None:
+        """Stop sending and free the port; may be called twice."""
+        if self._pipeline is not None:
+            gst.shut_down(self._pipeline)
+        self._socket.close()
+
+    def _encoded(self, frame: EncodedFrame) -> None:
+        self._encoded_ns = frame.capture_ns
+        self._on_encoded(frame)
+
+    def _on_packets(self, parity: ViewParity, pad: Any, probe: Any) -> Any:
+        """In the encoder's thread: send a frame's parity behind its last packet."""
+        Gst = gst.load().Gst
+        for buffer in gst.buffers_of(probe):
+            self._packets.append(buffer.extract_dup(0, buffer.get_size()))
+        if not buffer.has_flags(Gst.BufferFlags.MARKER):
+            return Gst.PadProbeReturn.OK
+        packets, self._packets = self._packets, []
+        if not (protecting := parity.protect(packets)):
+            return Gst.PadProbeReturn.OK
+        session = pad.get_peer()
+        if probe.type & Gst.PadProbeType.BUFFER_LIST:
+            session.chain_list(probe.get_buffer_list())
+        else:
+            session.chain(probe.get_buffer())
+        for packet in protecting:
+            behind = Gst.Buffer.new_wrapped(packet)
+            behind.pts, behind.dts = buffer.pts, buffer.dts
+            session.chain(behind)
+        return Gst.PadProbeReturn.DROP
+
+    def _set_structure(self, name: str, text: str) -> None:
+        structure, _ = gst.load().Gst.Structure.from_string(text)
+        self._resender.set_property(name, structure)

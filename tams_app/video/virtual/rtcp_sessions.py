@@ -1,0 +1,226 @@
+"""The two RTCP sessions of one view, without their packets: what they ask and when it leaves.
+
+Calibrated against GStreamer's rtpsession (`python -m benchmarks.experiments.feedback_model`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from tams_app.records import PacketKind
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.packets import SEQUENCES
+from tams_app.video.core.pipelines import (
+    RECEIVER_REPORTS_NS,
+    SENDER_REPORTS_NS,
+    SESSION_BANDWIDTH_BPS,
+)
+from tams_app.video.core.rtcp import ReportBlock
+from tams_app.video.virtual.reception import ArrivalMessage
+from tams_app.video.virtual.rtcp_timing import Report, RtcpTiming
+
+# Sizes [bytes] of IP datagrams as rtpsession fills them: UDP and IP, a report, SDES with a name
+# of 28 characters (all of it, or in an early report the name alone), then what is asked.
+_HEADERS = 28
+_RECEIVER_REPORT, _REPORT_BLOCK, _SENDER_REPORT = 8, 24, 28
+_SDES, _SHORT_SDES = 52, 40
+_NACK, _NACK_ENTRY, _PLI = 12, 4, 12
+_OF_OUR_OWN = {PacketKind.PARITY, PacketKind.PADDING}  # streams that begin when they are needed
+_NACK_REACH = 16  # an entry asks for a packet and any of the 16 that follow
+
+_KEYFRAME_TIMEOUT_NS = 5 * NS_PER_S
+_ARRIVALS_TIMEOUT_NS = 100 * NS_PER_MS
+_LONGEST_ROUND_TRIP_NS = 5 * NS_PER_S
+_ROUND_TRIP_UNIT_NS = NS_PER_S / 65536
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """One RTCP datagram of a receiver: what it asks for, and which sender report it answers.
+
+    `arrivals` leave with it, each a datagram of its own.
+    """
+
+    sent_ns: int
+    nacks: tuple[int, ...]  # sequence numbers of the media packets to send again
+    pli: bool
+    size_bytes: int
+    # how long the last sender report was on its way; None: no report block, or none came yet
+    report_transit_ns: int | None
+    arrivals: tuple[ArrivalMessage, ...] = ()
+    block: ReportBlock | None = None  # None: in an early report
+
+
+class ReceiverSession:
+    """Collects what the jitter buffer and the depayloader ask for until RTCP may leave."""
+
+    def __init__(self, random: Random, rtx: bool) -> None:
+        self.timing = RtcpTiming(random, RECEIVER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
+        self._nacks: dict[int, int] = {}  # sequence number -> when asking becomes pointless
+        self._rtx = rtx
+        self._pli = False
+        self._kinds: set[PacketKind] = set()  # that have come
+        self._report_transit_ns: int | None = None
+
+    @property
+    def next_ns(self) -> int | None:
+        """When `step` must be called [ns]; None before the first packet."""
+        return self.timing.next_ns
+
+    def received(self, now_ns: int, kind: PacketKind) -> None:
+        """A packet of the RTP flow came."""
+        self.timing.start(now_ns)
+        self._kinds.add(kind)
+
+    def received_report(self, transit_ns: int, size_bytes: int) -> None:
+        """A sender report came after `transit_ns`."""
+        self._report_transit_ns = transit_ns
+        self.timing.members = 2 + self._rtx + len(self._kinds & _OF_OUR_OWN)
+        self.timing.observe(size_bytes)
+
+    def ask_again(self, now_ns: int, sequence: int, time_left_ms: int) -> None:
+        """The jitter buffer misses a packet that must be asked for within `time_left_ms`."""
+        time_left_ns = time_left_ms * NS_PER_MS
+        self._nacks[sequence] = now_ns + time_left_ns
+        self.timing.request(now_ns, time_left_ns)
+
+    def ask_keyframe(self, now_ns: int) -> None:
+        """The depayloader cannot go on without a keyframe."""
+        self._pli = True
+        self.timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
+
+    def tell_arrivals(self, now_ns: int) -> None:
+        """A message about packets that came is ready."""
+        self.timing.request(now_ns, _ARRIVALS_TIMEOUT_NS)
+
+    def step(
+        self,
+        now_ns: int,
+        take_arrivals: Callable[[], tuple[ArrivalMessage, ...]] = tuple,
+        block: Callable[[], ReportBlock | None] = lambda: None,
+    ) -> Feedback | None:
+        """The datagram that leaves now, None if the timer was reconsidered."""
+        report = self.timing.step(now_ns)
+        if report is None:
+            return None
+        regular = report is Report.REGULAR
+        nacks, pli = self._take_nacks(now_ns, regular), self._pli
+        self._pli = False
+        size_bytes = _HEADERS + _RECEIVER_REPORT + (_SDES if regular else _SHORT_SDES)
+        size_bytes += _PLI * pli + _nack_bytes(nacks)
+        if regular:
+            size_bytes += _REPORT_BLOCK * len(self._kinds | {PacketKind.MEDIA})
+        self.timing.observe(size_bytes)
+        transit_ns = self._report_transit_ns if regular else None
+        arrivals = take_arrivals()
+        for message in arrivals:
+            self.timing.observe(message.size_bytes)
+        told = block() if regular else None
+        return Feedback(now_ns, nacks, pli, size_bytes, transit_ns, arrivals, told)
+
+    def _take_nacks(self, now_ns: int, regular: bool) -> tuple[int, ...]:
+        """The pending numbers in order, without the expired; an early report keeps the last."""
+        pending = sorted(self._nacks, key=lambda sequence: (self._nacks[sequence], sequence))
+        expired = 0
+        for sequence in pending:
+            if self._nacks[sequence] >= now_ns:
+                break
+            expired += 1
+        if pending and not regular:
+            expired = min(expired, len(pending) - 1)
+        self._nacks.clear()
+        return tuple(pending[expired:])
+
+
+class SenderSession:
+    """The sender's reports, and its refusal of keyframe requests that come too soon."""
+
+    def __init__(self, random: Random, rtx: bool) -> None:
+        self.timing = RtcpTiming(random, SENDER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
+        self.timing.members = 2 + rtx
+        self._rtx = rtx
+        self.round_trip_ns = 0  # 0: not known yet
+        self._last_keyframe_ns: int | None = None
+        self._kinds: set[PacketKind] = set()  # that have left
+
+    @property
+    def next_ns(self) -> int | None:
+        """When `step` must be called [ns]; None before the first packet."""
+        return self.timing.next_ns
+
+    def sent(self, now_ns: int, kind: PacketKind) -> None:
+        """A packet of the RTP flow left."""
+        self.timing.start(now_ns)
+        self._kinds.add(kind)
+        self.timing.members = 2 + self._rtx + len(self._kinds & _OF_OUR_OWN)
+
+    def step(self, now_ns: int) -> list[int]:
+        """Sizes [bytes] of the reports that leave now: the media stream's, RTX's, our own streams'.
+
+        A stream that has sent nothing yet gives the report of a receiver.
+        """
+        if self.timing.step(now_ns) is None:
+            return []
+        sizes = [_HEADERS + _SENDER_REPORT + _SDES]
+        if self._rtx:
+            repaired = PacketKind.REPAIR in self._kinds
+            sizes.append(sizes[0] if repaired else _HEADERS + _RECEIVER_REPORT + _SDES)
+        sizes += [sizes[0]] * len(self._kinds & _OF_OUR_OWN)
+        for size_bytes in sizes:
+            self.timing.observe(size_bytes)
+        return sizes
+
+    def received(self, now_ns: int, feedback: Feedback) -> bool:
+        """Feedback came; whether a keyframe it asks for is made.
+
+        rtpsession ignores a request that follows the last one by less than two round trips.
+        """
+        self.timing.observe(feedback.size_bytes)
+        for message in feedback.arrivals:
+            self.timing.observe(message.size_bytes)
+        if feedback.report_transit_ns is not None:
+            exact_ns = feedback.report_transit_ns + now_ns - feedback.sent_ns
+            self.round_trip_ns = round(round(exact_ns / _ROUND_TRIP_UNIT_NS) * _ROUND_TRIP_UNIT_NS)
+        if not feedback.pli:
+            return False
+        round_trip_ns = self.round_trip_ns
+        if round_trip_ns > _LONGEST_ROUND_TRIP_NS:
+            round_trip_ns = NS_PER_S // 2
+        last_ns = self._last_keyframe_ns
+        if last_ns is not None and now_ns - last_ns < 2 * round_trip_ns:
+            return False
+        self._last_keyframe_ns = now_ns
+        return True
+
+
+class SentPackets:
+    """What rtprtxsend keeps: the media packets of the last `history_ms`, by sequence number."""
+
+    def __init__(self, history_ms: int) -> None:
+        self._history_ticks = 90 * history_ms
+        self._packets: dict[int, bytes] = {}
+        self._order: deque[tuple[int, int]] = deque()  # (RTP timestamp, sequence number)
+
+    def keep(self, sequence: int, timestamp: int, packet: bytes) -> None:
+        """A media packet was sent."""
+        self._packets[sequence] = packet
+        self._order.append((timestamp, sequence))
+        while timestamp - self._order[0][0] > self._history_ticks:
+            del self._packets[self._order.popleft()[1]]
+
+    def find(self, sequence: int) -> bytes | None:
+        """The packet with this number; None if it is forgotten."""
+        return self._packets.get(sequence)
+
+
+def _nack_bytes(nacks: tuple[int, ...]) -> int:
+    entries, reach = 0, -1
+    first = nacks[0] if nacks else 0
+    for ahead in sorted((sequence - first) % SEQUENCES for sequence in nacks):
+        if ahead > reach:
+            entries += 1
+            reach = ahead + _NACK_REACH
+    return _NACK + _NACK_ENTRY * entries if entries else 0

@@ -1,0 +1,190 @@
+"""The video of a run in virtual time: push frames, advance time, take what is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from types import MappingProxyType
+
+from tams_app import gst
+from tams_app.config import Network, VideoConfig
+from tams_app.records import Frame, ShownFrame
+from tams_app.video.core.frame_identity import SentFrame
+from tams_app.video.core.heard_feedback import HeardFeedback
+from tams_app.video.core.link import Link
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.live.networks import network_capacity
+from tams_app.video.virtual.event_queue import EventQueue
+from tams_app.video.virtual.receiver import VirtualReceiver
+from tams_app.video.virtual.rtcp_sessions import Feedback
+from tams_app.video.virtual.sender import VirtualSender
+from tams_app.video.virtual.shared import ProcessingTimes, Shared, VideoRecords
+from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.wait_idle import IdleGate, IdleWaiter
+
+_NEVER_NS = 1 << 63
+
+
+class VirtualVideo:
+    """The real encoders, jitter buffers and decoders of all views, over one link, in virtual time.
+
+    For one thread of a process that runs nothing else. The same inputs give the same bytes,
+    frames and times on the same machine. Time begins at `start_ns` > 0, where a capacity trace
+    begins too; `advance_to` moves it.
+    """
+
+    def __init__(
+        self,
+        config: VideoConfig,
+        network: Network,
+        rule: RepairRule,
+        seed: int,
+        start_ns: int,
+        start_kbps: Mapping[str, float],
+        source_drop_below_kbps: float,
+        records: VideoRecords,
+        times: ProcessingTimes | None = None,
+        heard: Mapping[str, HeardFeedback] | None = None,
+        feedback: bool = False,
+        parity: Mapping[str, ViewParity] = MappingProxyType({}),
+        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+    ) -> None:
+        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
+
+        `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
+        `parity`: of the views that `rule` lets be protected.
+        `may_resend` is asked with its size before a packet is sent again, where `feedback`.
+        """
+        gst.require_elements()
+        self._clock = SteppedClock(start_ns)
+        self._events = EventQueue()
+        self._waiter = IdleWaiter()
+        self._idle_gate = IdleGate(self._waiter, self._clock)
+        link = Link(network, network_capacity(network, start_ns), config.views, seed)
+        shared = Shared(
+            link, self._events, self._clock, self._idle_gate, records, times or ProcessingTimes()
+        )
+        self._senders: dict[str, VirtualSender] = {}
+        self.receivers: dict[str, VirtualReceiver] = {}
+        for view in config.views:
+            receiver = VirtualReceiver(
+                view,
+                config,
+                rule,
+                seed,
+                shared,
+                self._identify_for(view),
+                self._return_to(view),
+                feedback,
+            )
+            self.receivers[view] = receiver
+            self._senders[view] = VirtualSender(
+                view,
+                config,
+                rule.rtx,
+                seed,
+                start_kbps[view],
+                source_drop_below_kbps,
+                shared,
+                receiver.arrive,
+                receiver.arrive_report,
+                heard.get(view) if heard else None,
+                feedback,
+                parity.get(view),
+                may_resend,
+            )
+        self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
+            *self.receivers.values(),
+            *self._senders.values(),
+        )
+        for end in self._ends:
+            end.start()
+        self._idle_gate.wait()
+
+    @property
+    def now_ns(self) -> int:
+        """Virtual time [ns]."""
+        return self._clock.now_ns()
+
+    def push(self, frame: Frame, left_out: bool = False) -> None:
+        """Encode a frame at this moment; nothing of it is sent before time advances.
+
+        `left_out`: it is not to be sent. TamsError if the encoder fails.
+        """
+        self._senders[frame.view].push(frame, left_out)
+
+    def set_targets(self, target_kbps: Mapping[str, float]) -> None:
+        """The wire rate each view is to meet from its next frame on."""
+        for view, kbps in target_kbps.items():
+            self._senders[view].set_target_kbps(kbps)
+
+    def pad(self, size_bytes: int) -> None:
+        """Send so much padding now, in the first view's session."""
+        next(iter(self._senders.values())).pad(size_bytes)
+
+    def advance_to(self, now_ns: int) -> None:
+        """Let everything happen that is due up to `now_ns`, one event after the other.
+
+        Of what is due at once, GStreamer's waits end first, then the queue's actions, then RTCP.
+
+        ValueError if that is in the past; TamsError if a chain fails or does not become idle.
+        """
+        while True:
+            wait_ns = _or_never(self._clock.next_ns())
+            action_ns = _or_never(self._events.next_ns)
+            reports_ns = self._reports_ns()
+            due_ns = min(wait_ns, action_ns, reports_ns)
+            if due_ns > now_ns:
+                break
+            due_ns = max(due_ns, self._clock.now_ns())
+            self._clock.move_to(due_ns)
+            if wait_ns <= due_ns:
+                self._clock.end_next_wait()
+                self._idle_gate.wait()
+                self._collect()
+            elif action_ns <= due_ns:
+                self._events.do_next()
+                if self._idle_gate.wait_if_due():
+                    self._collect()
+            else:
+                self._send_reports(due_ns)
+        self._clock.move_to(now_ns)
+
+    def shown(self, view: str) -> ShownFrame | None:
+        """The newest frame of `view` on the operator's screen; None before the first."""
+        return self.receivers[view].shown
+
+    def wire_bytes(self) -> int:
+        """IP datagram bytes sent so far by all views together, padding included."""
+        return sum(sender.wire_bytes for sender in self._senders.values())
+
+    def close(self) -> None:
+        """End all chains; may be called twice."""
+        with ExitStack() as stack:
+            stack.callback(self._waiter.close)
+            for end in self._ends:
+                stack.callback(end.close)
+
+    def _identify_for(self, view: str) -> Callable[[int], SentFrame | None]:
+        return lambda timestamp: self._senders[view].sent.find(timestamp)
+
+    def _return_to(self, view: str) -> Callable[[Feedback], None]:
+        return lambda feedback: self._senders[view].obey(feedback)
+
+    def _reports_ns(self) -> int:
+        """When RTCP is due next [ns]."""
+        return min([_or_never(end.timing.next_ns) for end in self._ends])
+
+    def _send_reports(self, now_ns: int) -> None:
+        for end in self._ends:
+            if _or_never(end.timing.next_ns) <= now_ns:
+                end.step()
+
+    def _collect(self) -> None:
+        for receiver in self.receivers.values():
+            receiver.collect()
+
+
+def _or_never(due_ns: int | None) -> int:
+    return _NEVER_NS if due_ns is None else due_ns
