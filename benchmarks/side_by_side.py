@@ -24,9 +24,8 @@ from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, FixedViewpo
 from tams_app.config import load_config
 from tams_app.palette import rgb, view_colour
 from tams_app.policy.weights import WeightMatrix
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import Image, Phase, ShownFrame
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual.trial import VirtualTrial
 from tams_app.units import NS_PER_S
 

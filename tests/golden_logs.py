@@ -12,9 +12,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from tams_app.recording import Facts, SessionLog, read_log
+from tams_app.recording import LOG_NAME, Facts, SessionLog, read_log
 from tams_app.recording.mcap_log import McapLog
-from tams_app.session.recorders import LOG_NAME
 from tests.session.virtual.runs import run, short
 
 DATA = Path(__file__).parent / "data"

@@ -24,7 +24,7 @@ from benchmarks.experiments.virtual_runs import VirtualRuns, read_summary
 from benchmarks.runs import Run, run_session
 from tams_app.config import Config, dump_config, load_config
 from tams_app.errors import TamsError
-from tams_app.session.recorders import LOG_NAME
+from tams_app.recording import LOG_NAME
 from tams_app.study.trial_process import TrialProcess
 from tams_app.units import NS_PER_S
 

@@ -21,7 +21,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
 from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
-from tams_app.study.trial import TrialJudge
+from tams_app.task.judge import TrialJudge
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 Distort = Callable[[str, Image], Image]

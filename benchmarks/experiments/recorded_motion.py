@@ -27,7 +27,7 @@ from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords, session_header
 from tams_app.session.virtual.rig import VirtualRobot
-from tams_app.study.trial import TrialJudge
+from tams_app.task.judge import TrialJudge
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import psutil
 
+from tams_app.recording import LOG_NAME
 from tams_app.recording.reader import read_log, read_ticks
-from tams_app.session.recorders import LOG_NAME
 from tams_app.units import NS_PER_MS
 from tests.faults.two_sides import HOST, HandSide, RobotSide
 from tests.impaired_link import Conditions, ImpairedLink

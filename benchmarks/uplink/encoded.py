@@ -13,9 +13,8 @@ from benchmarks.uplink.cases import Case
 from benchmarks.uplink.measures import Measures, measure
 from benchmarks.uplink.model import Trace
 from tams_app.config import Config, load_config
-from tams_app.recording import read_log
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import PacketKind
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual.trial import START_NS
 
 Result = dict[str, Any]

@@ -25,9 +25,9 @@ from calibration.cameras.timing import FEWEST_FRAMES, Rate, measure_rate, rate_a
 from calibration.figures import new_figure, save_figure
 from calibration.ui import WizardUI
 from tams_app.errors import UnreadableLogError
-from tams_app.recording import SessionLog, read_log, read_reference
+from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference
 from tams_app.records import Frame, Image
-from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
+from tams_app.session.recorders import REFERENCE_NAME
 
 
 @dataclass(slots=True)

@@ -13,9 +13,8 @@ from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
 from calibration.frame.touches import Touch, mean_rotation
 from tams_app.config import Config
 from tams_app.errors import UnreadableLogError
-from tams_app.recording import read_log, read_ticks
+from tams_app.recording import LOG_NAME, read_log, read_ticks
 from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick, Vector
-from tams_app.session.recorders import LOG_NAME
 from tams_app.teleop.clutch import Clutch
 from tams_app.teleop.safety import ArmingState
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats
 from tams_app.errors import UnreadableLogError
 from tams_app.records import Phase, SceneTruth, Tick, Vector
-from tams_app.study.trial import TaskGeometry
+from tams_app.task.judge import TaskGeometry
 from tams_app.teleop.safety import ArmingState
 
 Flags: TypeAlias = NDArray[np.bool_]

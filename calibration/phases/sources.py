@@ -15,9 +15,8 @@ from calibration.phases.marking import FILE_NAME, Replay, labels_from, read_mark
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.session.build import task_geometry
-from tams_app.session.recorders import LOG_NAME
 
 Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
 _MARKED = " (marked)"

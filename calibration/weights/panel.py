@@ -17,9 +17,8 @@ import numpy as np
 from calibration.weights.ratings import LEAST, MOST, Answer, RatingFolder, Sheet
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
-from tams_app.recording import read_log
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
-from tams_app.session.recorders import LOG_NAME
 
 PAPER_DOMINANT = {
     Phase.REACH: "gt",

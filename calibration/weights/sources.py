@@ -17,9 +17,9 @@ from pydantic import ValidationError
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
 from tams_app.errors import ConfigError, UnreadableLogError
-from tams_app.recording import SessionLog, read_log, read_reference, read_video
+from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
-from tams_app.session.recorders import LOG_NAME, REFERENCE_NAME
+from tams_app.session.recorders import REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.colour import bgr_of
 from tams_app.video.live.recorded import decoded

@@ -187,7 +187,7 @@ def to_csv(
 
 def _sessions(directory: Path) -> Iterator[dict[str, Any]]:
     """Every folder with a log, by name, which begins with its time."""
-    from tams_app.session.recorders import LOG_NAME
+    from tams_app.recording import LOG_NAME
 
     try:
         folders = sorted(folder for folder in directory.iterdir() if (folder / LOG_NAME).is_file())

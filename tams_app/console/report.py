@@ -12,9 +12,8 @@ from tams_app.console.summary_tables import link_table, summary_tables
 from tams_app.errors import UnreadableLogError
 from tams_app.printing import Console
 from tams_app.progress import waiting
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
-from tams_app.session.recorders import LOG_NAME
 from tams_app.summary.joined import (
     clock_offsets,
     in_order,
@@ -101,8 +100,8 @@ def _draw(
 ) -> None:
     """Write figure and page into `folder`; LogError if they cannot be written."""
     # matplotlib and jinja2: no session starts with them
-    from tams_app.study.figures import save_bitrates
-    from tams_app.study.session_page import write_page
+    from tams_app.report.figures import save_bitrates
+    from tams_app.report.session_page import write_page
 
     save_bitrates(log, folder / FIGURE_NAME)
     write_page(log, summary, pictures, folder / PAGE_NAME)

@@ -30,8 +30,8 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.session import Session
-from tams_app.study.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
 from tams_app.study.plan import PlannedTrial
+from tams_app.task.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
 
 BEGINNING = (
     "The trial begins when the trigger is first pressed. p ends it when the block is placed, q "

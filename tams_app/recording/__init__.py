@@ -4,6 +4,7 @@ from tams_app.recording.mcap_stream import Gap
 from tams_app.recording.reader import SessionLog, read_log, read_records, read_ticks, read_video
 from tams_app.recording.reference import ReferenceRecorder, read_reference
 from tams_app.recording.topics import (
+    LOG_NAME,
     Facts,
     FrameCaptured,
     FrameSent,
@@ -15,6 +16,7 @@ from tams_app.recording.viewers import MakeViewers, Viewers
 from tams_app.recording.writer import Recorder
 
 __all__ = [
+    "LOG_NAME",
     "Facts",
     "FrameCaptured",
     "FrameSent",

@@ -257,6 +257,7 @@ TOPICS: dict[type, Topic[Any]] = {
 }
 
 
+LOG_NAME = "session.mcap"  # in a session's folder
 FORMER_NAMES = {"/rates": "/cameras"}  # of topics, up to schema 3
 
 PICTURE_PREFIX = "/shown/"  # + view: foxglove.CompressedImage

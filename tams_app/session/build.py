@@ -24,7 +24,7 @@ from tams_app.session.listener import Listener
 from tams_app.session.machine_speed import this_machine
 from tams_app.session.rate_ladder import RateLadder
 from tams_app.session.recorders import SessionRecords
-from tams_app.study.trial import TaskGeometry
+from tams_app.task.judge import TaskGeometry
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace

@@ -13,7 +13,7 @@ from tams_app.session import build
 from tams_app.session.control import Signals, describe, lasting_label
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
-from tams_app.study.trial import TrialJudge
+from tams_app.task.judge import TrialJudge
 from tams_app.teleop.advice import advice, refusal
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.records import TeleopOutput

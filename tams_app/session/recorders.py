@@ -14,7 +14,7 @@ import psutil
 from tams_app import __version__
 from tams_app.capacity import Capacity
 from tams_app.config import Config
-from tams_app.recording import Facts, Header, Recorder, ReferenceRecorder
+from tams_app.recording import LOG_NAME, Facts, Header, Recorder, ReferenceRecorder
 from tams_app.recording.topics import Recordable
 from tams_app.records import (
     Allocation,
@@ -33,7 +33,6 @@ from tams_app.session.listener import Listener
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import invite_viewers, viewers_of
 
-LOG_NAME = "session.mcap"
 REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
 

@@ -1,3 +1,3 @@
 """Studies: design, plan, trials, statistics, report."""
 
-__all__ = ["cli", "plan", "planning", "runner", "trial"]
+__all__ = ["cli", "plan", "planning", "runner"]

@@ -21,12 +21,12 @@ from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.marks import marks_in
 from tams_app.study.plan import ParticipantState, Plan, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
 from tams_app.study.unattended import TrialsProgress, run_unattended
+from tams_app.task.marks import marks_in
 
 if TYPE_CHECKING:
     from tams_app.study.results import StudyData

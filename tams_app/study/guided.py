@@ -15,7 +15,6 @@ from tams_app.config import Config, TrialConfig
 from tams_app.errors import ConfigError, TamsError
 from tams_app.printing import Console
 from tams_app.study.folder import StudyFolder
-from tams_app.study.marks import MAX_DROPS, Marks
 from tams_app.study.plan import (
     Attempt,
     AttemptState,
@@ -26,6 +25,7 @@ from tams_app.study.plan import (
     void,
 )
 from tams_app.study.runner import TrialRunner, mark_ended
+from tams_app.task.marks import MAX_DROPS, Marks
 
 
 class GuidedRun:

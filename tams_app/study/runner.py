@@ -11,7 +11,6 @@ from tams_app.outputs import write_file
 from tams_app.study.plan import PlannedTrial
 
 SUMMARY_NAME = "summary.json"
-LOG_NAME = "session.mcap"
 MACHINE_NAME = "machine.json"  # written last: it also marks a trial that ran to its end
 
 

@@ -14,7 +14,7 @@ from calibration.phases.labels import Geometry, LabelRules, geometric_labels, tr
 from calibration.phases.trials import CODE, NOT_COUNTED, PHASES
 from tams_app.errors import LogError
 from tams_app.records import Phase
-from tams_app.study.trial import TaskGeometry
+from tams_app.task.judge import TaskGeometry
 from tests.calibration.phase_trials import (
     BLOCK,
     CONTAINER,

@@ -18,10 +18,9 @@ from rich.console import Console
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.two_sided import _tell_where
-from tams_app.recording import Facts, SessionLog
+from tams_app.recording import LOG_NAME, Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, ShownFrame
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS

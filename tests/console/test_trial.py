@@ -22,7 +22,7 @@ from tams_app.console.wishes import Wish
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.recording import read_log
 from tams_app.session.session import Session
-from tams_app.study.marks import DROPS_FACT, PLACED_FACT
+from tams_app.task.marks import DROPS_FACT, PLACED_FACT
 from tests.console.test_status import STATE
 from tests.study.synthetic_study import planned_trial
 

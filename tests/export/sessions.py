@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from tams_app.config import load_config
-from tams_app.recording import Header
+from tams_app.recording import LOG_NAME, Header
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Outcome, Phase, Pose, Tick, Twist
 from tams_app.rotation import Rotation
-from tams_app.session.recorders import LOG_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.calibration.weights_session import VIDEO, encoded
 from tests.synthetic_session import FPS, START_NS, VIEWS, header, tick

@@ -15,14 +15,13 @@ from rosbags.interfaces import QosDurability, QosReliability
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.export.rosbag2 import write_bag
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note
 from tams_app.ros2 import extra
 from tams_app.ros2.conversion import DIAGNOSTICS_HZ
 from tams_app.ros2.topics import published
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.viewing import scene_of_header, viewers_of
 from tests.ros2.records import full_header, truth
 from tests.synthetic_session import START_NS, VIEWS, live_records

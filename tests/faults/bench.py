@@ -19,7 +19,7 @@ from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config, load_config
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, ServoMode, StopRecord, Tick, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.session import build
@@ -27,7 +27,7 @@ from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.listener import Listener
 from tams_app.session.observers import StopWatch
-from tams_app.session.recorders import LOG_NAME, Recorders
+from tams_app.session.recorders import Recorders
 from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState

@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 
 from tams_app.recording import SessionLog
 from tams_app.records import Phase, PhaseChange
-from tams_app.study.figures import DPI, WIDTH_IN, bitrates_figure, measured_rate, save_bitrates
+from tams_app.report.figures import DPI, WIDTH_IN, bitrates_figure, measured_rate, save_bitrates
 from tams_app.summary.tables import PacketTable, Span
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header

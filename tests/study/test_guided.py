@@ -10,9 +10,9 @@ import pytest
 from tams_app.errors import ConfigError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.marks import Marks
 from tams_app.study.plan import AttemptState, PlannedTrial, Verdict
 from tams_app.study.runner import TrialRunner
+from tams_app.task.marks import Marks
 from tests.study.experimenter import Experimenter
 from tests.study.synthetic_study import PlantedRunner, make_study
 

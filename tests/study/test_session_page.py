@@ -23,10 +23,10 @@ from tams_app.recording import pictures as pictures_module
 from tams_app.recording.pictures import read_pictures
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note, Phase, PhaseChange, ShownFrame, StopRecord
+from tams_app.report.session_page import stills_of
+from tams_app.report.timeline import held_stretches, phase_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
-from tams_app.study.session_page import stills_of
-from tams_app.study.timeline import held_stretches, phase_stretches, timeline_figure
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
 from tams_app.teleop.safety import ArmingState

@@ -6,7 +6,7 @@ import pytest
 from tams_app.config import TrialConfig
 from tams_app.records import Pose, SceneTruth
 from tams_app.rotation import Rotation
-from tams_app.study.trial import TaskGeometry, TrialJudge
+from tams_app.task.judge import TaskGeometry, TrialJudge
 
 pytestmark = pytest.mark.untimed
 

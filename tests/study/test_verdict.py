@@ -12,7 +12,8 @@ from tams_app.recording import SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import PacketRecord, Phase, PhaseChange
 from tams_app.study.guided import ask_verdict
-from tams_app.study.marks import (
+from tams_app.study.plan import Verdict
+from tams_app.task.marks import (
     DROPS_FACT,
     PLACED_FACT,
     Marks,
@@ -20,7 +21,6 @@ from tams_app.study.marks import (
     marks_in,
     marks_of,
 )
-from tams_app.study.plan import Verdict
 from tams_app.units import NS_PER_S
 from tests.study.experimenter import Experimenter
 from tests.synthetic_session import START_NS, header, live_records, tick

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tams_app import gst
-from tams_app.recording import read_video
+from tams_app.recording import LOG_NAME, read_video
 from tams_app.records import EncodedFrame, Image, ShownFrame
-from tams_app.session.recorders import LOG_NAME
 from tams_app.video.core.colour import bgr_of
 from tests.foxglove_messages import messages
 from tests.session.virtual.runs import WALL_NS, run, short

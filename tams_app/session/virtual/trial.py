@@ -16,7 +16,7 @@ from hw.controller import Controller
 from hw.sim.operator.seeing import SeeingParticipant
 from tams_app.config import Config
 from tams_app.errors import ConfigError
-from tams_app.recording import read_log
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, PhaseChange, ShownFrame
 from tams_app.runtime.clock import VirtualClock
@@ -29,7 +29,7 @@ from tams_app.session.folder import furnish_session_folder
 from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ
 from tams_app.session.recorded_hand import recorded_hand
-from tams_app.session.recorders import LOG_NAME, SessionRecords, session_header
+from tams_app.session.recorders import SessionRecords, session_header
 from tams_app.session.viewing import viewers_of
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo

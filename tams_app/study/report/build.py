@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from tams_app.config.streaming import PhasesConfig
 from tams_app.outputs import made_folder, write_file
-from tams_app.recording import read_log
-from tams_app.study.figures import bitrates_figure
-from tams_app.study.pages import page_environment
+from tams_app.recording import LOG_NAME, read_log
+from tams_app.report.figures import bitrates_figure
+from tams_app.report.pages import page_environment
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import balance_sentence
 from tams_app.study.report import drawing, paper, wording
@@ -25,7 +25,6 @@ from tams_app.study.report.drawing import to_png
 from tams_app.study.report.findings import PARTS, claims, compared
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import StudyData
-from tams_app.study.runner import LOG_NAME
 from tams_app.study.statistics.estimates import FEWEST_TO_TEST
 from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES

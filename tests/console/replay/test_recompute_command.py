@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from tams_app.cli import _main
-from tams_app.recording import SessionLog, read_log
-from tams_app.session.recorders import LOG_NAME
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tests.golden_logs import golden_log, write_thinned
 
 pytestmark = pytest.mark.untimed

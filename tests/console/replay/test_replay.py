@@ -17,12 +17,11 @@ from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.window.messages import Keys
-from tams_app.recording import read_log
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note, Phase, PhaseChange, ShownFrame
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.golden_logs import golden_log

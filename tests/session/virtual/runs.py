@@ -15,8 +15,8 @@ from typing import Any
 import cv2
 
 from tams_app.config import Config, load_config
+from tams_app.recording import LOG_NAME
 from tams_app.records import Outcome, ShownFrame
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual.trial import VirtualTrial
 
 WALL_NS = 1_800_000_000_000_000_000

@@ -14,9 +14,8 @@ import pytest
 from hw.controller import Controller
 from hw.desk.keyboard import CLOSE, DEADMAN, MODE, OPEN, HeldKeys, KeyboardController
 from tams_app.config import Config
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import Pose, SceneTruth
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual.trial import VirtualTrial
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S

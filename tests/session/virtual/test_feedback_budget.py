@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import PacketKind
-from tams_app.session.recorders import LOG_NAME
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.session.virtual.runs import run, short

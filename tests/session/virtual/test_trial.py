@@ -11,10 +11,9 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.recording import SessionLog, read_log, read_video
+from tams_app.recording import LOG_NAME, SessionLog, read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.recorders import LOG_NAME
 from tams_app.session.virtual import trial as trial_module
 from tams_app.session.virtual.rig import DELIVERY_NS
 from tams_app.session.virtual.trial import START_NS, VirtualTrial, run_virtual_trial

@@ -20,7 +20,7 @@ from tams_app.palette import (
 )
 from tams_app.recording import SessionLog
 from tams_app.records import StopRecord
-from tams_app.study.figures import RateCurve, frame_interval_ns, measured_rate
+from tams_app.report.figures import RateCurve, frame_interval_ns, measured_rate
 from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targets
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import Phase
-from tams_app.study.runner import LOG_NAME
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
 

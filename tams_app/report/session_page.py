@@ -17,8 +17,8 @@ from tams_app.outputs import write_file
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import ShownPicture
-from tams_app.study.pages import page_environment
-from tams_app.study.timeline import Stretch, phase_stretches, stops_of, timeline_figure
+from tams_app.report.pages import page_environment
+from tams_app.report.timeline import Stretch, phase_stretches, stops_of, timeline_figure
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS, NS_PER_S
