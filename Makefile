@@ -61,7 +61,7 @@ installed: $(READY)
 
 # The laws' tests with examples drawn anew: what fails is a defect, and its case becomes an example.
 explore: $(READY)
-	$(ALONE) $(PY) -m pytest -m "hypothesis and untimed" -n logical
+	$(ALONE) $(PY) -m pytest -m "hypothesis and (untimed or waiting)" -n logical
 
 # An hour or two for all modules, minutes for one (ARGS=tams_app/link/age.py) or for what the last
 # run did not catch (ARGS=--again); renews tests/mutation/RESULT.txt and fails if a survivor is not

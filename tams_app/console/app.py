@@ -22,7 +22,7 @@ from tams_app.console.window.session_face import (
     ShownTrial,
 )
 from tams_app.console.window.session_window import SessionWindow
-from tams_app.console.wishes import Wish, actions_of
+from tams_app.console.wishes import Wish, actions_of, carry_out
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
@@ -232,10 +232,10 @@ def _read_keys(session: ShownSession, stack: ExitStack, trial: ShownTrial | None
     actions = actions_of(session, trial.actions) if trial else actions_of(session)
     presses, clock = defaultdict[Wish, Presses](Presses), MonotonicClock()
 
-    def act(wish: Wish) -> None:
-        is_new = presses[wish].counts(clock.now_ns())
-        if (is_new or wish is Wish.EMERGENCY_STOP) and (action := actions.get(wish)):
-            action()
+    def act(wish: Wish, asked_ns: int) -> None:
+        now_ns = clock.now_ns()
+        if presses[wish].counts(now_ns) or wish is Wish.EMERGENCY_STOP:
+            carry_out(session, actions, wish, asked_ns, now_ns)
 
     keys = TerminalKeys()
     stack.callback(keys.close)

@@ -16,6 +16,7 @@ from types import FrameType
 
 from tams_app.console.wishes import Wish
 from tams_app.errors import DeviceError
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
 
@@ -130,15 +131,22 @@ class TerminalKeys:
             raise DeviceError("The terminal was closed; start TAMS again from a new one.")
         return data
 
-    def body(self, on_key: Callable[[Wish], None]) -> Callable[[threading.Event], None]:
-        """A worker's body that hands every key to `on_key` until it is told to stop."""
+    def body(self, on_key: Callable[[Wish, int], None]) -> Callable[[threading.Event], None]:
+        """A worker's body that hands every key to `on_key` until it is told to stop.
+
+        With it comes when it was pressed at the earliest [ns]: when nothing had been typed yet.
+        """
+        clock = MonotonicClock()
 
         def run(stop: threading.Event) -> None:
             self.open()
             try:
+                looked_ns = clock.now_ns()
                 while self.active and not stop.is_set():
-                    for key in self.read(POLL_S):
-                        on_key(key)
+                    keys, before_ns = self.read(POLL_S), looked_ns
+                    looked_ns = clock.now_ns()  # before keys are handed over, which may take long
+                    for key in keys:
+                        on_key(key, before_ns)
             finally:
                 self.close()
 

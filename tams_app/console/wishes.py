@@ -7,6 +7,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Protocol, TypeAlias
 
+from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
+
 Action: TypeAlias = Callable[[], None]
 
 
@@ -25,7 +27,7 @@ class Wish(StrEnum):
 class Signals(Protocol):
     """What the operator asks of the arm."""
 
-    def confirm(self) -> None: ...
+    def confirm(self, asked_ns: int | None = None) -> None: ...
 
     def estop(self) -> None: ...
 
@@ -38,16 +40,38 @@ class AskedSession(Protocol):
 
     def end(self, reason: str) -> None: ...
 
+    def note(self, level: str, text: str) -> None: ...
+
 
 _NONE: Mapping[Wish, Action] = MappingProxyType({})
 
 
 def actions_of(session: AskedSession, more: Mapping[Wish, Action] = _NONE) -> Mapping[Wish, Action]:
-    """What to do for each wish, in any thread; `more`: in a trial. Others change nothing."""
+    """What to do for each wish but a confirmation, in any thread; `more`: in a trial."""
     return {
-        Wish.CONFIRM: session.signals.confirm,
         Wish.EMERGENCY_STOP: session.signals.estop,
         Wish.QUIT: lambda: session.end("ended by the operator"),
         Wish.CLOSE: lambda: session.end("the operator closed the window"),
         **more,
     }
+
+
+def carry_out(
+    session: AskedSession,
+    actions: Mapping[Wish, Action],
+    wish: Wish,
+    asked_ns: int,
+    now_ns: int,
+) -> None:
+    """Do what is wished for; what `actions` lacks changes nothing.
+
+    A confirmation counts for a while only: `asked_ns` is when the operator gave it at the earliest,
+    however long it waited for an application that stood still.
+    """
+    if wish is not Wish.CONFIRM:
+        if action := actions.get(wish):
+            action()
+    elif now_ns - asked_ns > CONFIRMED_AGO_NS:
+        session.note("warning", TOO_LONG_AGO)
+    else:
+        session.signals.confirm(asked_ns)

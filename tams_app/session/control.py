@@ -58,8 +58,8 @@ class Signals:
         self._faults: dict[Reason, None] = {}
         self._trips: dict[Reason, None] = {}
 
-    def confirm(self) -> None:
-        """The operator agrees: arm, or clear a fault."""
+    def confirm(self, asked_ns: int | None = None) -> None:
+        """The operator agrees: arm, or clear a fault. Who calls has judged when (`asked_ns`)."""
         self._confirm = True
 
     def stop_with(self, stop_arm: Callable[[], None]) -> None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from contextlib import ExitStack
 from types import SimpleNamespace
 
@@ -19,8 +20,9 @@ from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.control import Signals
+from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO, Signals
 from tams_app.session.sentences import Sentences
+from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting
 
@@ -228,13 +230,16 @@ class NotedSession:
     """Notes what the keys ask of it."""
 
     def __init__(self):
-        self.confirmed = 0
+        self.confirmed, self.notes = 0, []
         self.ended = threading.Event()
         self.failure = ""
         self.signals = SimpleNamespace(confirm=self._confirm, estop=lambda: None)
 
-    def _confirm(self):
+    def _confirm(self, asked_ns):
         self.confirmed += 1
+
+    def note(self, level, text):
+        self.notes.append(text)
 
     def end(self, reason):
         self.ended.set()
@@ -274,3 +279,23 @@ def test_a_held_enter_confirms_once(monkeypatch):
         os.close(program)
     assert session.confirmed == 1
     assert session.failure == ""
+
+
+def test_an_enter_that_was_typed_while_the_session_stood_still_confirms_nothing(monkeypatch):
+    operator, program = pty.openpty()
+    monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
+    session = NotedSession()
+    late_s = 0.5 + CONFIRMED_AGO_NS / NS_PER_S
+    session.signals.estop = lambda: time.sleep(late_s)
+    try:
+        with ExitStack() as stack:
+            assert app._read_keys(session, stack, None)
+            os.write(operator, b" ")
+            time.sleep(0.5)  # now the keys are not looked at
+            os.write(operator, b"\rq")
+            assert session.ended.wait(20)
+    finally:
+        os.close(operator)
+        os.close(program)
+    assert session.confirmed == 0
+    assert session.notes == [TOO_LONG_AGO]

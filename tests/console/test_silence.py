@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.console.headset.layout import PANEL_WIDTH_PX
-from tams_app.console.headset.painting import wrapped
+from tams_app.console.headset.painting import SENTENCE_LINES, wrapped
 from tams_app.console.headset.wording import panel_words
 from tams_app.console.status import StatusLine
 from tams_app.console.window.banner import banner_of
@@ -80,6 +80,7 @@ def test_a_session_that_works_may_still_hear_nothing_of_the_arm() -> None:
     banner = banner_of(as_known(lost, 3 * NS_PER_S))
     assert banner.look.word == "LINK LOST"
     assert "for 2.0 s" in banner.sentence
+    assert "button on the arm's control box still stops it" in banner.sentence
     assert banner_of(as_known(lost, 4 * NS_PER_S)).look.word == "NOT LIVE", "it is silent, too"
 
 
@@ -109,3 +110,9 @@ def test_what_still_stops_the_arm_has_room_in_the_headset() -> None:
     context = cairo.Context(cairo.ImageSurface(cairo.FORMAT_ARGB32, 8, 8))
     key = panel_words(after(PUT, 123.4), "openvr").key
     assert wrapped(context, key, PANEL_WIDTH_PX - 48.0, 1, bold=True) == [key]
+    lost = changed(PUT, arming="link lost", told_ns=124 * NS_PER_S)
+    words = panel_words(as_known(lost, 124 * NS_PER_S), "openvr")
+    assert "control box still stops it" in words.sentence
+    assert " ".join(wrapped(context, words.sentence, PANEL_WIDTH_PX - 48.0, SENTENCE_LINES)) == (
+        words.sentence
+    )

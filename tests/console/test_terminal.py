@@ -114,7 +114,7 @@ def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) 
     before = termios.tcgetattr(program)
     failures: list[BaseException] = []
 
-    def broken(key: Wish) -> None:
+    def broken(key: Wish, _asked_ns: int) -> None:
         raise RuntimeError(key.value)
 
     keys = TerminalKeys(program)
@@ -134,7 +134,7 @@ def test_a_worker_hands_over_keys_until_it_is_stopped(terminal: tuple[int, int])
     seen: list[Wish] = []
     all_seen = threading.Event()
 
-    def on_key(key: Wish) -> None:
+    def on_key(key: Wish, _asked_ns: int) -> None:
         seen.append(key)
         if len(seen) == 2:
             all_seen.set()

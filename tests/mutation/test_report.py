@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutation.__main__ import blobs_today, results_today
+from tests.mutation.__main__ import SURVIVORS, blobs_today, results_today
 from tests.mutation.report import (
     ModuleResult,
     Mutant,
@@ -43,6 +43,19 @@ RESULT = ModuleResult("a/b.py", "0" * 40, "2 mutants: 1 killed, 1 survived", (SU
 
 def test_no_result_is_of_other_code_than_todays() -> None:
     assert untrue(results_today(), blobs_today()) == []
+
+
+def is_of(mutant: Mutant, path: str) -> bool:
+    module = path.removesuffix(".py").replace("/", ".").removeprefix("tams_app.")
+    return mutant.where.startswith(f"{module}.")
+
+
+def test_every_survivor_of_a_result_is_explained_and_nothing_else_is() -> None:
+    results = results_today()
+    tried = {path: blob for path, blob in blobs_today().items() if path in results}
+    known = explained(SURVIVORS.read_text("utf-8"))
+    of_tried = {one for one in known if any(is_of(one, path) for path in tried)}
+    assert unfinished(results, tried, of_tried) == []
 
 
 def test_a_mutant_is_known_by_its_function_and_its_line_not_by_its_number() -> None:

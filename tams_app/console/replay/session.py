@@ -38,7 +38,7 @@ class Requests:
         self._playback = playback
         self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
-    def confirm(self) -> None:
+    def confirm(self, asked_ns: int | None = None) -> None:
         self._asked.put(self._playback.toggle)
 
     def estop(self) -> None:

@@ -55,7 +55,7 @@ _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.tol
         "{release} to stop · Space: emergency stop",
     ),
     "link lost": (
-        "Nothing is heard of the robot, which stops by itself.",
+        "The robot stops by itself.",
         "Wait until the link is back, {release}, then Enter",
     ),
 }
@@ -127,7 +127,7 @@ def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWo
         elif state.last_stop:
             sentence = f"{sentence} Last stop: {state.last_stop}."
     elif facts.silent_s is not None:
-        sentence = f"{sentence} {not_received(facts.silent_s)}"
+        sentence = f"{sentence} {not_received(facts.silent_s)} {STILL_STOPS} still stops it."
     return Banner(look, sentence, key)
 
 

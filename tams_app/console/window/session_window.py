@@ -11,8 +11,7 @@ from tams_app.console.window.session_face import (
     ShownReplay,
     ShownTrial,
 )
-from tams_app.console.wishes import Wish, actions_of
-from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.console.wishes import actions_of, carry_out
 
 _HAND_KEYS = {"Shift_L": DEADMAN, "Shift_R": DEADMAN}
 
@@ -31,10 +30,8 @@ class SessionWindow(SessionFace):
 
     def _on_event(self, event: Event) -> None:
         if isinstance(event, Asked):
-            if event.wish is Wish.CONFIRM and self._is_old(event.t_ns):
-                self._session.note("warning", TOO_LONG_AGO)
-            elif action := self._actions.get(event.wish):
-                action()
+            now_ns = self._clock.now_ns()
+            carry_out(self._session, self._actions, event.wish, event.t_ns, now_ns)
         elif isinstance(event, Sought):
             if self._replay is not None:
                 self._replay.seek(event.t_s)
@@ -45,10 +42,6 @@ class SessionWindow(SessionFace):
                 self._session.keyboard.feed(held_keys(event))
         else:
             super()._on_event(event)
-
-    def _is_old(self, asked_ns: int) -> bool:
-        """Whether it lay in the socket of an application that stood still."""
-        return self._clock.now_ns() - asked_ns > CONFIRMED_AGO_NS
 
 
 def held_keys(event: Keys) -> HeldKeys:

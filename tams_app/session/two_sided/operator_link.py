@@ -54,9 +54,9 @@ class Requests:
         self.confirms = self.stops = 0
         self.confirmed_ns = 0
 
-    def confirm(self) -> None:
-        """The operator agrees: arm, or clear a fault."""
-        self.confirmed_ns = self._clock.now_ns()
+    def confirm(self, asked_ns: int | None = None) -> None:
+        """The operator agrees: arm, or clear a fault. `asked_ns`: when they did; None: now."""
+        self.confirmed_ns = self._clock.now_ns() if asked_ns is None else asked_ns
         self.confirms += 1
 
     def forget_confirmation(self) -> None:

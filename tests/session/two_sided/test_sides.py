@@ -295,6 +295,20 @@ def test_a_confirmation_arms_only_while_it_is_fresh():
     assert "not confirmed: the operator did so too long ago" in sides.robot_log.notes
 
 
+def test_what_a_confirmation_waited_for_at_the_operators_side_counts_towards_its_age():
+    sides = Sides()
+    sides.run(2.0)
+    sides.requests.confirm(sides.operator_clock.now_ns() - 1_700 * NS_PER_MS)
+    sides.cut(True)
+    sides.run(0.5)
+    sides.cut(False)
+    sides.run(1.0)
+    assert sides.confirmed == 0
+    sides.requests.confirm(sides.operator_clock.now_ns() - 1_700 * NS_PER_MS)
+    sides.run(0.5)
+    assert sides.confirmed == 1
+
+
 def test_what_was_acknowledged_is_not_asked_for_again_in_a_new_session_of_the_link():
     sides = Sides()
     sides.run(1.0)
