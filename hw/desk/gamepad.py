@@ -130,16 +130,19 @@ class Gamepad(PolledDevice):
         return asked, self._known_ns(is_held=asked.trigger > 0.0)
 
     def _count_presses(self) -> None:
-        """By SDL's events: a button may go down and up between two readings."""
-        down, events = sdl2.SDL_CONTROLLERBUTTONDOWN, self._events
-        joystick = sdl2.SDL_GameControllerGetJoystick(self._pad)
+        """By SDL's events: a button may go down and up between two readings.
+
+        Each is taken once: one that comes meanwhile waits for the next reading.
+        """
+        events, joystick = self._events, sdl2.SDL_GameControllerGetJoystick(self._pad)
         number = sdl2.SDL_JoystickInstanceID(joystick)
-        found = sdl2.SDL_PeepEvents(events, len(events), sdl2.SDL_GETEVENT, down, down)
-        for event in events[: max(found, 0)]:
-            pressed = _COUNTED.get(event.cbutton.button)
-            if event.cbutton.which == number and pressed is not None:
-                self._presses[pressed] += 1
-        sdl2.SDL_FlushEvents(sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT)  # they would pile up
+        every = sdl2.SDL_GETEVENT, sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT
+        while (found := sdl2.SDL_PeepEvents(events, len(events), *every)) > 0:
+            for event in events[:found]:
+                if event.type != sdl2.SDL_CONTROLLERBUTTONDOWN or event.cbutton.which != number:
+                    continue
+                if pressed := _COUNTED.get(event.cbutton.button):
+                    self._presses[pressed] += 1
 
     def _known_ns(self, is_held: bool) -> int:
         """Until when the pad is known to be in this state; any change is a sign of life.

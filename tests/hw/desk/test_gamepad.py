@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,28 @@ def test_every_tap_between_two_readings_counts_and_events_do_not_pile_up(
         assert (asked.a, asked.presses) == (False, Presses(a=number))
     first, last = sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT
     assert sdl2.SDL_PeepEvents(None, 0, sdl2.SDL_PEEKEVENT, first, last) == 0
+
+
+def test_a_tap_that_comes_while_others_are_read_counts_too(
+    pad: VirtualPad, opened: Gamepad
+) -> None:
+    done = threading.Event()
+
+    def read_all_the_time() -> None:
+        while not done.is_set():
+            opened.read()
+
+    reader = threading.Thread(target=read_all_the_time)
+    reader.start()
+    try:
+        for _ in range(300):
+            for down in (True, False):
+                pad.press(sdl2.SDL_CONTROLLER_BUTTON_A, down)
+                sdl2.SDL_GameControllerUpdate()
+    finally:
+        done.set()
+        reader.join()
+    assert opened.read()[0].presses == Presses(a=300)
 
 
 def test_a_pad_that_is_unplugged_is_a_device_error_and_can_be_opened_again(
