@@ -117,7 +117,7 @@ class _Senders(Video):
     """The sending half of a session's video."""
 
     def __init__(self, config: Config, clock: Clock, log: SessionRecords) -> None:
-        super().__init__(config, _UNKNOWN, clock, clock.now_ns(), log, _NoQuality())
+        super().__init__(config, _UNKNOWN, clock, clock.now_ns(), log, _ignore, _ignore)
         self.arrivals: list[PacketArrival] = []
         self._config = config.video
         self._senders = {
@@ -176,14 +176,6 @@ class _NoLog:
         pass
 
     def record_packets(self, packets: object) -> None:
-        pass
-
-
-class _NoQuality:
-    def captured(self, frame: Frame) -> None:
-        pass
-
-    def shown(self, shown: ShownFrame) -> None:
         pass
 
 
