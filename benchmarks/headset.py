@@ -35,7 +35,7 @@ from tams_app.teleop.hands import HANDS
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.console.headset.faked_process import BLIND
 from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
-from tests.console.window.facts import FACTS
+from tests.console.window.facts import FACTS, changed
 from tests.console.window.feeding import feeding
 from tests.console.window.xvfb import virtual_screen, wait_for
 
@@ -103,9 +103,9 @@ def cost(seconds: float) -> None:
 
 def picture(path: Path) -> None:
     """All overlays as they are seen: the primary view in front, whose video is stale."""
-    old = dict(FACTS.views)
+    old = dict(FACTS.state.views)
     old["eih"] = msgspec.structs.replace(old["eih"], age_ms=1240.0)
-    facts = msgspec.structs.replace(
+    facts = changed(
         FACTS,
         views=old,
         arming="holding",

@@ -15,8 +15,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tams_app.console.report import PAGE_NAME
 from tams_app.errors import SetupError
-from tams_app.report.session_page import PAGE_NAME
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "report.jpg"
 SIZE = (1240, 1500)  # [px]: the timeline, the stops and the first pictures

@@ -145,6 +145,18 @@ def test_every_tap_between_two_readings_counts_and_events_do_not_pile_up(
     assert sdl2.SDL_PeepEvents(None, 0, sdl2.SDL_PEEKEVENT, first, last) == 0
 
 
+def test_a_press_that_is_the_only_thing_sdl_has_to_say_counts(
+    pad: VirtualPad, opened: Gamepad
+) -> None:
+    pad.press(sdl2.SDL_CONTROLLER_BUTTON_A)
+    sdl2.SDL_GameControllerUpdate()
+    event, down = sdl2.SDL_Event(), sdl2.SDL_CONTROLLERBUTTONDOWN
+    assert sdl2.SDL_PeepEvents(event, 1, sdl2.SDL_GETEVENT, down, down) == 1
+    sdl2.SDL_FlushEvents(sdl2.SDL_FIRSTEVENT, sdl2.SDL_LASTEVENT)
+    assert sdl2.SDL_PushEvent(event) == 1
+    assert opened.read()[0].presses == Presses(a=1)
+
+
 def test_a_tap_that_comes_while_others_are_read_counts_too(
     pad: VirtualPad, opened: Gamepad
 ) -> None:
