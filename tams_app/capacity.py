@@ -30,6 +30,11 @@ class Capacity(Protocol):
         """Mean rate from `start_ns` to `end_ns` [kbit/s]; over no time, the rate there."""
 
 
+def finite(kbps: float) -> float | None:
+    """A capacity [kbit/s]; None where it is without limit."""
+    return kbps if math.isfinite(kbps) else None
+
+
 class UnlimitedCapacity:
     """No bottleneck."""
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from tams_app.console.window.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console
-from tams_app.records import SessionState, ViewState
+from tams_app.records import LINK_LOST, SessionState, ViewState
 from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import words_of_hand
 
@@ -113,7 +113,7 @@ def reason_parts(state: SessionState) -> list[str]:
 
 
 def _not_live(state: SessionState, silence_s: float) -> str:
-    lost = "LINK LOST, " if state.arming == "link lost" else ""
+    lost = "LINK LOST, " if state.arming == LINK_LOST else ""
     return f"{lost}{NOT_LIVE.upper()} for {silence_s:.1f} s"
 
 

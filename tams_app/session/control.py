@@ -27,10 +27,8 @@ from tams_app.session.faces import Faces
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
-CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
-TOO_LONG_AGO = "not confirmed: the operator did so too long ago"
 ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-_KEPT = 50  # of those that nobody has taken
+_KEPT = 50  # of those not taken yet; older ones are dropped
 
 
 class Sentences:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from tams_app.capacity import Capacity
+from tams_app.capacity import Capacity, finite
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import (
     Allocation,
@@ -58,7 +58,8 @@ class StatusBoard(Listener):
         self._sample = tick.controller
 
     def on_allocation(self, allocation: Allocation) -> None:
-        self._figures = self._uplink.figures(allocation.t_ns)  # not in whoever asks for the state
+        # in this thread: the control thread, too, asks for the state, and must not count packets
+        self._figures = self._uplink.figures(allocation.t_ns)
         self._allocation = allocation
 
     def packets(self, packets: list[PacketRecord]) -> None:
@@ -132,8 +133,3 @@ def pressed_buttons(sample: ControllerSample | None) -> tuple[str, ...]:
 def _mm(position: Vector) -> tuple[float, float, float]:
     x, y, z = (position * 1000.0).tolist()
     return x, y, z
-
-
-def finite(kbps: float) -> float | None:
-    """A capacity; None where it is without limit."""
-    return kbps if kbps != float("inf") else None

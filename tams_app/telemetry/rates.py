@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from tams_app.capacity import finite
 from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
 from tams_app.records import (
     Allocation,
@@ -192,7 +192,7 @@ class RatesMeter:
             sent_kbps=sent_bits / 1000 / passed_s if packets else None,
             budget_kbps=None if allocation is None else allocation.budget_kbps,
             capacity_kbps=self._capacity_kbps,
-            estimate_kbps=None if allocation is None else _finite(allocation.capacity_kbps),
+            estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
             queue_ms=None if self._queue_ns is None else self._queue_ns / NS_PER_MS,
             loss=sum(one.lost for one in seconds.values()) / packets if packets else None,
             views=views,
@@ -214,7 +214,3 @@ class RatesMeter:
             live_ssim=statistics.fmean(second.live) if second.live else None,
             received_ssim=statistics.fmean(second.received) if second.received else None,
         )
-
-
-def _finite(kbps: float) -> float | None:
-    return kbps if math.isfinite(kbps) else None

@@ -20,7 +20,8 @@ from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO, Signals
+from tams_app.session.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.session.control import Signals
 from tams_app.session.sentences import Sentences
 from tams_app.units import NS_PER_S
 

@@ -7,10 +7,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from tams_app.capacity import finite
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import Note, PacketKind, SessionState, ViewState
-from tams_app.session.status import finite, pressed_buttons
+from tams_app.session.status import pressed_buttons
 from tams_app.session.uplink_meter import WINDOW_NS
 from tams_app.summary.tables import FrameTable, Integers, PacketTable, known_packets
 from tams_app.teleop.hands import HAND_FACT

@@ -37,7 +37,8 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
-from tams_app.session.control import CONFIRMED_AGO_NS, TOO_LONG_AGO, Signals
+from tams_app.session.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.session.control import Signals
 from tams_app.session.listener import Listener
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.two_sided.welcome import workspace_of
