@@ -88,6 +88,13 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"limits.leash_mm": 51}, "leash_mm: .*less than or equal to 50"),
         ({"limits.leash_mm": 50, "limits.leash_fault_mm": 50}, "leash_mm must be smaller"),
         ({"limits.leash_rad": 0.6}, "leash_rad: .*less than or equal to 0.5"),
+        (
+            {"limits.max_speed_mm_s": 60},
+            "leash_mm must be below .* 15, or an arm that stands still",
+        ),
+        ({"limits.max_rotation_rad_s": 0.2}, "leash_rad must be below .* 0.05, or an arm that"),
+        ({"limits.leash_fault_rad": 1.1}, "leash_fault_rad: .*less than or equal to 1"),
+        ({"limits.leash_rad": 0.2, "limits.leash_fault_rad": 0.2}, "leash_rad must be smaller"),
         ({"limits.floor_mm": 400}, "floor_mm must be below the top of the box"),
         ({"arm.tcp_load_kg": 1.1}, "tcp_load_kg: .*less than or equal to 1"),
         ({"arm.tcp_load_centre_mm": [0, 0, 400]}, "tcp_load_centre_mm must be within 300 mm"),

@@ -233,8 +233,10 @@ class LimitsConfig(Section):
     """Following error at which the target waits for the arm."""
     leash_fault_mm: Annotated[float, Field(gt=0, le=100)] = 60.0
     """Following error at which it is a fault; above leash_mm."""
-    leash_rad: Annotated[float, Field(gt=0, le=0.5)] = 0.15
+    leash_rad: Annotated[float, Field(gt=0, le=0.5)] = 0.05
     """Following error in rotation at which the target waits."""
+    leash_fault_rad: Annotated[float, Field(gt=0, le=1)] = 0.2
+    """Following error in rotation at which it is a fault; above leash_rad."""
 
     @model_validator(mode="after")
     def _sane(self) -> Self:
@@ -244,6 +246,8 @@ class LimitsConfig(Section):
             raise ValueError("floor_mm must be below the top of the box, box_max_mm")
         if self.leash_mm >= self.leash_fault_mm:
             raise ValueError("leash_mm must be smaller than leash_fault_mm")
+        if self.leash_rad >= self.leash_fault_rad:
+            raise ValueError("leash_rad must be smaller than leash_fault_rad")
         if self.radius_min_mm >= self.radius_max_mm:
             raise ValueError("radius_min_mm must be smaller than radius_max_mm")
         for key in ProfileConfig.model_fields:

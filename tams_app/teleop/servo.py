@@ -83,27 +83,55 @@ class TcpPredictor:
         return linear, angular
 
 
+class _Leash:
+    """How far a target may be from the arm, in one measure [m or rad]."""
+
+    def __init__(self, length: float, fault: float) -> None:
+        self.length = length
+        self._fault = fault
+        self.clear()
+
+    @property
+    def is_too_far(self) -> bool:
+        """Whether the arm lags so far, counting what was kept back, that it is a fault."""
+        return self.following_error > self._fault
+
+    def clear(self) -> None:
+        """Begin anew, with the arm at its target."""
+        self.following_error = 0.0
+        self._withheld = 0.0
+
+    def watch(self, distance: float) -> None:
+        """The arm reports to be this far from its target."""
+        self.following_error = distance + self._withheld
+
+    def share_kept(self, distance: float) -> float:
+        """The share of a target's distance that the leash leaves it."""
+        if distance <= self.length:
+            self._withheld = 0.0
+            return 1.0
+        self._withheld += distance - self.length
+        return self.length / distance
+
+
 class Target:
     """The integrated target pose, on a leash to the measured one."""
 
     def __init__(self, limits: LimitsConfig) -> None:
-        self._leash_m = limits.leash_mm / 1000.0
-        self._leash_rad = limits.leash_rad
-        self._fault_m = limits.leash_fault_mm / 1000.0
-        self._withheld_m = 0.0
+        self._way = _Leash(limits.leash_mm / 1000.0, limits.leash_fault_mm / 1000.0)
+        self._turn = _Leash(limits.leash_rad, limits.leash_fault_rad)
         self.tcp = Tcp(ZERO, Rotation.identity())
-        self.following_error_m = 0.0
 
     @property
     def is_out_of_reach(self) -> bool:
-        """Whether the arm lags so far, counting what the leash kept back, that it is a fault."""
-        return self.following_error_m > self._fault_m
+        """Whether the arm lags so far in position or rotation that it is a fault."""
+        return self._way.is_too_far or self._turn.is_too_far
 
     def anchor(self, measured: Tcp) -> None:
         """Start from where the arm is."""
         self.tcp = measured
-        self._withheld_m = 0.0
-        self.following_error_m = 0.0
+        self._way.clear()
+        self._turn.clear()
 
     def advance(self, linear: Floats3, angular: Floats3, interval_s: float) -> None:
         """Integrate a velocity [m/s] and an angular velocity [rad/s] over `interval_s`."""
@@ -111,35 +139,32 @@ class Target:
         self.tcp = Tcp(position, self.tcp.rotation.turned(times(angular, interval_s)))
 
     def watch(self, measured: Tcp) -> None:
-        """Measure the following error [m]."""
-        offset = minus(self.tcp.position, measured.position)
-        self.following_error_m = norm(offset) + self._withheld_m
+        """Measure how far the arm is from where it should be."""
+        offset, turn = self._from(measured)
+        self._way.watch(norm(offset))
+        self._turn.watch(norm(turn))
 
     def pull_back(self, measured: Tcp) -> None:
         """The target waits for the arm: never further from it than the leash."""
-        offset = minus(self.tcp.position, measured.position)
-        distance = norm(offset)
-        position = self.tcp.position
-        if distance > self._leash_m:
-            position = plus_times(measured.position, offset, self._leash_m / distance)
-            self._withheld_m += distance - self._leash_m
-        else:
-            self._withheld_m = 0.0
-        turn = measured.rotation.turn_to(self.tcp.rotation)
-        angle = norm(turn)
-        rotation = self.tcp.rotation
-        if angle > self._leash_rad:
-            rotation = measured.rotation.turned(times(turn, self._leash_rad / angle))
+        offset, turn = self._from(measured)
+        position, rotation = self.tcp
+        if (kept := self._way.share_kept(norm(offset))) < 1.0:
+            position = plus_times(measured.position, offset, kept)
+        if (kept := self._turn.share_kept(norm(turn))) < 1.0:
+            rotation = measured.rotation.turned(times(turn, kept))
         self.tcp = Tcp(position, rotation)
 
     def held_back(self, twist: Twist, measured: Tcp) -> Twist:
         """`twist` without what would lead a target beyond its leash still further away."""
-        offset = minus(self.tcp.position, measured.position)
-        turn = measured.rotation.turn_to(self.tcp.rotation)
+        offset, turn = self._from(measured)
         return Twist(
-            _without_beyond(twist.linear, offset, self._leash_m),
-            _without_beyond(twist.angular, turn, self._leash_rad),
+            _without_beyond(twist.linear, offset, self._way.length),
+            _without_beyond(twist.angular, turn, self._turn.length),
         )
+
+    def _from(self, measured: Tcp) -> tuple[Floats3, Floats3]:
+        offset = minus(self.tcp.position, measured.position)
+        return offset, measured.rotation.turn_to(self.tcp.rotation)
 
 
 def _without_beyond(velocity: Floats3, offset: Floats3, leash: float) -> Floats3:

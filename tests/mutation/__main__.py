@@ -75,8 +75,8 @@ def run(names: Iterable[str]) -> None:
 
 
 def tried(blobs: Mapping[str, str]) -> dict[str, ModuleResult]:
-    """The results of the last run, of the modules that it tried whole."""
-    by_module: dict[str, dict[str, str]] = {}
+    """The results of the last run, of the modules that it tried whole or that have no mutants."""
+    by_module: dict[str, dict[str, str]] = {path: {} for path in blobs}
     for name, status in statuses(mutmut("results", "--all", "true")).items():
         by_module.setdefault(module_path(name), {})[name] = status
     results = {}

@@ -73,9 +73,8 @@ def changed_line(diff: str) -> str:
 def counts_of(ends: Iterable[str]) -> str:
     """How many mutants came to which end, in words."""
     counts = Counter(ends)
-    return f"{counts.total()} mutants: " + ", ".join(
-        f"{count} {end}" for end, count in counts.most_common()
-    )
+    named = ", ".join(f"{count} {end}" for end, count in counts.most_common())
+    return f"{counts.total()} mutants: {named}" if named else "0 mutants"
 
 
 def explained(text: str) -> set[Mutant]:

@@ -72,11 +72,13 @@ def test_a_mutant_is_known_by_its_function_and_its_line_not_by_its_number() -> N
 def test_every_end_is_counted() -> None:
     ends = statuses(RESULTS).values()
     assert counts_of(ends) == "3 mutants: 1 killed, 1 survived, 1 caught by type check"
+    assert counts_of(()) == "0 mutants"
 
 
 def test_results_are_read_as_they_were_written() -> None:
     other = ModuleResult("a/c.py", "f" * 40, "1 mutants: 1 killed")
-    results = {"a/b.py": RESULT, "a/c.py": other}
+    empty = ModuleResult("a/d.py", "a" * 40, counts_of(()))
+    results = {"a/b.py": RESULT, "a/c.py": other, "a/d.py": empty}
     assert read(render(results)) == results
 
 

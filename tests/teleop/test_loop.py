@@ -445,8 +445,16 @@ def test_a_hand_that_jumps_about_is_a_fault(engaged: Bench) -> None:
     assert not engaged.linear().any()
 
 
-def test_an_arm_that_does_not_move_is_a_following_error(engaged: Bench) -> None:
-    engaged.ask(0, 0.2, 0)
+@pytest.mark.parametrize("turns", [False, True])
+def test_an_arm_that_does_not_carry_out_a_motion_is_a_following_error(
+    engaged: Bench, turns: bool
+) -> None:
+    if turns:
+        engaged.hand.grip = 1.0
+        engaged.tick()
+        engaged.ask_turn(0, 0.4, 0)
+    else:
+        engaged.ask(0, 0.2, 0)
     stuck = engaged.arm.report(engaged.now_ns)
     for _ in range(120):
         if engaged.outputs[-1].arming is not ENGAGED:

@@ -64,54 +64,79 @@ def test_the_target_never_gets_further_from_the_arm_than_its_leash() -> None:
     target.advance(np.array([1.0, 0, 0]), np.array([0, 0, 10.0]), 0.02)
     target.pull_back(HERE)
     assert target.tcp.position[0] == pytest.approx(0.315)
-    assert IDENTITY.turn_to(target.tcp.rotation)[2] == pytest.approx(0.15)
+    assert IDENTITY.turn_to(target.tcp.rotation)[2] == pytest.approx(0.05)
 
 
 def test_a_target_within_its_leash_is_left_alone() -> None:
     target = Target(LimitsConfig())
     target.anchor(HERE)
-    target.advance(np.array([0.0149, 0, 0]), np.array([0, 0, 0.149]), 1.0)
+    target.advance(np.array([0.0149, 0, 0]), np.array([0, 0, 0.0499]), 1.0)
     before = target.tcp
     target.pull_back(HERE)
     assert target.tcp == before
 
 
-def test_an_arm_that_does_not_follow_is_out_of_reach_although_the_target_waits() -> None:
+@pytest.mark.parametrize(
+    ("linear", "angular", "asked_at_most"), [(0.1, 0.0, 0.061), (0.0, 0.5, 0.201)]
+)
+def test_an_arm_that_does_not_follow_is_out_of_reach_although_the_target_waits(
+    linear: float, angular: float, asked_at_most: float
+) -> None:
     target = Target(LimitsConfig())
     target.anchor(HERE)
     asked = 0.0
     while not target.is_out_of_reach:
-        target.advance(np.array([0.1, 0, 0]), np.zeros(3), 0.01)
-        asked += 0.001
+        target.advance((linear, 0, 0), (0, 0, angular), 0.01)
+        asked += (linear + angular) * 0.01
         target.pull_back(HERE)
         target.watch(HERE)
-        assert asked < 0.07
-    assert asked == pytest.approx(0.061, abs=0.002)
+        assert asked < 1.0
+    assert asked == pytest.approx(asked_at_most, rel=0.02)
 
 
-def test_an_arm_that_catches_up_is_forgiven() -> None:
+@pytest.mark.parametrize(("way", "turn"), [(0.05, 0.0), (0.0, 0.15)])
+def test_an_arm_that_catches_up_is_forgiven(way: float, turn: float) -> None:
     target = Target(LimitsConfig())
     target.anchor(HERE)
     for _ in range(3):
-        target.advance(np.array([0.05, 0, 0]), np.zeros(3), 1.0)
-        target.pull_back(at(target.tcp.position[0] - 0.3 - 0.015 - 0.02))
+        behind = target.tcp
+        target.advance((way, 0, 0), (0, 0, turn), 1.0)
+        target.pull_back(behind)
         target.pull_back(target.tcp)
         target.watch(target.tcp)
         assert not target.is_out_of_reach
 
 
-def test_an_arm_that_jumps_away_is_out_of_reach_at_once() -> None:
+def test_an_arm_at_its_target_is_forgiven_what_was_kept_back_when_it_is_anchored_anew() -> None:
     target = Target(LimitsConfig())
     target.anchor(HERE)
-    target.watch(at(0.05999))
+    target.advance((0.07, 0, 0), (0, 0, 0.4), 1.0)
+    target.pull_back(HERE)
+    target.watch(HERE)
+    assert target.is_out_of_reach
+    target.anchor(HERE)
     assert not target.is_out_of_reach
-    target.watch(at(0.06001))
+    target.watch(HERE)
+    assert not target.is_out_of_reach
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond"), [((0.05999, 0), (0.06001, 0)), ((0, 0.19999), (0, 0.20001))]
+)
+def test_an_arm_that_jumps_or_turns_away_is_out_of_reach_at_once(
+    within: tuple[float, float], beyond: tuple[float, float]
+) -> None:
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    target.watch(at(*within))
+    assert not target.is_out_of_reach
+    target.watch(at(*beyond))
     assert target.is_out_of_reach
 
 
 def test_beyond_the_leash_only_what_leads_back_or_along_is_left() -> None:
     target = Target(LimitsConfig())
-    target.anchor(at(0.02, 0.2))
+    target.anchor(at(0.02, 0.1))
     pushed = Twist(np.array([0.1, 0.05, 0]), np.array([0, 0.2, 0.3]))
     kept = target.held_back(pushed, HERE)
     np.testing.assert_allclose(kept.linear, [0, 0.05, 0], atol=1e-12)
