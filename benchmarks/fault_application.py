@@ -1,6 +1,6 @@
 """The application without frames: real control loop, driver and guard, and a hand at full speed.
 
-Specification: control_port, report_port, servo, fault (see `_faults`, happens on SIGUSR1), folder.
+Specification: control_port, report_port, fault (see `_faults`, happens on SIGUSR1), folder.
 Ready facts: guard_pid; said when the arm is engaged and the hand begins to move.
 """
 
@@ -23,7 +23,6 @@ from tams_app.records import (
     ControllerStatus,
     Haptic,
     Pose,
-    ServoMode,
     Vector,
 )
 from tams_app.rotation import Rotation
@@ -97,7 +96,6 @@ class Application(Listener):
         self.arm = Lite6(config.arm, self.clock, config.control.rate_hz)
         self.gate = ArmGate(
             self.arm,
-            ServoMode(config.arm.servo),
             session_boundary(config.arm, config.limits),
             _say_nothing,
         )
@@ -198,7 +196,6 @@ def main() -> None:
     overrides = {
         "arm.control_port": specification["control_port"],
         "arm.report_port": specification["report_port"],
-        "arm.servo": specification["servo"],
     }
     application = Application(load_config(overrides=overrides), Path(specification["folder"]))
     fault = _faults(application).get(specification["fault"])

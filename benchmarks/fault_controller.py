@@ -27,7 +27,7 @@ CYCLE = np.dtype([("t_ns", "<i8"), ("joints", "<f8", 6)])
 EVENT = np.dtype([("t_ns", "<i8"), ("kind", "<i8")])
 MAX_ROWS = 30_000  # two minutes at 250 Hz
 NEVER_S = 60.0
-_VELOCITY_BYTES = _POSE_BYTES = 24
+_VELOCITY_BYTES = 24
 
 
 class Kind(IntEnum):
@@ -60,7 +60,6 @@ class TracedModel(ControllerModel):
         super().__init__(IdealPlant(), start_joints)
         self.cycles = Trace(folder / CYCLES, CYCLE)
         self.events = Trace(folder / EVENTS, EVENT)
-        self._last_pose = b""
 
     def step(self, now_ns: int) -> None:
         super().step(now_ns)
@@ -77,9 +76,6 @@ class TracedModel(ControllerModel):
             return Kind.STOP
         if register == Register.SET_CARTESIAN_VELOCITY:
             return Kind.MOVE if any(payload[:_VELOCITY_BYTES]) else Kind.REST
-        if register == Register.MOVE_SERVO_CARTESIAN_AA:
-            last, self._last_pose = self._last_pose, payload[:_POSE_BYTES]
-            return Kind.MOVE if last != self._last_pose else Kind.REST
         return None
 
 

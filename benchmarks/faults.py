@@ -28,7 +28,6 @@ from tams_app.config import ArmConfig
 from tams_app.runtime.process import HelperProcess
 
 RESULTS = Path(__file__).parent / "results" / "faults.json"
-SERVOS = ("velocity", "pose")
 REPETITIONS = 3
 AT_MOST_MS, AT_MOST_DYING_MS = 100.0, 150.0
 FULL_SPEED_M_S = 0.25
@@ -65,10 +64,9 @@ SCENARIOS = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One fault in one servo, the worst of its repetitions; times from the fault on."""
+    """One fault, the worst of its repetitions; times from the fault on."""
 
     fault: str
-    servo: str
     repetitions: int
     speed_mm_s: float  # at the fault
     zero_commanded_ms: float  # nothing in force at the controller asks for motion any more
@@ -83,18 +81,13 @@ class Row:
 
 def measure(
     repetitions: int = REPETITIONS,
-    servos: tuple[str, ...] = SERVOS,
     scenarios: tuple[Scenario, ...] = SCENARIOS,
 ) -> list[Row]:
-    """Every fault in every servo; some five seconds for each repetition."""
-    return [
-        _worst([measure_once(scenario, servo) for _ in range(repetitions)])
-        for scenario in scenarios
-        for servo in servos
-    ]
+    """Every fault; some five seconds for each repetition."""
+    return [_worst([measure_once(scenario) for _ in range(repetitions)]) for scenario in scenarios]
 
 
-def measure_once(scenario: Scenario, servo: str) -> Row:
+def measure_once(scenario: Scenario) -> Row:
     """One fault, with processes of its own."""
     with tempfile.TemporaryDirectory(prefix="tams-faults-") as name, ExitStack() as stack:
         folder = Path(name)
@@ -114,7 +107,7 @@ def measure_once(scenario: Scenario, servo: str) -> Row:
         application = HelperProcess(
             "application",
             "benchmarks.fault_application",
-            {**ports, "servo": servo, "fault": scenario.name, "folder": name},
+            {**ports, "fault": scenario.name, "folder": name},
             folder,
         )
         stack.callback(application.stop)
@@ -131,7 +124,7 @@ def measure_once(scenario: Scenario, servo: str) -> Row:
         time.sleep(SETTLE_S)
         if scenario.signal is signal.SIGSTOP:  # what is stopped does not hear that it shall end
             _send(signal.SIGKILL, pids[scenario.victim])
-        return motion.row(scenario, servo, fault_ns)
+        return motion.row(scenario, fault_ns)
 
 
 class Motion:
@@ -154,7 +147,7 @@ class Motion:
                 raise TimeoutError("the arm does not reach its full speed")
             time.sleep(0.002)
 
-    def row(self, scenario: Scenario, servo: str, fault_ns: int) -> Row:
+    def row(self, scenario: Scenario, fault_ns: int) -> Row:
         """What became of the motion since `fault_ns`."""
         count = int(np.count_nonzero(self._cycles["t_ns"]))
         t_ns = np.array(self._cycles["t_ns"][:count])
@@ -165,16 +158,15 @@ class Motion:
         ways = np.linalg.norm(positions - positions[0], axis=1)
         return Row(
             fault=scenario.name,
-            servo=servo,
             repetitions=1,
             speed_mm_s=1000 * self._speed_m_s(at),
-            zero_commanded_ms=self._zero_ms(servo, fault_ns),
+            zero_commanded_ms=self._zero_ms(fault_ns),
             at_rest_ms=max(0.0, (t_ns[min(rest, count - 1)] - fault_ns) / 1e6),
             travelled_mm=1000 * float(ways.max()),
             at_most_ms=scenario.at_most_ms,
         )
 
-    def _zero_ms(self, servo: str, fault_ns: int) -> float:
+    def _zero_ms(self, fault_ns: int) -> float:
         """When the last motion that was still commanded ended, by whatever ended it."""
         known = self._events[: int(np.count_nonzero(self._events["t_ns"]))]
         t_ns, kinds = np.array(known["t_ns"]), np.array(known["kind"])
@@ -182,12 +174,9 @@ class Motion:
         last_ns = int(t_ns[ends][0]) if ends.any() else np.iinfo(np.int64).max
         moves = np.flatnonzero((kinds == Kind.MOVE) & (t_ns <= last_ns))
         move = int(moves[-1])
-        if servo == "velocity":
-            following = t_ns[move + 1 :]
-            until_ns = int(t_ns[move]) + self._deadman_ns
-            until_ns = min(until_ns, int(following[0])) if len(following) else until_ns
-        else:
-            until_ns = int(t_ns[move])  # a pose is reached before the next one is due
+        following = t_ns[move + 1 :]
+        until_ns = int(t_ns[move]) + self._deadman_ns
+        until_ns = min(until_ns, int(following[0])) if len(following) else until_ns
         return max(0.0, (min(until_ns, last_ns) - fault_ns) / 1e6)
 
     def _speed_m_s(self, count: int) -> float:
@@ -214,7 +203,6 @@ def _send(what: signal.Signals, pid: int | None) -> int:
 def _worst(rows: list[Row]) -> Row:
     return Row(
         fault=rows[0].fault,
-        servo=rows[0].servo,
         repetitions=len(rows),
         speed_mm_s=min(row.speed_mm_s for row in rows),
         zero_commanded_ms=max(row.zero_commanded_ms for row in rows),
@@ -226,15 +214,13 @@ def _worst(rows: list[Row]) -> Row:
 
 def table(rows: list[Row]) -> Table:
     shown = Table(box=None)
-    for name in ("fault", "servo"):
-        shown.add_column(name, no_wrap=True)
+    shown.add_column("fault", no_wrap=True)
     for name in ("zero commanded", "allowed", "at rest", "travelled"):
         shown.add_column(name, justify="right")
     shown.add_column("")
     for row in rows:
         shown.add_row(
             row.fault,
-            row.servo,
             f"{row.zero_commanded_ms:.0f} ms",
             f"{row.at_most_ms:.0f} ms",
             f"{row.at_rest_ms:.0f} ms",

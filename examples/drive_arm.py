@@ -4,7 +4,7 @@ import numpy as np
 
 from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.config import load_config
-from tams_app.records import ServoMode, Twist
+from tams_app.records import Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS
 
@@ -27,7 +27,7 @@ arm.begin_move_to_joints(list(np.radians(config.arm.ready_joints_deg)), speed=0.
 arm.advance(5_000 * NS_PER_MS)
 show("ready pose")
 
-arm.enable(ServoMode.VELOCITY)
+arm.enable()
 upwards = Twist(linear=(0.0, 0.0, 0.05), angular=(0.0, 0.0, 0.0))  # [m/s], [rad/s]
 for _ in range(120):  # one second at 120 Hz: a velocity counts for `arm.duration_s` only
     arm.send_twist(upwards)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import ArmFigure, ArmState, CommandLink, Pose, ServoMode, Twist, Vector
+from tams_app.records import ArmFigure, ArmState, CommandLink, Pose, Twist, Vector
 from tams_app.vectors import Joints, Numbers
 
 if TYPE_CHECKING:
@@ -39,11 +39,8 @@ class Arm(ABC):
         """
 
     @abstractmethod
-    def enable(self, servo: ServoMode) -> None:
-        """Release the brakes and enter the servo mode; the arm does not move by this.
-
-        Args:
-            servo: which of `send_twist` and `send_pose` is taken from now on.
+    def enable(self) -> None:
+        """Release the brakes and enter the velocity servo; the arm does not move by this.
 
         Raises:
             DeviceError: not connected, in an error, refused, or stopped meanwhile.
@@ -74,18 +71,10 @@ class Arm(ABC):
 
     @abstractmethod
     def send_twist(self, twist: Twist) -> None:
-        """Velocity servo: move the TCP until the next command or the end of the deadman time.
+        """Move the TCP until the next command or the end of the deadman time.
 
         Args:
             twist: of the TCP in the base frame [m/s, rad/s].
-        """
-
-    @abstractmethod
-    def send_pose(self, pose: Pose) -> None:
-        """Pose servo: move the TCP to a pose nearby.
-
-        Args:
-            pose: of the TCP in the base frame [m], at most 10 mm from the one before.
         """
 
     @abstractmethod

@@ -20,12 +20,11 @@ DATA = Path(__file__).parent / "data"
 GOLDEN: dict[str, dict[str, Any]] = {
     # from reach to transport, the capacity estimated from what receivers tell
     "feedback": {"network": "s3", "seconds": 15.0},
-    # a pose servo, the capacity known, and an outage in mid-motion
+    # the capacity known, and an outage in mid-motion
     "outage": {
         "network": "config/traces/outage.csv",
         "seconds": 14.0,
         "strategy": "equal",
-        "arm.servo": "pose",
         "policy.budget.mode": "oracle",
     },
 }

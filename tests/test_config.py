@@ -88,11 +88,6 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"limits.leash_mm": 51}, "leash_mm: .*less than or equal to 50"),
         ({"limits.leash_mm": 50, "limits.leash_fault_mm": 50}, "leash_mm must be smaller"),
         ({"limits.leash_rad": 0.6}, "leash_rad: .*less than or equal to 0.5"),
-        (
-            {"limits.max_speed_mm_s": 60},
-            "leash_mm must be below .* 15, or an arm that stands still",
-        ),
-        ({"limits.max_rotation_rad_s": 0.2}, "leash_rad must be below .* 0.05, or an arm that"),
         ({"limits.leash_fault_rad": 1.1}, "leash_fault_rad: .*less than or equal to 1"),
         ({"limits.leash_rad": 0.2, "limits.leash_fault_rad": 0.2}, "leash_rad must be smaller"),
         ({"limits.floor_mm": 400}, "floor_mm must be below the top of the box"),
@@ -271,6 +266,15 @@ def test_a_stored_configuration_that_switches_parts_of_tams_plus_is_still_read(t
     path.write_text(f"include: [{DEFAULT_CONFIG}]\npolicy:\n{REMOVED}  alocation: {{}}\n")
     with pytest.raises(ConfigError, match=r"did you mean policy\.allocation\?"):
         load_config(path)
+
+
+def test_a_stored_configuration_that_chose_the_velocity_servo_is_still_read(tmp_path):
+    file = tmp_path / "stored.yaml"
+    file.write_text(f"include: [{DEFAULT_CONFIG}]\narm: {{servo: velocity}}\n")
+    assert load_config(file) == load_config()
+    file.write_text(f"include: [{DEFAULT_CONFIG}]\narm: {{servo: pose}}\n")
+    with pytest.raises(ConfigError, match=r"arm\.servo"):
+        load_config(file)
 
 
 def test_yes_is_no_number():

@@ -356,10 +356,10 @@ def test_an_arm_in_the_numbers_of_the_first_schema_reads_as_one_in_words() -> No
     logged = json.loads(Codec(Tick).encode(tick(1)))
     for word in ("activity", "servo", "fault"):
         del logged["arm"][word]
-    logged["arm"] |= {"mode": 1, "state": 4, "error_code": 31, "warning_code": 12}
+    logged["arm"] |= {"mode": 5, "state": 4, "error_code": 31, "warning_code": 12}
     arm = Codec(Tick).decode(json.dumps(logged).encode()).arm
     assert arm is not None
-    assert (arm.activity, arm.servo) == (Activity.STOPPED, ServoMode.POSE)
+    assert (arm.activity, arm.servo) == (Activity.STOPPED, ServoMode.VELOCITY)
     assert arm.fault == ArmFault(31, "C31")
     assert arm.warning_code == 12
 

@@ -29,16 +29,16 @@ def traced(tmp_path):
         cycles.append(BEGIN_NS + 4 * cycle * MS, joints)
     events = Trace(tmp_path / EVENTS, EVENT)
 
-    def row(servo, *happened):
+    def row(*happened):
         for after_ms, kind in happened:
             events.append(FAULT_NS + after_ms * MS, kind)
-        return Motion(tmp_path).row(SCENARIO, servo, FAULT_NS)
+        return Motion(tmp_path).row(SCENARIO, FAULT_NS)
 
     return row
 
 
 def test_travel_and_rest_are_counted_from_the_fault(traced):
-    row = traced("velocity", (-5, Kind.MOVE))
+    row = traced((-5, Kind.MOVE))
     assert row.travelled_mm == pytest.approx(
         RADIUS_MM * RAD_PER_CYCLE * (CYCLES_AFTER_FAULT + 1), rel=0.01
     )
@@ -47,22 +47,19 @@ def test_travel_and_rest_are_counted_from_the_fault(traced):
 
 
 @pytest.mark.parametrize(
-    ("servo", "happened", "zero_ms"),
+    ("happened", "zero_ms"),
     [
-        ("velocity", [(-8, Kind.MOVE)], 92),  # the controller's own deadman, 100 ms
-        ("velocity", [(-8, Kind.MOVE), (3, Kind.STOP)], 3),
-        ("velocity", [(-8, Kind.MOVE), (7, Kind.HALT)], 7),
-        ("velocity", [(-8, Kind.MOVE), (1, Kind.MOVE), (9, Kind.REST), (17, Kind.REST)], 9),
-        ("velocity", [(-90, Kind.STOP), (-8, Kind.MOVE), (1, Kind.MOVE), (9, Kind.STOP)], 9),
-        ("pose", [(-8, Kind.MOVE)], 0),
-        ("pose", [(-8, Kind.MOVE), (1, Kind.MOVE), (9, Kind.MOVE), (17, Kind.REST)], 9),
-        ("pose", [(-8, Kind.MOVE), (5, Kind.STOP), (6, Kind.MOVE)], 0),  # refused: it had stopped
+        ([(-8, Kind.MOVE)], 92),  # the controller's own deadman, 100 ms
+        ([(-8, Kind.MOVE), (3, Kind.STOP)], 3),
+        ([(-8, Kind.MOVE), (7, Kind.HALT)], 7),
+        ([(-8, Kind.MOVE), (1, Kind.MOVE), (9, Kind.REST), (17, Kind.REST)], 9),
+        ([(-90, Kind.STOP), (-8, Kind.MOVE), (1, Kind.MOVE), (9, Kind.STOP)], 9),
     ],
 )
-def test_zero_is_commanded_when_the_last_motion_in_force_ends(traced, servo, happened, zero_ms):
-    assert traced(servo, *happened).zero_commanded_ms == pytest.approx(zero_ms)
+def test_zero_is_commanded_when_the_last_motion_in_force_ends(traced, happened, zero_ms):
+    assert traced(*happened).zero_commanded_ms == pytest.approx(zero_ms)
 
 
 def test_a_fault_that_takes_too_long_is_missed(traced):
-    assert traced("velocity", (-8, Kind.MOVE)).verdict == "met"
-    assert traced("velocity", (1, Kind.MOVE)).verdict == "missed"
+    assert traced((-8, Kind.MOVE)).verdict == "met"
+    assert traced((1, Kind.MOVE)).verdict == "missed"

@@ -14,12 +14,12 @@ from collections.abc import Iterator
 
 from hw.arm import Arm, TcpBoundary
 from hw.lite6.codes import Mode
-from hw.lite6.commands import MODES, activity_of, checked_goal, servo_of
+from hw.lite6.commands import activity_of, checked_goal, servo_of
 from hw.lite6.errors import arm_fault
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 
@@ -64,15 +64,14 @@ class Lite6(Arm):
             connection = self._connection = self._open()
         connection.configure()
 
-    def enable(self, servo: ServoMode) -> None:
+    def enable(self) -> None:
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
         with self._stopped_on_failure():
-            connection.make_ready(MODES[servo])
-        motion = connection.reports.motion
+            connection.make_ready(Mode.CARTESIAN_VELOCITY)
         with self._stop_lock:
-            if motion is not None and self._stops == stops:
-                connection.sender.open(servo, motion.tcp)
+            if self._stops == stops:
+                connection.sender.open()
                 return
         self.stop()  # the earlier one may have been undone by getting ready
         raise DeviceError(_STOPPED_MEANWHILE)
@@ -115,10 +114,6 @@ class Lite6(Arm):
     def send_twist(self, twist: Twist) -> None:
         if self._connection is not None:
             self._connection.outbox.put_motion(twist)
-
-    def send_pose(self, pose: Pose) -> None:
-        if self._connection is not None:
-            self._connection.outbox.put_motion(pose)
 
     def set_gripper(self, closed: bool) -> None:
         if self._connection is not None:

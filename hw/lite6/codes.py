@@ -35,7 +35,6 @@ class Register(IntEnum):
     SET_SELF_COLLISION_CHECK = 77
     SET_CARTESIAN_VELOCITY = 82
     GET_TCP_POSE_AA = 91
-    MOVE_SERVO_CARTESIAN_AA = 93
     TOOL_GPIO_WRITE = 127
     TOOL_GPIO_READ = 128
 
@@ -50,7 +49,7 @@ class ReplyBit(IntEnum):
 
 
 class Mode(IntEnum):
-    """The modes that TAMS uses, as they are commanded and reported."""
+    """The modes that TAMS knows, as they are commanded and reported."""
 
     POSITION = 0
     SERVO = 1

@@ -13,8 +13,8 @@ import numpy as np
 from hw.arm import ArmLimits, TcpBoundary
 from hw.lite6.codes import Mode, State
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, Pose, ServoMode, Twist, Vector
-from tams_app.vectors import floats, norm
+from tams_app.records import Activity, ServoMode, Twist, Vector
+from tams_app.vectors import norm
 
 LIMITS = ArmLimits(
     joint_lower_deg=(-360.0, -150.0, -3.5, -360.0, -124.0, -360.0),
@@ -27,9 +27,7 @@ LIMITS = ArmLimits(
     shoulder_mm=243.3,
     stretched_mm=200.0 + math.hypot(87.0, 227.6) + 61.5,
 )
-MAX_POSE_STEP_MM = 10.0  # mode 1 runs every step at full speed, with no profile of its own
-MODES = {ServoMode.VELOCITY: Mode.CARTESIAN_VELOCITY, ServoMode.POSE: Mode.SERVO}
-_SERVOS = {mode.value: servo for servo, mode in MODES.items()}
+_SERVOS = {Mode.CARTESIAN_VELOCITY.value: ServoMode.VELOCITY, Mode.SERVO.value: ServoMode.POSE}
 _ACTIVITIES = {
     0: Activity.IDLE,
     State.MOVING.value: Activity.MOVING,
@@ -67,31 +65,12 @@ def checked_goal(joints: list[float], speed: float) -> Vector:
     return goal
 
 
-def twist_refusal(twist: Twist, servo: ServoMode | None) -> str:
+def twist_refusal(twist: Twist) -> str:
     """Why this twist is not sent, "" if it may be."""
     speed_mm_s = norm(twist.linear) * _MM_PER_M
     turn_rad_s = norm(twist.angular)
-    if servo is ServoMode.POSE:
-        return "The arm is in the pose servo and takes no velocities; enable it anew."
     if not speed_mm_s <= LIMITS.tcp_speed_mm_s:  # also true for NaN
         return f"A velocity of {speed_mm_s:g} mm/s was refused; please report this error."
     if not turn_rad_s <= LIMITS.joint_speed_rad_s:
         return f"A turn of {turn_rad_s:g} rad/s was refused; please report this error."
-    return ""
-
-
-def pose_refusal(pose: Pose, servo: ServoMode | None, last: Pose | None) -> str:
-    """Why this pose is not sent after `last`, "" if it may be."""
-    if servo is ServoMode.VELOCITY:
-        return "The arm is in the velocity servo and takes no poses; enable it anew."
-    if not all(map(math.isfinite, pose.rotation)):
-        return "A pose without a rotation was refused; please report this error."
-    if last is None:
-        return ""
-    step_mm = norm(floats(pose.position - last.position)) * _MM_PER_M
-    if not step_mm <= MAX_POSE_STEP_MM:
-        return (
-            f"The arm answered too late to be led on (a step of {step_mm:.0f} mm was refused); "
-            "check the network to the arm, then confirm."
-        )
     return ""

@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from dataclasses import dataclass
 
-from tams_app.records import Pose, ServoMode, Twist
+from tams_app.records import Twist
 
 GRIPPER_QUEUE = 4  # when full, the oldest command is dropped
 
@@ -16,30 +16,30 @@ class Work:
     """What to send next, and for which opening of the outbox it was left there."""
 
     opening: int
-    motion: Twist | Pose | None
+    motion: Twist | None
     gripper_closed: bool | None
 
 
 class Outbox:
-    """The newest motion command and a few gripper commands; shut unless a servo is enabled."""
+    """The newest motion command and a few gripper commands; shut unless the servo is enabled."""
 
     def __init__(self) -> None:
         self._news = threading.Condition()
-        self.servo: ServoMode | None = None  # whose commands are taken; None while shut
+        self.is_open = False
         self._opening = 0
-        self._motion: Twist | Pose | None = None
+        self._motion: Twist | None = None
         self._gripper: deque[bool] = deque(maxlen=GRIPPER_QUEUE)
 
-    def open(self, servo: ServoMode) -> None:
-        """Take commands for `servo` from now on."""
+    def open(self) -> None:
+        """Take commands from now on."""
         with self._news:
-            self.servo = servo
+            self.is_open = True
             self._opening += 1
 
     def shut(self) -> None:
         """Forget what waits and take nothing until opened."""
         with self._news:
-            self.servo = None
+            self.is_open = False
             self._opening += 1
             self._motion = None
             self._gripper.clear()
@@ -49,15 +49,15 @@ class Outbox:
         """Whether the outbox was neither shut nor opened anew since `opening`."""
         return opening == self._opening
 
-    def put_motion(self, motion: Twist | Pose) -> None:
+    def put_motion(self, motion: Twist) -> None:
         with self._news:
-            if self.servo is not None:
+            if self.is_open:
                 self._motion = motion
                 self._news.notify()
 
     def put_gripper(self, closed: bool) -> None:
         with self._news:
-            if self.servo is not None:
+            if self.is_open:
                 self._gripper.append(closed)
                 self._news.notify()
 

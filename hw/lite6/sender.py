@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
-from hw.lite6.commands import pose_refusal, twist_refusal
+from hw.lite6.commands import twist_refusal
 from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, set_cartesian_velocity
-from tams_app.records import CommandLink, LinkFault, Pose, ServoMode, Twist
+from tams_app.records import CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
@@ -68,7 +68,6 @@ class CommandSender:
         self._slow_after_ns = slow_after_ns
         self._on_error = on_error
         self._misses = 0
-        self._last_pose: Pose | None = None
         self._read_back: _ReadBack | None = None
         self._worker = Worker("arm-sender", self._run, self._on_death)
         self._sent = 0
@@ -85,12 +84,11 @@ class CommandSender:
         self.gripper_closed = self._read_gripper()
         self._worker.start()
 
-    def open(self, servo: ServoMode, start: Pose) -> None:
-        """Begin anew without failure; pose steps are counted from `start`, the measured TCP."""
+    def open(self) -> None:
+        """Begin anew without failure."""
         self.forget_failure()
-        self._last_pose = start
         self._read_back = None
-        self._outbox.open(servo)
+        self._outbox.open()
 
     def forget_failure(self) -> None:
         """The operator has dealt with it; the end of the thread stays a failure."""
@@ -127,29 +125,16 @@ class CommandSender:
 
     # --- motion ---------------------------------------------------------------------------------
 
-    def _send_motion(self, opening: int, motion: Twist | Pose) -> None:
-        if isinstance(motion, Twist):
-            refusal = twist_refusal(motion, self._outbox.servo)
-            send = self._velocity_call(motion)
-        else:
-            refusal = pose_refusal(motion, self._outbox.servo, self._last_pose)
-            send = self._pose_call(motion)
-        if refusal:
+    def _send_motion(self, opening: int, motion: Twist) -> None:
+        if refusal := twist_refusal(motion):
             self._fail(opening, refusal, LinkFault.REFUSED)
             return
         if not self._outbox.is_current(opening):
             return
         self._sent += 1
-        self._last_pose = motion if isinstance(motion, Pose) else None
-        self._moved(opening, "a motion command", self._timed(send))
-
-    def _velocity_call(self, twist: Twist) -> Callable[[], int]:
-        speeds = [*times(twist.linear, _MM_PER_M), *twist.angular]
-        return lambda: set_cartesian_velocity(self._api, speeds, self._deadman_s)
-
-    def _pose_call(self, pose: Pose) -> Callable[[], int]:
-        axis_angle = [*(pose.position * _MM_PER_M).tolist(), *pose.rotation.as_rotvec()]
-        return lambda: int(self._api.set_servo_cartesian_aa(axis_angle, is_radian=True))
+        speeds = [*times(motion.linear, _MM_PER_M), *motion.angular]
+        code = self._timed(lambda: set_cartesian_velocity(self._api, speeds, self._deadman_s))
+        self._moved(opening, "a motion command", code)
 
     # --- gripper --------------------------------------------------------------------------------
 

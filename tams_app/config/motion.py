@@ -6,7 +6,7 @@ What the arm itself allows at most is checked against its model (`hw.arms.check_
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -74,8 +74,6 @@ class ArmConfig(Section):
     """TCP port of the commands."""
     report_port: Port = 30001
     """TCP port of the normal report; the real-time one is two above."""
-    servo: Literal["velocity", "pose"] = "velocity"
-    """Twists with a deadman time in the control box, or small absolute steps."""
     velocity_deadman_s: Annotated[float, Field(gt=0, le=1)] = 0.1
     """The control box stops the arm this long after the last twist; docs/SAFETY.md has 0.1."""
     reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.04
@@ -97,6 +95,14 @@ class ArmConfig(Section):
     pose_gain_per_s: Annotated[float, Field(gt=0, le=20)] = 4.0
     """Gain of the position loop around the velocity servo."""
     guard: GuardConfig = GuardConfig()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_removed(cls, keys: object) -> object:
+        """`servo` was a choice up to version 2: stored configurations have it still."""
+        if isinstance(keys, dict) and keys.get("servo") == "velocity":
+            return {key: value for key, value in keys.items() if key != "servo"}
+        return keys
 
     @field_validator("host")
     @classmethod

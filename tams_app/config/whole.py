@@ -228,19 +228,6 @@ class Config(Section):
         return self
 
     @model_validator(mode="after")
-    def _an_arm_that_stands_still_is_noticed(self) -> Self:
-        """At the leash, the speed limit leaves something to the hand, so that the lag grows."""
-        limits, gain_per_s = self.limits, self.arm.pose_gain_per_s
-        for leash, speed in (("leash_mm", "max_speed_mm_s"), ("leash_rad", "max_rotation_rad_s")):
-            most = getattr(limits, speed) / gain_per_s
-            if getattr(limits, leash) >= most:
-                raise ValueError(
-                    f"limits.{leash} must be below limits.{speed} / arm.pose_gain_per_s, "
-                    f"{most:.3g}, or an arm that stands still is not noticed"
-                )
-        return self
-
-    @model_validator(mode="after")
     def _views_have_weights(self) -> Self:
         weighted = set(self.policy.weights.matrix[Phase.REACH])
         if weighted != set(self.video.views):

@@ -71,7 +71,6 @@ _DESCRIPTIONS = {
     "vertical_speed": "smoothed upward speed of the TCP [m/s]",
     "speed_scale": "factor on the speed: 1, less with stale video or near a singularity",
     "twist": "velocity of the TCP as sent to the arm, base frame",
-    "Tick.pose": "pose of the TCP as sent to the arm, base frame; null: none was sent",
     "gripper": "told to close (true) or open (false) by this tick; null: told nothing",
     "stop": "whether this tick told the arm to stop",
     "inputs": "what the tick was told besides hand, arm and link; null: the log does not say",

@@ -9,10 +9,10 @@ from tams_app.records.geometry import Pose, Vector
 
 
 class ServoMode(StrEnum):
-    """How an arm is moved by the control loop."""
+    """What kind of motion an arm's controller takes."""
 
-    VELOCITY = "velocity"  # twists with a deadman time in the controller
-    POSE = "pose"  # small absolute steps
+    VELOCITY = "velocity"  # twists with a deadman time in the controller: what TAMS uses
+    POSE = "pose"  # small absolute steps: another program's, or of a session up to version 2
 
 
 class Activity(StrEnum):

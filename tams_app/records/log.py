@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tams_app.records.arm import ArmState, CommandLink
-from tams_app.records.geometry import Pose, Twist
+from tams_app.records.geometry import Twist
 from tams_app.records.hand import ControllerSample
 from tams_app.records.policy import Phase
 
@@ -42,7 +42,6 @@ class Tick:
     controller: ControllerSample
     arm: ArmState | None
     link: CommandLink
-    pose: Pose | None = None  # as sent, by a pose servo
     gripper: bool | None = None  # told to close (True) or open (False) by this tick
     stop: bool = False  # this tick told the arm to stop
     inputs: TickInputs | None = None  # None: the log is of schema 3 or older

@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 from hw.arm import Arm, TcpBoundary
 from tams_app.errors import DeviceError
-from tams_app.records import ServoMode
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
 
@@ -29,12 +28,10 @@ class ArmGate:
     def __init__(
         self,
         arm: Arm,
-        servo: ServoMode,
         boundary: TcpBoundary,
         note: Callable[[str, str], None],
     ) -> None:
         self._arm = arm
-        self._servo = servo
         self._boundary = boundary
         self._note = note
         self._requests: BoundedQueue[tuple[Request, int]] = BoundedQueue(4)
@@ -86,7 +83,7 @@ class ArmGate:
         if stops != self._stops:
             return
         self._check_inside()
-        self._arm.enable(self._servo)
+        self._arm.enable()
         with self._lock:
             self.ready = stops == self._stops
         if self.ready:

@@ -58,6 +58,7 @@ def check_ready_pose(config: Config) -> None:
     """
     limits = config.limits
     check_limits(config.arm, limits)
+    _check_leashes(config)
     ready = _ready_pose(config).position
     workspace = Workspace(limits, linear_profile(limits.motion), config.arm.velocity_deadman_s)
     beyond = workspace.excess(floats(ready))
@@ -69,6 +70,21 @@ def check_ready_pose(config: Config) -> None:
             f"{most * 1000:.0f} mm outside limits.{_BOUNDS[beyond.index(most)]}: "
             "change one of the two"
         )
+
+
+def _check_leashes(config: Config) -> None:
+    """ConfigError if at its leash the position loop leaves the hand nothing of the speed limit.
+
+    The lag of an arm that stands still would then not grow, and it would not be noticed.
+    """
+    limits, gain_per_s = config.limits, config.arm.pose_gain_per_s
+    for leash, speed in (("leash_mm", "max_speed_mm_s"), ("leash_rad", "max_rotation_rad_s")):
+        most = getattr(limits, speed) / gain_per_s
+        if getattr(limits, leash) >= most:
+            raise ConfigError(
+                f"limits.{leash} must be below limits.{speed} / arm.pose_gain_per_s, {most:.3g}, "
+                "or an arm that stands still is not noticed"
+            )
 
 
 def check_views(config: Config, dry_run: bool) -> None:

@@ -249,8 +249,6 @@ class ControlLoop:
             self._gate.stop()
         elif output.twist is not None:
             self._arm.send_twist(output.twist)
-        elif output.pose is not None:
-            self._arm.send_pose(output.pose)
         if output.gripper is not None:
             self._arm.set_gripper(output.gripper)
         if output.haptic is not None:
@@ -285,7 +283,6 @@ def tick_of(
         controller=told.sample,
         arm=told.arm,
         link=told.link,
-        pose=output.pose,
         gripper=output.gripper,
         stop=output.stop,
         inputs=TickInputs(

@@ -11,7 +11,7 @@ from hw.arm import Arm, SimulatedArm, TcpBoundary
 from hw.arms import simulated_arm
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist
+from tams_app.records import ArmState, CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -56,10 +56,10 @@ class DryRunArm(Arm):
         with self._lock:
             self._model = model
 
-    def enable(self, servo: ServoMode) -> None:
+    def enable(self) -> None:
         self._check_real()
         with self._lock:
-            self._required().enable(servo)
+            self._required().enable()
 
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
         self._check_real()
@@ -92,9 +92,6 @@ class DryRunArm(Arm):
 
     def send_twist(self, twist: Twist) -> None:
         self._tell(lambda model: model.send_twist(twist))
-
-    def send_pose(self, pose: Pose) -> None:
-        self._tell(lambda model: model.send_pose(pose))
 
     def set_gripper(self, closed: bool) -> None:
         self._tell(lambda model: model.set_gripper(closed))

@@ -9,14 +9,14 @@ import numpy as np
 from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from hw.guard.motion import Cause, Motion
 from tams_app.config import ArmConfig, LimitsConfig
-from tams_app.records import ArmState, Pose
+from tams_app.records import ArmState
 from tams_app.runtime.process import HelperProcess
 from tams_app.session.control import Signals
 from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
 SILENCE_NS = 200 * NS_PER_MS  # without an answer the arm has no guard
 
@@ -49,7 +49,6 @@ class Guarding(Listener):
         self._silent = False  # while the arm was armed, and has not answered since
         self._link: GuardLink | None = None
         self._commanded = (Motion.REST, False, 0.0)  # in the last tick: motion, deadman, speed
-        self._pose: tuple[int, Pose] | None = None  # commanded last, and when
 
     def start(self) -> None:
         """Start the process without waiting; see `wait_ready`."""
@@ -67,7 +66,8 @@ class Guarding(Listener):
         What was commanded is in the next beat.
         """
         motion = Motion.FOLLOW if output.arming is ArmingState.ENGAGED else Motion.REST
-        self._commanded = (motion, output.deadman, self._speed(now_ns, output))
+        speed = 0.0 if output.twist is None else float(np.linalg.norm(output.twist.linear))
+        self._commanded = (motion, output.deadman, speed)
         link = self._link
         wanted = output.arming.is_armed or (output.stop and link is not None and link.armed)
         if link is None or link.armed == wanted:
@@ -98,19 +98,6 @@ class Guarding(Listener):
             self._signals.trip(Reason.GUARD_SILENT)  # in each tick, until it is back
         elif link.arm_lost:
             self._signals.trip(Reason.GUARD_BLIND)  # in each tick, until it is back
-
-    def _speed(self, now_ns: int, output: TeleopOutput) -> float:
-        """Of the TCP as it was commanded in this tick [m/s]."""
-        before, self._pose = self._pose, None
-        if output.twist is not None:
-            return float(np.linalg.norm(output.twist.linear))
-        if output.pose is None:
-            return 0.0
-        self._pose = now_ns, output.pose
-        if before is None or now_ns <= before[0]:
-            return 0.0
-        way_m = float(np.linalg.norm(output.pose.position - before[1].position))
-        return way_m * NS_PER_S / (now_ns - before[0])
 
     def close(self) -> None:
         """Disarm and end the guard; the arm must have been stopped before."""

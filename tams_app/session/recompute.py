@@ -73,13 +73,6 @@ OF_TICKS = (
     Quantity("command: gripper", lambda tick: tick.gripper),
     Quantity("command: velocity", lambda tick: tuple(tick.twist.linear), "m/s", 1e-6),
     Quantity("command: angular velocity", lambda tick: tuple(tick.twist.angular), "rad/s", 1e-6),
-    Quantity("command: position", lambda tick: tick.pose and tuple(tick.pose.position), "m", 1e-6),
-    Quantity(
-        "command: rotation matrix",
-        lambda tick: tick.pose and tuple(tick.pose.rotation.as_matrix().flat),
-        "1",
-        1e-6,
-    ),
     Quantity("speed scale", lambda tick: (tick.speed_scale,), "1", 1e-6),
     Quantity("phase", lambda tick: tick.phase),
     Quantity("smoothed speed", lambda tick: (tick.speed, tick.vertical_speed), "m/s", 1e-6),

@@ -19,7 +19,7 @@ from hw.make_controller import keyboard_of
 from tams_app.config import Config, Network
 from tams_app.errors import TamsError
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, PacketRecord, ServoMode, SessionState, ShownFrame, ViewState
+from tams_app.records import Activity, PacketRecord, SessionState, ShownFrame, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperProcess
@@ -239,7 +239,7 @@ class Session(Ending):
         self._stack.callback(arm.close)
         arm.connect()
         self._hurry(arm.realtime_thread_ids)
-        gate = ArmGate(arm, ServoMode(self.config.arm.servo), boundary, self.note)
+        gate = ArmGate(arm, boundary, self.note)
         self._arm, self._gate = arm, gate
         guard.wait_ready()
         self._helpers["guard"] = guard.process

@@ -43,7 +43,7 @@ class MotionChannels:
         if tick.arm.received_ns != self._reported_ns:
             self._reported_ns = tick.arm.received_ns
             self._send_arm(tick.arm)
-        commanded = tick.pose or _led_to(tick, tick.arm.tcp, self._scene.twist_lasts_s)
+        commanded = _led_to(tick, tick.arm.tcp, self._scene.twist_lasts_s)
         self._send(self._commanded, wall_ns, BASE, commanded)
 
     def on_truth(self, truth: SceneTruth) -> None:

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from tams_app.config import Config
-from tams_app.records import ArmState, ControllerSample, Pose, Twist
+from tams_app.records import ArmState, ControllerSample, Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
-from tams_app.teleop.servo import MAX_POSE_STEP_M, Target, Tcp, TcpPredictor
+from tams_app.teleop.servo import Target, Tcp, TcpPredictor
 from tams_app.units import NS_PER_MS
-from tams_app.vectors import ZERO, floats, minus, norm, plus, plus_times, times
+from tams_app.vectors import ZERO, minus, plus, plus_times, times
 
 _LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
 
 
 class Drive:
-    """Moves the commanded velocity, and in the pose servo the commanded pose.
+    """Moves the commanded velocity.
 
     After `engage` or `toggle_mode` the arm brakes first if it still moves; then hand and target are
     anchored to this controller pose and the *measured* arm pose, so that nothing ever jumps.
@@ -30,16 +30,13 @@ class Drive:
         self._limits = Limits(config, model, ready)
         self._target = Target(config.limits)
         self._predictor = TcpPredictor()
-        self._follows_velocity = config.arm.servo == "velocity"
         self._gain_per_s = config.arm.pose_gain_per_s
-        self._leash_m = config.limits.leash_mm / 1000.0
         self._anchored = False
         self._limited_s = 0.0
         self._limited_by: Reason | None = None
         self.orientation_mode = False
         self.joint_scale = 1.0
         self.twist = Twist.zero()
-        self.commanded_pose: Pose | None = None
 
     @property
     def braking(self) -> bool:
@@ -84,7 +81,6 @@ class Drive:
         """At rest at once, in translation mode: the arm is stopped by other means."""
         self.halt()
         self.orientation_mode = False
-        self.commanded_pose = None
 
     def halt(self) -> None:
         """At rest at once: the controller's deadman stopped the arm."""
@@ -92,13 +88,10 @@ class Drive:
         self._forget()
         self.twist = Twist.zero()
 
-    def rest(self, arm: ArmState | None, interval_s: float) -> None:
-        """Not engaged: brake to exactly zero, and stay there. `arm` is None if not to be used."""
+    def rest(self, interval_s: float) -> None:
+        """Not engaged: brake to exactly zero, and stay there."""
         self._forget()
         self.twist = self._limits.come_to_rest(interval_s)
-        self._carry_pose(interval_s)
-        if arm is not None and self._limits.at_rest:
-            self._settle_pose(arm.tcp)
 
     def follow(
         self,
@@ -115,16 +108,12 @@ class Drive:
             return
         measured = Tcp.of(arm.tcp)
         hand = self._hand.update(sample, now_ns, interval_s)
-        tcp = self._target.tcp
-        if self._follows_velocity:
-            tcp = self._predictor.predict(measured, arm.received_ns, delay_ns)
+        tcp = self._predictor.predict(measured, arm.received_ns, delay_ns)
         correction = self._correction(tcp)
         if self.orientation_mode:
             wanted = Twist(ZERO, plus(hand.angular, correction.angular))
         else:
             wanted = Twist(plus(hand.linear, correction.linear), ZERO)
-        if not self._follows_velocity:
-            wanted = self._target.held_back(wanted, measured)
         limited = self._limits.limit(wanted, tcp, arm.joints, scale)
         self.joint_scale = limited.joint_scale
         self._count_limited(limited.limited_by, interval_s)
@@ -135,33 +124,25 @@ class Drive:
         self, measured: Tcp, correction: Twist, scale: float, interval_s: float
     ) -> None:
         """The target moves as the arm was told to, without what was told to catch up with it."""
-        if self._follows_velocity:
-            self._target.advance(
-                plus_times(self.twist.linear, correction.linear, -scale),
-                plus_times(self.twist.angular, correction.angular, -scale),
-                interval_s,
-            )
-            self._target.pull_back(measured)
-            return
-        self._carry_pose(interval_s)
+        self._target.advance(
+            plus_times(self.twist.linear, correction.linear, -scale),
+            plus_times(self.twist.angular, correction.angular, -scale),
+            interval_s,
+        )
+        self._target.pull_back(measured)
 
     def _brake_then_anchor(
         self, sample: ControllerSample, arm: ArmState, interval_s: float
     ) -> None:
         self.twist = self._limits.come_to_rest(interval_s)
-        self._carry_pose(interval_s)
         if self._limits.at_rest:
             self._hand.anchor(sample)
-            self._settle_pose(arm.tcp)
-            if self._follows_velocity:
-                self._target.anchor(Tcp.of(arm.tcp))
+            self._target.anchor(Tcp.of(arm.tcp))
             self._anchored = True
 
     def _correction(self, tcp: Tcp) -> Twist:
-        """The P-loop that takes the arm back to the target; a commanded pose needs none."""
+        """The P-loop that takes the arm back to the target."""
         target = self._target.tcp
-        if not self._follows_velocity:
-            return Twist.zero()
         if self.orientation_mode:
             return Twist(ZERO, times(tcp.rotation.turn_to(target.rotation), self._gain_per_s))
         return Twist(times(minus(target.position, tcp.position), self._gain_per_s), ZERO)
@@ -175,26 +156,3 @@ class Drive:
         self._limited_s = 0.0
         self._limited_by = None
         self.joint_scale = 1.0
-
-    # --- pose servo -----------------------------------------------------------------------------
-
-    def _carry_pose(self, interval_s: float) -> None:
-        """Move the commanded pose with the twist, at most one step that the arm takes."""
-        if self.commanded_pose is None:
-            return
-        speed = norm(self.twist.linear)
-        step_s = min(interval_s, MAX_POSE_STEP_M / speed) if speed > 0.0 else interval_s
-        self._target.advance(self.twist.linear, self.twist.angular, step_s)
-        self.commanded_pose = self._target.tcp.to_pose()
-
-    def _settle_pose(self, measured: Pose) -> None:
-        """At rest, an arm that is elsewhere (moved by hand or to ready) is held where it is.
-
-        One that only lags is not: its command would step back to where the arm was a moment ago.
-        """
-        if self._follows_velocity:
-            return
-        held = self.commanded_pose
-        if held is None or norm(floats(held.position - measured.position)) > self._leash_m:
-            self._target.anchor(Tcp.of(measured))
-            self.commanded_pose = measured

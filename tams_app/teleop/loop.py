@@ -46,7 +46,6 @@ class Teleop:
         self._watch = Watch(config, video_floor_ns)
         self._drive = Drive(config, model, ready)
         self._arming = Arming()
-        self._sends_velocity = config.arm.servo == "velocity"
         self._stall_s = config.arm.velocity_deadman_s
         self._last_ns: int | None = None
         self._menu_is_void = False
@@ -143,7 +142,7 @@ class Teleop:
                 tick.sample, trusted, tick.link.round_trip_ns, scale, tick.now_ns, interval_s
             )
         else:
-            self._drive.rest(trusted, interval_s)
+            self._drive.rest(interval_s)
 
     def _output(
         self,
@@ -156,18 +155,16 @@ class Teleop:
         refusal: Refusal | None,
     ) -> TeleopOutput:
         state = self._arming.state
-        twist, pose = None, None
+        twist = None
         if state.is_armed:
-            twist = self._drive.twist if self._sends_velocity else None
-            pose = self._drive.commanded_pose
-        elif state is ArmingState.FAULT and before.is_armed and self._sends_velocity:
+            twist = self._drive.twist
+        elif state is ArmingState.FAULT and before.is_armed:
             twist = Twist.zero()
         gripper = None
         if state is ArmingState.ENGAGED and (buttons.close_gripper or buttons.open_gripper):
             gripper = buttons.close_gripper
         return TeleopOutput(
             twist=twist,
-            pose=pose,
             gripper=gripper,
             stop=self._must_stop(tick, before, faults),
             request=request,

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import ArmState, CommandLink, ControllerSample, Haptic, Pose, Twist, Vector
+from tams_app.records import ArmState, CommandLink, ControllerSample, Haptic, Twist, Vector
 from tams_app.teleop.safety import ArmingState, Reason, Request
 
 
@@ -48,10 +48,9 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class TeleopOutput:
-    """One tick's commands and what to show; at most one of `twist` and `pose` is set."""
+    """One tick's commands and what to show."""
 
     twist: Twist | None  # None: send nothing
-    pose: Pose | None
     gripper: bool | None  # close (True) or open (False) now
     stop: bool  # stop the arm now; every tick of a fault until the arm reports that it stopped
     request: Request

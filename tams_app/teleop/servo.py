@@ -1,16 +1,14 @@
 """The target pose that the twist is integrated to, and how the arm is kept at it.
 
-Velocity servo: the arm gets velocities, and a P-loop on the reported pose takes away what drifts.
-The report is older than the last commands, so the loop compares with the *predicted* TCP: the
-reported pose plus all that was commanded since. Pose servo: the arm gets the target.
+The arm gets velocities, and a P-loop on the reported pose takes away what drifts. The report is
+older than the last commands, so the loop compares with the *predicted* TCP: the reported pose plus
+all that was commanded since.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from typing import NamedTuple
-
-import numpy as np
 
 from tams_app.config import LimitsConfig
 from tams_app.records import Pose, Twist
@@ -19,7 +17,6 @@ from tams_app.units import NS_PER_S
 from tams_app.vectors import (
     ZERO,
     Floats3,
-    dot,
     floats,
     minus,
     norm,
@@ -28,9 +25,7 @@ from tams_app.vectors import (
     times,
 )
 
-MAX_POSE_STEP_M = 0.0099  # arms take 10 mm (FINDINGS 8), and rounding must not pass that
 _MEMORY_NS = NS_PER_S // 2
-_TINY = 1e-12
 
 
 class Tcp(NamedTuple):
@@ -42,9 +37,6 @@ class Tcp(NamedTuple):
     @staticmethod
     def of(pose: Pose) -> Tcp:
         return Tcp(floats(pose.position), pose.rotation)
-
-    def to_pose(self) -> Pose:
-        return Pose(np.array(self.position), self.rotation)
 
 
 class TcpPredictor:
@@ -87,7 +79,7 @@ class _Leash:
     """How far a target may be from the arm, in one measure [m or rad]."""
 
     def __init__(self, length: float, fault: float) -> None:
-        self.length = length
+        self._length = length
         self._fault = fault
         self.clear()
 
@@ -107,11 +99,11 @@ class _Leash:
 
     def share_kept(self, distance: float) -> float:
         """The share of a target's distance that the leash leaves it."""
-        if distance <= self.length:
+        if distance <= self._length:
             self._withheld = 0.0
             return 1.0
-        self._withheld += distance - self.length
-        return self.length / distance
+        self._withheld += distance - self._length
+        return self._length / distance
 
 
 class Target:
@@ -154,22 +146,6 @@ class Target:
             rotation = measured.rotation.turned(times(turn, kept))
         self.tcp = Tcp(position, rotation)
 
-    def held_back(self, twist: Twist, measured: Tcp) -> Twist:
-        """`twist` without what would lead a target beyond its leash still further away."""
-        offset, turn = self._from(measured)
-        return Twist(
-            _without_beyond(twist.linear, offset, self._way.length),
-            _without_beyond(twist.angular, turn, self._turn.length),
-        )
-
     def _from(self, measured: Tcp) -> tuple[Floats3, Floats3]:
         offset = minus(self.tcp.position, measured.position)
         return offset, measured.rotation.turn_to(self.tcp.rotation)
-
-
-def _without_beyond(velocity: Floats3, offset: Floats3, leash: float) -> Floats3:
-    distance = norm(offset)
-    if distance <= max(leash, _TINY):
-        return velocity
-    normal = times(offset, 1.0 / distance)
-    return plus_times(velocity, normal, -max(0.0, dot(velocity, normal)))

@@ -43,7 +43,6 @@ class Watch:
         fresh = config.freshness
         floor_ns = _VIDEO_FLOOR_FACTOR * video_floor_ns
         self._fresh = fresh
-        self._servo = ServoMode(config.arm.servo)
         self._video_slow_ns = max(fresh.video_slow_ms * NS_PER_MS, floor_ns)
         self._video_hold_ns = max(fresh.video_hold_ms * NS_PER_MS, floor_ns)
 
@@ -72,8 +71,8 @@ class Watch:
         return found
 
     def servo_ready(self, arm: ArmState | None) -> bool:
-        """Whether the arm reports the servo's mode and a state in which it follows commands."""
-        return arm is not None and arm.servo is self._servo and not arm.activity.is_halted
+        """Whether the arm reports the velocity servo and a state in which it follows commands."""
+        return arm is not None and arm.servo is ServoMode.VELOCITY and not arm.activity.is_halted
 
     def video_scale(self, age_ns: int | None) -> float:
         """1 for a fresh frame, falling to 0 at the age at which the arm holds; None: no video."""
@@ -97,7 +96,7 @@ class Watch:
             found.append(Reason.ARM_SILENT)
         if state.is_armed and arm.activity.is_halted:
             found.append(Reason.ARM_STOPPED)
-        elif state.is_armed and arm.servo is not self._servo:
+        elif state.is_armed and arm.servo is not ServoMode.VELOCITY:
             found.append(Reason.ARM_MODE)
         return found
 

@@ -20,7 +20,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
-from tams_app.records import ArmState, ServoMode, Twist
+from tams_app.records import ArmState, Twist
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
@@ -321,5 +321,5 @@ def arm(unconnected: Arm) -> Arm:
 
 @pytest.fixture
 def enabled(arm: Arm) -> Arm:
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     return arm

@@ -9,8 +9,7 @@ from hw.arm import Arm, TcpBoundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, LinkFault, Pose, ServoMode, Twist
-from tams_app.rotation import Rotation
+from tams_app.records import Activity, LinkFault, Pose, Twist
 from tests.contract.conftest import READY_JOINTS, ArmRig, Lite6Rig
 
 pytestmark = pytest.mark.waiting
@@ -33,14 +32,13 @@ def position_of(rig: ArmRig, arm: Arm) -> Pose:
 
 def test_before_connecting_nothing_moves_and_nothing_breaks(unconnected: Arm) -> None:
     unconnected.send_twist(SIDEWAYS)
-    unconnected.send_pose(Pose(np.zeros(3), Rotation.identity()))
     unconnected.set_gripper(True)
     unconnected.stop()
     assert unconnected.state() is None
     assert "connect" in unconnected.link().failure
     assert unconnected.link().fault is LinkFault.LOST
     with pytest.raises(DeviceError, match="connect"):
-        unconnected.enable(ServoMode.VELOCITY)
+        unconnected.enable()
 
 
 def test_connecting_leaves_the_arm_stopped_where_it_is(rig: ArmRig, arm: Arm) -> None:
@@ -90,7 +88,7 @@ def test_closing_twice_is_fine_and_one_may_connect_again(rig: ArmRig, enabled: A
     assert enabled.state() is None
     assert rig.is_stopped()
     enabled.connect()
-    enabled.enable(ServoMode.VELOCITY)
+    enabled.enable()
     before = position_of(rig, enabled)
     rig.stream(enabled, SIDEWAYS, 0.2)
     assert distance_mm(before, position_of(rig, enabled)) > 1.0
@@ -101,8 +99,8 @@ def test_closing_twice_is_fine_and_one_may_connect_again(rig: ArmRig, enabled: A
 
 def test_enabling_does_not_move_the_arm(rig: ArmRig, arm: Arm) -> None:
     before = position_of(rig, arm)
-    for servo in (ServoMode.VELOCITY, ServoMode.POSE, ServoMode.VELOCITY):
-        arm.enable(servo)
+    for _ in range(2):
+        arm.enable()
         rig.advance(0.05)
     assert distance_mm(before, position_of(rig, arm)) < 1e-3
 
@@ -170,45 +168,10 @@ def test_a_twist_that_no_arm_may_follow_is_refused_and_nothing_moves_until_enabl
         assert enabled.link().fault is LinkFault.REFUSED
         rig.stream(enabled, SIDEWAYS, 0.1)
         assert distance_mm(before, position_of(rig, enabled)) < 1e-3
-        enabled.enable(ServoMode.VELOCITY)
+        enabled.enable()
         assert enabled.link().failure == ""
     rig.stream(enabled, SIDEWAYS, 0.2)
     assert distance_mm(before, position_of(rig, enabled)) > 1.0
-
-
-# --- the pose servo -----------------------------------------------------------------------------
-
-
-def test_poses_are_followed(rig: ArmRig, arm: Arm) -> None:
-    arm.enable(ServoMode.POSE)
-    start = rig.next_state(arm).tcp
-    turn = Rotation.from_rotvec([0.0, 0.0, 0.002])
-    pose = start
-    for _ in range(40):
-        pose = Pose(pose.position + np.array([0.0, 0.0005, 0.0]), turn * pose.rotation)
-        arm.send_pose(pose)
-        rig.advance(1 / 120)
-    assert rig.until(lambda: distance_mm(position_of(rig, arm), pose) < 0.05)
-    assert (position_of(rig, arm).rotation.inv() * pose.rotation).magnitude() < 1e-3
-    assert arm.link().failure == ""
-
-
-def test_a_pose_too_far_away_is_refused(rig: ArmRig, arm: Arm) -> None:
-    arm.enable(ServoMode.POSE)
-    before = rig.next_state(arm).tcp
-    arm.send_pose(Pose(before.position + np.array([0.0, 0.012, 0.0]), before.rotation))
-    assert rig.until(lambda: "step" in arm.link().failure)
-    assert distance_mm(before, position_of(rig, arm)) < 1e-3
-
-
-def test_commands_of_the_other_servo_are_refused(rig: ArmRig, arm: Arm) -> None:
-    arm.enable(ServoMode.POSE)
-    before = position_of(rig, arm)
-    arm.send_twist(SIDEWAYS)
-    assert rig.until(lambda: "pose servo" in arm.link().failure)
-    arm.enable(ServoMode.VELOCITY)
-    arm.send_pose(before)
-    assert rig.until(lambda: "velocity servo" in arm.link().failure)
 
 
 # --- going somewhere ----------------------------------------------------------------------------
@@ -264,7 +227,7 @@ def test_a_move_is_ended_by_a_stop_and_not_taken_up_again(rig: ArmRig, arm: Arm)
     rig.advance(0.3)
     at_rest = rig.next_state(arm).joints
     assert at_rest[0] > 0.01
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     rig.advance(0.3)
     np.testing.assert_array_equal(rig.next_state(arm).joints, at_rest)
 
@@ -307,7 +270,7 @@ def test_without_a_boundary_the_controllers_own_is_left_alone(rig: Lite6Rig, arm
         rig.model.settings.fence = False
     other = rig.make_arm(boundary=None)
     other.connect()
-    other.enable(ServoMode.VELOCITY)
+    other.enable()
     assert not rig.model.settings.fence
     assert rig.model.settings.boundary == own
     other.close()
@@ -362,7 +325,7 @@ def test_enabling_anew_ends_a_gripper_fault(rig: ArmRig, enabled: Arm) -> None:
     rig.mend_gripper()
     enabled.clear_errors()
     assert enabled.link().fault is LinkFault.NONE
-    enabled.enable(ServoMode.VELOCITY)
+    enabled.enable()
     enabled.set_gripper(True)
     assert rig.until(lambda: rig.next_state(enabled).gripper_closed is True)
 
@@ -385,7 +348,7 @@ def test_stop_stops_and_nothing_moves_until_enabled(rig: ArmRig, enabled: Arm) -
     assert rig.next_state(enabled).gripper_closed is None
     assert enabled.link().sent == sent
     assert enabled.link().failure == ""
-    enabled.enable(ServoMode.VELOCITY)
+    enabled.enable()
     rig.stream(enabled, SIDEWAYS, 0.2)
     assert distance_mm(at_rest, position_of(rig, enabled)) > 1.0
 
@@ -398,7 +361,7 @@ def test_an_error_shows_in_state_and_link_with_its_code(rig: ArmRig, enabled: Ar
     assert rig.until(lambda: rig.collision in enabled.link().failure)
     assert enabled.link().fault is LinkFault.REFUSED
     with pytest.raises(DeviceError, match=rig.collision):
-        enabled.enable(ServoMode.VELOCITY)
+        enabled.enable()
 
 
 def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> None:
@@ -414,7 +377,7 @@ def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> No
     assert enabled.link().fault is LinkFault.NONE
     rig.stream(enabled, SIDEWAYS, 0.2)
     assert distance_mm(before, position_of(rig, enabled)) < 1e-3
-    enabled.enable(ServoMode.VELOCITY)
+    enabled.enable()
     rig.stream(enabled, SIDEWAYS, 0.2)
     assert distance_mm(before, position_of(rig, enabled)) > 1.0
 
@@ -426,7 +389,7 @@ def test_a_pressed_emergency_stop_cannot_be_cleared(rig: ArmRig, enabled: Arm) -
         enabled.clear_errors()
     rig.press_emergency_stop(False)
     enabled.clear_errors()
-    enabled.enable(ServoMode.VELOCITY)
+    enabled.enable()
 
 
 def test_frozen_reports_show_as_a_state_that_ages(rig: ArmRig, enabled: Arm) -> None:

@@ -22,7 +22,7 @@ from hw.arm import (
     TcpBoundary,
 )
 from hw.arm_report import ArmReport
-from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from hw.sim.controller.model import IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
@@ -32,7 +32,6 @@ from tams_app.records import (
     ArmState,
     CommandLink,
     LinkFault,
-    Pose,
     ServoMode,
     Twist,
     Vector,
@@ -71,7 +70,7 @@ class ToyBox:
         self.joints = joints.copy()
         self.measured = joints.copy()
         self.word = "off"
-        self.servo: ServoMode | None = None
+        self.follows = False  # twists
         self.fault = 0
         self.button_pressed = False
         self.boundary: TcpBoundary | None = None
@@ -89,12 +88,12 @@ class ToyBox:
 
     def halt(self, fault: int = 0) -> None:
         self.fault = self.fault or fault
-        self.word, self.servo, self._goal = "off", None, None
+        self.word, self.follows, self._goal = "off", False, None
         self._twist = np.zeros(6)
 
-    def run(self, servo: ServoMode | None) -> None:
+    def run(self, follows: bool) -> None:
         self.halt()
-        self.word, self.servo = "runs", servo
+        self.word, self.follows = "runs", follows
 
     def twist(self, twist: Vector, until_ns: int) -> None:
         self._twist, self._until_ns = twist, until_ns
@@ -119,7 +118,7 @@ class ToyBox:
         outside = self.boundary is not None and not self.boundary.contains(
             self.kinematics.tcp_matrix(self.joints)[:3, 3]
         )
-        if self.word == "runs" and (state.collision or (outside and self.servo is not None)):
+        if self.word == "runs" and (state.collision or (outside and self.follows)):
             self.halt(BUMPED if state.collision else FENCED)
 
 
@@ -134,7 +133,6 @@ class ToyArm(SimulatedArm):
         self._cycle_ns = self._report_ns = clock.now_ns()
         self._connected = False
         self._state: ArmState | None = None
-        self._last_pose: Pose | None = None
         self._link = CommandLink(0, 0, 0, 0, "")
 
     def connect(self) -> None:
@@ -147,10 +145,9 @@ class ToyArm(SimulatedArm):
         self._link = replace(self._link, acknowledged_ns=self._clock.now_ns())
         self._report(self._clock.now_ns())
 
-    def enable(self, servo: ServoMode) -> None:
+    def enable(self) -> None:
         self._check()
-        self.box.run(servo)
-        self._last_pose = self.box.kinematics.tcp_pose(self.box.measured)
+        self.box.run(True)
         self._link = replace(self._link, failure="", fault=LinkFault.NONE)
 
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
@@ -161,7 +158,7 @@ class ToyArm(SimulatedArm):
             raise DeviceError("The joints are outside the toy's limits.")
         if not 0 < speed <= LIMITS.joint_speed_rad_s:
             raise DeviceError("The speed is outside the toy's limits.")
-        self.box.run(None)
+        self.box.run(False)
         self.box.go(goal, speed)
 
     def state(self) -> ArmState | None:
@@ -174,7 +171,7 @@ class ToyArm(SimulatedArm):
         return self._link
 
     def send_twist(self, twist: Twist) -> None:
-        if not self._accepts(ServoMode.VELOCITY):
+        if not self._accepts():
             return
         if not float(np.linalg.norm(twist.linear)) * 1000.0 <= LIMITS.tcp_speed_mm_s:
             self._fail("A velocity was refused.", LinkFault.REFUSED)
@@ -186,20 +183,8 @@ class ToyArm(SimulatedArm):
         self.box.twist(np.concatenate((twist.linear, twist.angular)), until_ns)
         self._sent()
 
-    def send_pose(self, pose: Pose) -> None:
-        if not self._accepts(ServoMode.POSE):
-            return
-        last, self._last_pose = self._last_pose, pose
-        joints = self.box.kinematics.follow(matrix_from_pose(pose), self.box.joints)
-        near = last is None or float(np.linalg.norm(pose.position - last.position)) <= 0.010
-        if joints is None or not near:
-            self._fail("A step of the pose was refused.", LinkFault.REFUSED)
-            return
-        self.box.go(np.array(joints), LIMITS.joint_speed_rad_s)
-        self._sent()
-
     def set_gripper(self, closed: bool) -> None:
-        if self.box.servo is None:
+        if not self.box.follows:
             return
         self._sent()
         if self.box.gripper_works == "yes":
@@ -244,14 +229,11 @@ class ToyArm(SimulatedArm):
         if self.box.fault:
             raise DeviceError(FAULTS[self.box.fault].sentence)
 
-    def _accepts(self, servo: ServoMode) -> bool:
+    def _accepts(self) -> bool:
         self._catch_up()
         if self.box.fault and self._link.sent and self._connected:
             self._fail(FAULTS[self.box.fault].sentence, LinkFault.REFUSED)
-        if self.box.servo not in (None, servo):
-            sentence = f"The toy is in the {self.box.servo} servo; enable it anew."
-            self._fail(sentence, LinkFault.REFUSED)
-        return self.box.servo is servo
+        return self.box.follows
 
     def _sent(self) -> None:
         now_ns = self._clock.now_ns()
@@ -279,7 +261,7 @@ class ToyArm(SimulatedArm):
             joints=box.measured.copy(),
             tcp=box.kinematics.tcp_pose(box.measured),
             activity=Activity.MOVING if box.moves else _ACTIVITIES[box.word],
-            servo=box.servo,
+            servo=ServoMode.VELOCITY if box.follows else None,
             fault=FAULTS.get(box.fault),
             gripper_closed=box.gripper_closed,
         )

@@ -45,15 +45,6 @@ def moving_tick(number: int) -> Tick:
     )
 
 
-def of_pose_servo(number: int) -> Tick:
-    """The same by a pose servo, which sends nothing before the operator moves the arm."""
-    base = moving_tick(number)
-    assert base.arm is not None
-    tcp = base.arm.tcp
-    sent = Pose(tcp.position + 0.01, tcp.rotation) if base.arming == "engaged" else None
-    return replace(base, twist=Twist.zero(), pose=sent)
-
-
 def head(**changes: Any) -> Header:
     """The header of such a session."""
     config = load_config().model_copy(update={"video": VIDEO}).model_dump(mode="json")

@@ -21,12 +21,9 @@ from tests.calibration.weights_session import HEIGHT, WIDTH, image_of, seen
 from tests.export.sessions import (
     GRIPPER_CLOSES,
     START_OF_GRID_NS,
-    head,
     moving_session,
     moving_tick,
-    of_pose_servo,
     shown_at,
-    write_session,
 )
 from tests.synthetic_session import FPS, VIEWS
 
@@ -258,16 +255,3 @@ def test_there_are_statistics_of_each_feature_by_episode_and_of_all(
                 for name in episode
                 if name.startswith(f"stats/{feature}/")
             } == STATISTICS
-
-
-def test_the_action_of_a_pose_servo_is_the_pose_sent_or_the_one_held(tmp_path: Path) -> None:
-    ticks = [of_pose_servo(number) for number in range(60)]
-    session = write_session(tmp_path / "s", ticks, 0.5, head(servo="pose"))
-    assert _main(["export", str(session), "--format", "lerobot"]) == 0
-    rows = pq.read_table(session / "lerobot/data/chunk-000/file-000.parquet").to_pylist()
-    for row in rows:
-        ahead = 0.01 if tick_at(row).arming == "engaged" else 0.0
-        wanted = np.array(row["observation.state"][6:])
-        wanted[:3] += ahead
-        assert row["action"] == pytest.approx(wanted, abs=1e-6)
-    assert {row["engaged"] for row in rows} == {False, True}

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tams_app.cli import _main
+from tams_app.errors import UnreadableLogError
 from tams_app.export.lerobot import files, layout
 from tams_app.export.lerobot.layout import FileNumber
 from tams_app.recording.mcap_stream import McapStream
@@ -25,7 +26,6 @@ from tests.export.sessions import (
     head,
     moving_session,
     moving_tick,
-    of_pose_servo,
     shown_at,
     write_session,
 )
@@ -135,7 +135,6 @@ def other_views() -> dict[str, Any]:
     [
         (lambda: {"header_of": head(fps=25)}, "at 25 frames a second"),
         (other_views, "has eih, gt with 160x120"),
-        (lambda: {"header_of": head(servo="pose")}, "pose servo, but"),
         (
             lambda: {"header_of": head(config={**head().config, "arm": {"model": "other"}})},
             "is of another arm",
@@ -146,7 +145,7 @@ def test_sessions_of_unlike_shape_are_refused_in_a_sentence(
     tmp_path: Path, export: Export, changes: Callable[[], dict[str, Any]], said: str
 ) -> None:
     first = moving_session(tmp_path / "first", 0.3)
-    ticks = [of_pose_servo(number) for number in range(36)]
+    ticks = [moving_tick(number) for number in range(36)]
     second = write_session(tmp_path / "second", ticks, 0.3, **changes())
     code, _, error = export(first, second, "--out", tmp_path / "out")
     assert code == 2
@@ -154,6 +153,17 @@ def test_sessions_of_unlike_shape_are_refused_in_a_sentence(
     assert error.endswith("export them apart\n")
     assert len(error.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_session_that_was_led_from_pose_to_pose_is_refused_in_a_sentence(
+    tmp_path: Path, export: Export
+) -> None:
+    ticks = [moving_tick(number) for number in range(36)]
+    session = write_session(tmp_path / "session", ticks, 0.3, head(servo="pose"))
+    code, _, error = export(session)
+    assert code == UnreadableLogError.exit_code
+    assert "led from pose to pose" in error
+    assert len(error.splitlines()) == 1
 
 
 def test_a_log_without_arm_or_without_video_is_refused_in_a_sentence(

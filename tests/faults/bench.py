@@ -18,9 +18,9 @@ import numpy as np
 from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
-from tams_app.config import Config, load_config
+from tams_app.config import Config
 from tams_app.recording import LOG_NAME, SessionLog, read_log
-from tams_app.records import ArmState, PhaseChange, ServoMode, StopRecord, Tick, Vector
+from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.session import build
 from tams_app.session.arm_gate import ArmGate
@@ -79,7 +79,6 @@ class Bench(Listener, ABC):
         `sight` takes the place of `frames`.
         """
         self.config, self.clock, self.arm, self.model = config, clock, arm, model
-        self.servo = ServoMode(config.arm.servo)
         self.hand = Hand(config)
         self.signals = Signals()
         self.frames = Frames(clock)
@@ -91,7 +90,6 @@ class Bench(Listener, ABC):
         self.beats: list[int] = []
         self.gate = ArmGate(
             arm,
-            self.servo,
             session_boundary(config.arm, config.limits),
             lambda level, text: self.notes.append(text),
         )
@@ -280,11 +278,6 @@ class Bench(Listener, ABC):
     def _keep(self, record: Tick | StopRecord | PhaseChange) -> None:
         if self._recorders is not None:
             self._recorders.record(record)
-
-
-def configuration(servo: str = "velocity") -> Config:
-    """The default configuration with that servo."""
-    return load_config(overrides={"arm.servo": servo})
 
 
 def _fail(name: str, failure: BaseException) -> None:

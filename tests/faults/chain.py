@@ -144,7 +144,7 @@ class StreamedBench:
 
     def __init__(self, chain: Chain, folder: Path) -> None:
         self.chain = chain
-        self.bench = VirtualBench(folder=folder, sight=chain)
+        self.bench = VirtualBench(folder, chain)
         self.bench.arm_it()
         self._engage()
 

@@ -1,4 +1,4 @@
-"""The benches of the arm's fault matrix: in which servo, and over what.
+"""The benches of the arm's fault matrix: over what.
 
 They are imported where they are made: the other half of the matrix needs no driver.
 """
@@ -26,12 +26,12 @@ def frequent_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def virtual_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[VirtualBench]:
-    """Virtual time, in each servo, with a log."""
+@pytest.fixture
+def virtual_bench(tmp_path: Path) -> Iterator[VirtualBench]:
+    """Virtual time, with a log."""
     from tests.faults.virtual_bench import VirtualBench
 
-    bench = VirtualBench(request.param, tmp_path)
+    bench = VirtualBench(tmp_path)
     yield bench
     bench.close()
 
@@ -43,45 +43,30 @@ def make_bench(frequent_reports: None) -> Iterator[MakeBench]:
 
     with ExitStack() as stack:
 
-        def make(servo: str = "velocity", **others: object) -> WiredBench:
-            bench = WiredBench(servo, **others)  # type: ignore[arg-type]
+        def make(folder: Path | None = None) -> WiredBench:
+            bench = WiredBench(folder)
             stack.callback(bench.close)
             return bench
 
         yield make
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def wired_bench(
-    request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
-) -> WiredBench:
-    """The driver over TCP, in each servo, with a log."""
-    return make_bench(request.param, folder=tmp_path)
+@pytest.fixture
+def wired_bench(tmp_path: Path, make_bench: MakeBench) -> WiredBench:
+    """The driver over TCP, with a log."""
+    return make_bench(tmp_path)
 
 
-@pytest.fixture(params=["wired velocity", "wired pose", "virtual velocity", "virtual pose"])
+@pytest.fixture(params=["wired", "virtual"])
 def any_bench(
     request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
 ) -> Iterator[Bench]:
-    """The driver over TCP and the in-process arm in virtual time, in each servo, with a log."""
-    yield from _bench(request.param, tmp_path, make_bench)
-
-
-@pytest.fixture(params=["wired velocity", "virtual pose"])
-def either_bench(
-    request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
-) -> Iterator[Bench]:
-    """Each arm once: for what has nothing to do with the servo."""
-    yield from _bench(request.param, tmp_path, make_bench)
-
-
-def _bench(what: str, folder: Path, make_bench: MakeBench) -> Iterator[Bench]:
+    """The driver over TCP and the in-process arm in virtual time, with a log."""
     from tests.faults.virtual_bench import VirtualBench
 
-    kind, servo = what.split()
-    if kind == "wired":
-        yield make_bench(servo, folder=folder)
+    if request.param == "wired":
+        yield make_bench(tmp_path)
         return
-    bench = VirtualBench(servo, folder)
+    bench = VirtualBench(tmp_path)
     yield bench
     bench.close()

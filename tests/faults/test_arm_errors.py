@@ -29,12 +29,12 @@ def raise_error(bench: Bench, code: ErrorCode) -> None:
 
 @pytest.mark.parametrize("code", ERRORS, ids=lambda code: f"C{code.value}")
 def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
-    either_bench: Bench, code: ErrorCode
+    any_bench: Bench, code: ErrorCode
 ) -> None:
     def shows(state: ArmState) -> bool:
         return state.fault is not None and state.fault.code == code
 
-    bench = either_bench
+    bench = any_bench
     bench.engage_and_move()
     bench.quiesce()
     with bench.lock:

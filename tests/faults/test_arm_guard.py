@@ -38,9 +38,9 @@ def guard_pid(bench: WiredBench) -> int:
     return pid
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def guarded(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> WiredBench:
-    bench = make_bench(request.param, folder=tmp_path)
+@pytest.fixture
+def guarded(tmp_path: Path, make_bench: MakeBench) -> WiredBench:
+    bench = make_bench(tmp_path)
     bench.add_guard()
     return bench
 
@@ -130,7 +130,7 @@ def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
 def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(
     tmp_path: Path, make_bench: MakeBench
 ) -> None:
-    bench = make_bench(folder=tmp_path)
+    bench = make_bench(tmp_path)
     drivers = {each.connection for each in bench.model.since(-1)}
     bench.add_guard()
     bench.engage_and_move(SIDEWAYS / 4)

@@ -27,7 +27,7 @@ MOST_M = 0.05  # that the arm may move against what the beats say
 
 @pytest.fixture
 def bench(tmp_path: Path, make_bench: MakeBench) -> WiredBench:
-    made = make_bench(folder=tmp_path)
+    made = make_bench(tmp_path)
     made.add_guard()
     return made
 

@@ -22,7 +22,7 @@ from hw.lite6.codes import State
 from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig
-from tams_app.records import LinkFault, ServoMode, Twist
+from tams_app.records import LinkFault, Twist
 from tams_app.runtime.clock import MonotonicClock
 from tests.faults.wire import TappedModel
 from tests.tcp_relay import TcpRelay
@@ -61,7 +61,7 @@ def moving_arm(cleaning: ExitStack, config: ArmConfig) -> Lite6:
     arm = Lite6(config, MonotonicClock())
     cleaning.callback(arm.close)
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     sent = arm.link().sent
     while arm.link().sent < sent + 20:
         assert not arm.link().failure
@@ -174,7 +174,7 @@ def test_no_motion_from_before_a_network_outage_reaches_the_arm_after_the_fault(
     assert sum(request.is_motion for request in model.wire) - before <= 1  # as the cable was cut
     cable.here.submit(arm.clear_errors).result(WITHIN_S)
     assert not arm.link().failure
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
 
 
 # --- what every machine can show ------------------------------------------------------------------

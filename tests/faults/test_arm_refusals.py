@@ -23,7 +23,6 @@ from tests.faults.wired_bench import FaultyServer, WiredBench
 
 pytestmark = pytest.mark.waiting
 
-MOTIONS = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_SERVO_CARTESIAN_AA)
 INVALID = bytes([ReplyBit.INVALID])
 NOT_READY = bytes([ReplyBit.NOT_READY])
 REFUSALS = 5
@@ -57,7 +56,7 @@ def test_a_refused_motion_command_stops_the_arm_in_the_tick_that_sees_it(
     bench = wired_bench
     bench.engage_and_move()
     bench.quiesce()
-    refuse(bench, *MOTIONS, reply=reply)
+    refuse(bench, Register.SET_CARTESIAN_VELOCITY, reply=reply)
     since = bench.next
     bench.run_ticks(1)
     bench.until(lambda: bench.arm.link().failure != "")

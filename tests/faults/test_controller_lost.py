@@ -94,12 +94,11 @@ def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
     is_logged(bench, reason)
 
 
-@pytest.mark.parametrize("servo", ["velocity", "pose"])
 @pytest.mark.parametrize("distortion", [entry[0] for entry in FAULTS.values()], ids=FAULTS)
 def test_a_lost_controller_cannot_engage_an_arm_that_waits(
-    servo: str, distortion: Distortion
+    distortion: Distortion,
 ) -> None:
-    bench = VirtualBench(servo)
+    bench = VirtualBench()
     bench.arm_it()
     bench.hand.distortion = distortion
     bench.hand.trigger = 1.0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tams_app.records import ControllerSample, ServoMode
+from tams_app.records import ControllerSample
 from tams_app.teleop.safety import ArmingState
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.braking import TICKS_TO_REST, keeps_stop_profile
@@ -20,15 +20,12 @@ from tests.faults.virtual_bench import VirtualBench
 
 pytestmark = pytest.mark.untimed
 
-SERVOS = ("velocity", "pose")
-# Pose servo: a press takes the measured pose, which is a report behind, for the commanded one.
-_ANCHORING_M = 1e-4
 _ROUNDING_M_S = 1e-4
 
 
-@pytest.fixture(params=SERVOS)
-def bench(request: pytest.FixtureRequest) -> Iterator[VirtualBench]:
-    made = VirtualBench(request.param)
+@pytest.fixture
+def bench() -> Iterator[VirtualBench]:
+    made = VirtualBench()
     yield made
     made.close()
 
@@ -52,12 +49,7 @@ def moves_only_with_the_deadman(bench: VirtualBench, first: int) -> None:
     dies out within the stop profile, which adds a²/2j.
     """
     velocities = bench.velocities(first - 2)
-    if bench.servo is ServoMode.VELOCITY:
-        keeps_stop_profile(bench, velocities)
-    else:
-        changes = np.linalg.norm(np.diff(velocities[:, :3], axis=0), axis=1)
-        profile = bench.config.limits.stop
-        assert changes.max() <= profile.acceleration_m_s2 * PERIOD_S + _ANCHORING_M / PERIOD_S
+    keeps_stop_profile(bench, velocities)
     speeds = np.linalg.norm(velocities[:, :3], axis=1)
     limits = bench.config.limits
     dying_m_s = limits.motion.acceleration_m_s2**2 / (2 * limits.stop.jerk_m_s3)
@@ -132,13 +124,12 @@ def test_slower_chatter_moves_the_arm_no_further_than_the_hand_went_with_the_tri
     assert bench.travel_m(first) <= 0.4 * ACROSS[1] * held_ticks * PERIOD_S + 0.0001
 
 
-@pytest.mark.parametrize("servo", SERVOS)
 @given(values=st.lists(st.floats(0.3, 0.7), min_size=2, max_size=40))
 @settings(max_examples=15, deadline=None, derandomize=True)
 def test_any_chatter_moves_the_arm_only_with_the_deadman_and_never_further_than_the_hand(
-    servo: str, values: list[float]
+    values: list[float],
 ) -> None:
-    bench = VirtualBench(servo)
+    bench = VirtualBench()
     bench.engage_and_move(0.4 * ACROSS, seconds=0.3)
     first, hand_m = bench.next, bench.hand.travelled_m
     bench.hand.distortion = chatter(values)

@@ -22,16 +22,9 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(params=["velocity", "pose"])
-def servo(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
-
-
-def guarded(
-    make_bench: MakeBench, servo: str, folder: Path, promise: Callable[[WiredBench], None]
-) -> None:
+def guarded(make_bench: MakeBench, folder: Path, promise: Callable[[WiredBench], None]) -> None:
     """The promise of an arm that moves under a guard which stops it after 100 ms of silence."""
-    bench = make_bench(servo, folder=folder)
+    bench = make_bench(folder)
     bench.add_guard()
     bench.engage_and_move()
     promise(bench)
@@ -42,7 +35,7 @@ def stops_between(bench: WiredBench, first: int, after: int) -> list[Request]:
 
 
 def test_a_short_stall_of_the_control_loop_changes_nothing(
-    make_bench: MakeBench, servo: str, tmp_path: Path
+    make_bench: MakeBench, tmp_path: Path
 ) -> None:
     def promise(bench: WiredBench) -> None:
         since = bench.next
@@ -51,12 +44,12 @@ def test_a_short_stall_of_the_control_loop_changes_nothing(
         assert {output.arming for output in bench.outputs[since:]} == {ArmingState.ENGAGED}
         assert stops_between(bench, since - 1, bench.next) == []
 
-    guarded(make_bench, servo, tmp_path, promise)
+    guarded(make_bench, tmp_path, promise)
 
 
 @pytest.mark.parametrize("stall_ms", [200, 1000])
 def test_the_guard_stops_the_arm_of_a_stalled_loop_which_then_knows_why(
-    make_bench: MakeBench, servo: str, tmp_path: Path, stall_ms: int
+    make_bench: MakeBench, tmp_path: Path, stall_ms: int
 ) -> None:
     def promise(bench: WiredBench) -> None:
         connections = {each.connection for each in bench.requests(0)}
@@ -74,4 +67,4 @@ def test_the_guard_stops_the_arm_of_a_stalled_loop_which_then_knows_why(
         recovers_from_fault(bench)
         is_logged(bench, Reason.GUARD_STOPPED)
 
-    guarded(make_bench, servo, tmp_path, promise)
+    guarded(make_bench, tmp_path, promise)

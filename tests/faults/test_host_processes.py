@@ -199,11 +199,8 @@ def ends_armed(log: SessionLog) -> bool:
     return bool(log.ticks) and ArmingState(log.ticks[-1].arming).is_armed
 
 
-@pytest.mark.parametrize("servo", ["velocity", "pose"])
-def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(
-    tmp_path: Path, servo: str
-) -> None:
-    with Application(tmp_path, arm={"servo": servo}) as application:
+def test_the_arm_of_a_killed_application_is_stopped_by_the_guard(tmp_path: Path) -> None:
+    with Application(tmp_path) as application:
         witness = application.engaged()
         application.keep_the_rig()
         # the log goes to the disk each 0.8 s

@@ -9,7 +9,6 @@ from hw.guard.link import GuardMessage, Heartbeat
 from hw.guard.process import HeartbeatWatch, Watch
 from hw.lite6.codes import Register, State
 from hw.sim.controller.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
-from tams_app.records import ServoMode
 from tams_app.runtime.clock import FixedRate, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -29,7 +28,7 @@ def bench(virtual_bench: VirtualBench) -> VirtualBench:
 
 def most_travel_m(bench: VirtualBench) -> float:
     """How far an arm at full speed goes on without a new command: its deadman, then its brake."""
-    held_s = bench.config.arm.velocity_deadman_s if bench.servo is ServoMode.VELOCITY else 0.0
+    held_s = bench.config.arm.velocity_deadman_s
     return FULL_SPEED_M_S * (held_s + PERIOD_S) + FULL_SPEED_M_S**2 / VELOCITY_ACCELERATION_M_S2
 
 
@@ -120,8 +119,7 @@ def test_a_stream_of_short_stalls_neither_shakes_nor_stops_the_arm(bench: Virtua
     intervals_s = np.diff([tick.started_ns for tick in bench.ticks[first - 1 :]]) / NS_PER_S
     changes = np.linalg.norm(np.diff(commands, axis=0), axis=1)
     allowed = bench.config.limits.motion.acceleration_m_s2 * intervals_s * 1.01 + 1e-5
-    if bench.servo is ServoMode.VELOCITY:
-        assert (changes <= allowed).all()
+    assert (changes <= allowed).all()
     assert np.linalg.norm(commands, axis=1).max() <= FULL_SPEED_M_S
 
 

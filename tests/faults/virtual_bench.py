@@ -7,18 +7,17 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from hw.lite6.codes import Register
 from hw.sim.controller.inprocess_arm import InProcessArm
+from tams_app.config import load_config
 from tams_app.records import ArmState, Vector
 from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
 from tams_app.units import NS_PER_S
-from tests.faults.bench import ACROSS, PERIOD_NS, RATE_HZ, Bench, Pace, configuration
+from tests.faults.bench import ACROSS, PERIOD_NS, RATE_HZ, Bench, Pace
 from tests.faults.frames import Sight
-from tests.faults.wire import Request, tapped_model
+from tests.faults.wire import tapped_model
 
 
 class VirtualBench(Bench):
@@ -26,10 +25,8 @@ class VirtualBench(Bench):
 
     pace = Pace(cruise=ACROSS, cruise_s=0.45, rest_s=1.0, move_s=0.5, standing_ticks=30)
 
-    def __init__(
-        self, servo: str = "velocity", folder: Path | None = None, sight: Sight | None = None
-    ) -> None:
-        config, clock, model = configuration(servo), VirtualClock(), tapped_model()
+    def __init__(self, folder: Path | None = None, sight: Sight | None = None) -> None:
+        config, clock, model = load_config(), VirtualClock(), tapped_model()
         self._virtual_clock = clock
         self._virtual_arm = InProcessArm(config.arm, clock, model)
         self._virtual_arm.connect()
@@ -52,17 +49,14 @@ class VirtualBench(Bench):
     def commands(self, first: int, last: int | None = None) -> list[Vector | None]:
         """What each tick from `first` to before `last` (default: all) put on the wire.
 
-        Linear [m/s] and angular [rad/s] velocity, shape (6,); None where no motion was sent. Pose
-        servo: the way from the pose before, over the time between them.
+        Linear [m/s] and angular [rad/s] velocity, shape (6,); None where no motion was sent.
         """
         found: dict[int, Vector] = {}
-        before: Request | None = None
         for request in self.model.wire:
             if not request.is_motion:
                 continue
             assert request.tick not in found, f"two motion commands in tick {request.tick}"
-            found[request.tick] = _velocity(request, before)
-            before = request
+            found[request.tick] = request.velocity
         return [found.get(tick) for tick in range(first, last or self.next)]
 
     def velocities(self, first: int, last: int | None = None) -> Vector:
@@ -93,18 +87,3 @@ class VirtualBench(Bench):
     def request(self, request: ArmRequest) -> None:
         self.gate.request(request)
         self.gate.serve()
-
-
-def _velocity(request: Request, before: Request | None) -> Vector:
-    if request.register == Register.SET_CARTESIAN_VELOCITY:
-        return request.velocity
-    if before is None or before.payload == request.payload:
-        return np.zeros(6)
-    here, there = (
-        np.frombuffer(each.payload[:24], dtype="<f4").astype(np.float64)
-        for each in (before, request)
-    )
-    turn = Rotation.from_rotvec(there[3:]) * Rotation.from_rotvec(here[3:]).inv()
-    way = np.concatenate(((there[:3] - here[:3]) / 1000.0, turn.as_rotvec()))
-    velocity: Vector = way * NS_PER_S / (request.now_ns - before.now_ns)
-    return velocity

@@ -15,11 +15,7 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.records import Vector
 
-_MOTION = (
-    Register.SET_CARTESIAN_VELOCITY,
-    Register.MOVE_SERVO_CARTESIAN_AA,
-    Register.MOVE_JOINT,
-)
+_MOTION = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_JOINT)
 _QUERIES = (
     Register.GET_VERSION,
     Register.GET_ROBOT_SN,

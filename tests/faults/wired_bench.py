@@ -17,13 +17,14 @@ from pathlib import Path
 from hw.lite6.arm import Lite6
 from hw.lite6.uxbus import Frame
 from hw.sim.controller.server import ControllerServer
+from tams_app.config import load_config
 from tams_app.records import ArmState
 from tams_app.runtime.worker import Worker
 from tams_app.session.guarding import Guarding
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
 from tams_app.units import NS_PER_S
-from tests.faults.bench import ACROSS, PERIOD_NS, PERIOD_S, RATE_HZ, Bench, Pace, configuration
+from tests.faults.bench import ACROSS, PERIOD_NS, PERIOD_S, RATE_HZ, Bench, Pace
 from tests.faults.wire import TappedModel, tapped_model
 
 PATIENCE_S = 10.0  # real time, generous: the machine may be busy
@@ -83,9 +84,9 @@ class WiredBench(Bench):
     )
     in_flight = 1
 
-    def __init__(self, servo: str = "velocity", folder: Path | None = None) -> None:
+    def __init__(self, folder: Path | None = None) -> None:
         with ExitStack() as opened:
-            config, clock, model = configuration(servo), TickClock(), tapped_model()
+            config, clock, model = load_config(), TickClock(), tapped_model()
             self.server = FaultyServer(model)
             self.server.start()
             opened.callback(self.server.close)
@@ -155,7 +156,7 @@ class WiredBench(Bench):
         if output.stop and self.reachable:
             tick = self.model.tick
             self.until(lambda: any(each.is_stop for each in self.requests(tick)))
-        elif self.in_step and (output.twist is not None or output.pose is not None):
+        elif self.in_step and output.twist is not None:
             self._await_arm()
 
     def _await_arm(self) -> None:
@@ -205,4 +206,4 @@ class WiredBench(Bench):
         super().on_output(now_ns, output, arm)
 
 
-MakeBench = Callable[..., WiredBench]  # servo and what else its __init__ takes
+MakeBench = Callable[..., WiredBench]  # takes what its __init__ does

@@ -24,7 +24,7 @@ class NotedArm:
         self.tcp_m = (0.3, 0.0, 0.2)
         self.during = lambda: None
 
-    def enable(self, servo):
+    def enable(self):
         self.calls.append("enable")
         self.during()
 
@@ -53,7 +53,7 @@ def notes():
 
 @pytest.fixture
 def gate(arm, notes):
-    return ArmGate(arm, ServoMode.VELOCITY, BOUNDARY, lambda level, text: notes.append(text))
+    return ArmGate(arm, BOUNDARY, lambda level, text: notes.append(text))
 
 
 def test_enabling_makes_the_arm_ready_until_it_is_stopped(gate, arm):

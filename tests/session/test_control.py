@@ -9,7 +9,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
 from tams_app.config.devices import CameraConfig
-from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose, ServoMode
+from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session import build
@@ -99,7 +99,7 @@ class Bench(Listener):
 
     def request(self, request):
         if request is Request.ENABLE:
-            self.arm.enable(ServoMode.VELOCITY)
+            self.arm.enable()
             self.ready = True
         elif request is Request.CLEAR_ERRORS:
             self.ready = False

@@ -15,7 +15,7 @@ from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, Repor
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, LinkFault, ServoMode, Twist
+from tams_app.records import Activity, LinkFault, Twist
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.dry_run import DryRunArm
 from tams_app.units import NS_PER_S
@@ -92,7 +92,7 @@ def test_in_a_dry_run_everything_works_and_nothing_that_moves_reaches_the_arm(
 ) -> None:
     arm = rig.arm
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     before = arm.state()
     assert before is not None
     start = before.tcp.position
@@ -106,10 +106,8 @@ def test_in_a_dry_run_everything_works_and_nothing_that_moves_reaches_the_arm(
     assert until(lambda: (state := arm.state()) is not None and state.gripper_closed is True)
     arm.stop()
     arm.clear_errors()
-    arm.enable(ServoMode.POSE)
-    state = arm.state()
-    assert state is not None
-    arm.send_pose(state.tcp)
+    arm.enable()
+    arm.send_twist(SIDEWAYS)
     arm.stop()
     arm.begin_move_to_joints((READY + 0.05).tolist(), 0.5)
     assert until(lambda: moved_mm(arm, start) < 9.0 or moved_mm(arm, start) > 15.0)
@@ -123,7 +121,7 @@ def test_in_a_dry_run_everything_works_and_nothing_that_moves_reaches_the_arm(
 
 def test_a_stop_reaches_the_real_arm_too(rig: TappedRig) -> None:
     rig.arm.connect()
-    rig.arm.enable(ServoMode.VELOCITY)
+    rig.arm.enable()
     with rig.server.lock:
         rig.model.wire.clear()
     rig.arm.stop()
@@ -135,14 +133,14 @@ def test_a_lost_link_of_the_real_arm_is_a_lost_link_and_clearing_errors_mends_it
     rig: TappedRig,
 ) -> None:
     rig.arm.connect()
-    rig.arm.enable(ServoMode.VELOCITY)
+    rig.arm.enable()
     rig.server.drop_connections()
     assert until(lambda: rig.arm.link().fault is LinkFault.LOST)
     with pytest.raises(DeviceError):
-        rig.arm.enable(ServoMode.VELOCITY)
+        rig.arm.enable()
     rig.arm.clear_errors()
     assert rig.arm.link().fault is LinkFault.NONE
-    rig.arm.enable(ServoMode.VELOCITY)
+    rig.arm.enable()
 
 
 def test_reports_of_the_real_arm_that_freeze_are_a_lost_link(rig: TappedRig) -> None:
@@ -158,7 +156,7 @@ def test_an_error_of_the_real_arm_shows_and_keeps_it_from_being_enabled(rig: Tap
         rig.model.press_emergency_stop()
     assert until(lambda: fault_code(rig.arm) == 2)
     with pytest.raises(DeviceError, match="C2"):
-        rig.arm.enable(ServoMode.VELOCITY)
+        rig.arm.enable()
 
 
 def test_before_connecting_nothing_breaks(rig: TappedRig) -> None:
@@ -168,7 +166,7 @@ def test_before_connecting_nothing_breaks(rig: TappedRig) -> None:
     assert rig.arm.state() is None
     assert rig.arm.link().fault is LinkFault.LOST
     with pytest.raises(DeviceError, match="connect"):
-        rig.arm.enable(ServoMode.VELOCITY)
+        rig.arm.enable()
 
 
 def virtual_dry_run(clock: VirtualClock) -> tuple[InProcessArm, DryRunArm]:
@@ -182,7 +180,7 @@ def test_the_model_begins_with_the_real_arms_joints_and_gripper(closed: bool) ->
     clock = VirtualClock()
     real, arm = virtual_dry_run(clock)
     real.connect()
-    real.enable(ServoMode.VELOCITY)
+    real.enable()
     real.set_gripper(closed)
     real.close()
     arm.connect()
@@ -196,7 +194,7 @@ def test_a_standstill_of_the_process_is_not_relived(monkeypatch: pytest.MonkeyPa
     clock = VirtualClock()
     real, arm = virtual_dry_run(clock)
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     clock.advance_ns(60 * NS_PER_S)
     real.skip_standstill(0)
     cycles = []

@@ -14,7 +14,6 @@ from tams_app.records import (
     Frame,
     Phase,
     PhaseChange,
-    ServoMode,
     ShownFrame,
     Tick,
 )
@@ -119,8 +118,7 @@ class Bench:
         self.quality = Unseen()
         self.video = Mirror(self.clock, records, self.quality)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
-        servo = ServoMode(CONFIG.arm.servo)
-        self.gate = ArmGate(self.arm, servo, boundary, records.note)
+        self.gate = ArmGate(self.arm, boundary, records.note)
         self.engine = Engine(
             CONFIG,
             self.clock,

@@ -132,7 +132,6 @@ def arm_at(x_m, received_ns):
 def output(arming, reason=None):
     return TeleopOutput(
         twist=Twist.zero(),
-        pose=None,
         gripper=None,
         stop=False,
         request=Request.NONE,

@@ -8,7 +8,6 @@ import numpy as np
 from hypothesis import strategies as st
 
 from tams_app.config.motion import MAX_STOP_TIME_S
-from tams_app.records import Pose
 from tams_app.teleop.safety import ArmingState
 from tests.teleop.motions import unit
 from tests.teleop.rig import PERIOD_NS, Bench, make_config
@@ -68,29 +67,8 @@ def drive(bench: Bench, stretches: list[dict[str, Any]]) -> None:
 
 
 def commanded(bench: Bench) -> tuple[np.ndarray, np.ndarray]:
-    """Linear and angular velocities as commanded, (ticks, 3) each, also those in the poses."""
-    if bench.config.arm.servo == "velocity":
-        return bench.linear(), bench.angular()
-    linear, angular = [np.zeros(3)], [np.zeros(3)]
-    for k in range(1, len(bench.outputs)):
-        before, now = bench.outputs[k - 1].pose, bench.outputs[k].pose
-        interval_s = (bench.times_ns[k] - bench.times_ns[k - 1]) / 1e9
-        moved, turned = _moved(before, now)
-        if interval_s > 0.0:
-            linear.append(moved / interval_s)
-            angular.append(turned / interval_s)
-        else:  # no time, no way: the velocity goes on unseen, unless nothing is commanded
-            assert not moved.any()
-            assert not turned.any()
-            linear.append(linear[-1] if now is not None else np.zeros(3))
-            angular.append(angular[-1] if now is not None else np.zeros(3))
-    return np.array(linear), np.array(angular)
-
-
-def _moved(before: Pose | None, now: Pose | None) -> tuple[np.ndarray, np.ndarray]:
-    if before is None or now is None or before is now:
-        return np.zeros(3), np.zeros(3)
-    return now.position - before.position, np.array(before.rotation.turn_to(now.rotation))
+    """Linear and angular velocities as commanded, (ticks, 3) each."""
+    return bench.linear(), bench.angular()
 
 
 def assert_profile_is_kept(bench: Bench) -> None:
@@ -102,7 +80,7 @@ def assert_profile_is_kept(bench: Bench) -> None:
     stopping = np.array([output.braking for output in bench.outputs])[1:]
     stopped = np.array([output.arming is ArmingState.FAULT for output in bench.outputs])[1:]
     motion, stop = LIMITS.motion, LIMITS.stop
-    rough = 1e-9 if bench.config.arm.servo == "velocity" else 1e-7  # poses are differences
+    rough = 1e-9
     for commands, top, accelerations, jerks in (
         (
             commanded(bench)[0],

@@ -46,16 +46,15 @@ class RoomyModel:
 
 
 class IntegratingArm:
-    """Follows twists (or poses) exactly, `delay_ticks` late, and reports at once."""
+    """Follows twists exactly, `delay_ticks` late, and reports at once."""
 
     def __init__(
         self,
         position: tuple[float, ...] = READY_POSITION,
         delay_ticks: int = 0,
-        servo: ServoMode = ServoMode.VELOCITY,
     ) -> None:
         self.pose = Pose(np.array(position), READY_ROTATION)
-        self.servo: ServoMode | None = servo
+        self.servo: ServoMode | None = ServoMode.VELOCITY
         self.activity = Activity.IDLE
         self.fault: ArmFault | None = None
         self._queue: deque[Twist] = deque([Twist.zero()] * delay_ticks)
@@ -65,8 +64,6 @@ class IntegratingArm:
         """Do for `interval_s` what `output` commands."""
         if output.stop:
             self.activity = Activity.STOPPED
-        if output.pose is not None:
-            self.pose = output.pose
         self._queue.append(output.twist if output.twist is not None else Twist.zero())
         twist = self._queue.popleft()
         self.pose = Pose(

@@ -1,4 +1,4 @@
-"""How the engaged hand moves the arm: clutch, target, limits, and the pose servo."""
+"""How the engaged hand moves the arm: clutch, target and limits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tams_app.records import ServoMode
 from tams_app.teleop import drive as drive_module
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.teleop.trajectory import TrajectoryError
@@ -20,7 +19,6 @@ from tests.teleop.rig import (
     Bench,
     IntegratingArm,
     RoomyModel,
-    make_config,
 )
 
 pytestmark = pytest.mark.waiting
@@ -233,104 +231,3 @@ def test_a_rotation_of_the_ready_pose_is_the_axis_of_the_cone() -> None:
     bench.run(200)
     angle = (bench.arm.pose.rotation * READY_ROTATION.inv()).magnitude()
     assert math.radians(33) < angle <= math.radians(35)
-
-
-# --- pose servo -----------------------------------------------------------------------------------
-
-
-def pose_bench() -> Bench:
-    bench = Bench(make_config(arm__servo="pose"), IntegratingArm(servo=ServoMode.POSE))
-    bench.engage()
-    return bench
-
-
-def test_the_pose_servo_holds_the_measured_pose_until_the_hand_moves() -> None:
-    bench = pose_bench()
-    bench.run(20)
-    assert all(output.twist is None for output in bench.outputs)
-    for output in bench.outputs[1:]:
-        assert output.pose is not None
-        np.testing.assert_allclose(output.pose.position, READY_POSITION)
-
-
-def test_the_pose_servo_moves_in_small_steps_and_comes_to_rest() -> None:
-    bench = pose_bench()
-    bench.ask(0, 0.3, 0)
-    bench.run(60)
-    bench.tick(period_ns=90 * MS)
-    bench.hand.trigger = 0.0
-    bench.run(30)
-    poses = np.array([o.pose.position for o in bench.outputs if o.pose is not None])
-    steps = np.linalg.norm(np.diff(poses, axis=0), axis=1)
-    assert 0.0 < steps.max() <= 0.010 + 1e-12
-    assert not steps[-10:].any()
-    assert poses[-1][1] > 0.05
-
-
-def test_the_pose_servo_waits_for_an_arm_that_lags_and_faults_if_it_is_lost() -> None:
-    bench = pose_bench()
-    bench.ask(0, 0.2, 0)
-    stuck = bench.arm.report(0)
-    for _ in range(60):
-        bench.tick(arm=replace(stuck, received_ns=bench.now_ns + PERIOD_NS))
-    assert bench.outputs[-1].arming is ENGAGED
-    pose = bench.outputs[-1].pose
-    assert pose is not None
-    assert 0.015 < pose.position[1] < 0.06
-    far = replace(stuck.tcp, position=stuck.tcp.position - np.array([0, 0.06, 0]))
-    late = replace(stuck, tcp=far, received_ns=bench.now_ns + PERIOD_NS)
-    assert bench.tick(arm=late).reason is Reason.FOLLOWING_ERROR
-
-
-def test_the_pose_servo_does_not_pull_an_arm_back_that_was_moved_at_rest() -> None:
-    bench = pose_bench()
-    bench.hand.trigger = 0.0
-    bench.run(20)
-    moved = np.array([0.36, 0.1, 0.2])
-    report = bench.arm.report(bench.now_ns + PERIOD_NS)
-    output = bench.tick(arm=replace(report, tcp=replace(report.tcp, position=moved)))
-    assert output.pose is not None
-    np.testing.assert_allclose(output.pose.position, moved)
-
-
-@pytest.mark.parametrize(("off_mm", "gives_way"), [(14.99, False), (15.01, True)])
-def test_the_pose_servo_at_rest_gives_way_to_an_arm_that_is_off_by_more_than_the_leash(
-    off_mm: float, gives_way: bool
-) -> None:
-    bench = pose_bench()
-    bench.hand.trigger = 0.0
-    bench.run(20)
-    off = np.array(READY_POSITION) + np.array([0, off_mm / 1000, 0])
-    report = bench.arm.report(bench.now_ns + PERIOD_NS)
-    output = bench.tick(arm=replace(report, tcp=replace(report.tcp, position=off)))
-    assert output.pose is not None
-    np.testing.assert_array_equal(output.pose.position, off if gives_way else READY_POSITION)
-
-
-def test_the_pose_servo_turns_the_pose_in_orientation_mode() -> None:
-    bench = pose_bench()
-    bench.hand.grip = 1.0
-    bench.tick()
-    bench.ask_turn(0, 0.3, 0)
-    bench.run(60)
-    pose = bench.outputs[-1].pose
-    assert pose is not None
-    turn = (pose.rotation * READY_ROTATION.inv()).as_rotvec()
-    assert 0.05 < turn[1] < 0.2
-    assert math.hypot(turn[0], turn[2]) < 1e-9
-    np.testing.assert_allclose(pose.position, READY_POSITION)
-
-
-def test_the_pose_servo_never_holds_a_pose_that_is_not_finite_or_old() -> None:
-    bench = pose_bench()
-    bench.hand.trigger = 0.0
-    bench.run(20)
-    report = bench.arm.report(bench.now_ns + PERIOD_NS)
-    broken = replace(report, tcp=replace(report.tcp, position=np.full(3, math.nan)))
-    far = replace(report, tcp=replace(report.tcp, position=np.array([0.3, 0.1, 0.1])))
-    stale = replace(far, received_ns=bench.now_ns - 200 * MS)
-    for arm in (broken, stale):
-        output = bench.tick(arm=arm)
-        assert output.arming is READY
-        assert output.pose is not None
-        assert (output.pose.position == READY_POSITION).all()

@@ -54,7 +54,7 @@ def link(bench: Bench, **changes: object) -> CommandLink:
 
 def test_disarmed_sends_nothing_and_asks_to_enable_when_confirmed(bench: Bench) -> None:
     first = bench.tick()
-    assert (first.twist, first.pose, first.stop) == (None, None, False)
+    assert (first.twist, first.stop) == (None, False)
     assert bench.tick(confirm=True).request is Request.ENABLE
     waiting = bench.run(50)
     assert (waiting.arming, waiting.twist, waiting.request) == (DISARMED, None, Request.NONE)

@@ -1,4 +1,4 @@
-"""Laws that hold for any stream of controller samples, in both servos."""
+"""Laws that hold for any stream of controller samples."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tams_app.records import Activity, ControllerSample, Pose, ServoMode
+from tams_app.records import Activity, ControllerSample, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
 from tests.teleop.laws import (
@@ -27,7 +27,7 @@ from tests.teleop.rig import PERIOD_NS, Bench, IntegratingArm, make_config
 
 pytestmark = pytest.mark.waiting
 
-CONFIGS = {servo: make_config(arm__servo=servo) for servo in ("velocity", "pose")}
+CONFIG = make_config()
 many = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 # What a tracking runtime has been seen to send instead of a new, good sample.
@@ -121,30 +121,28 @@ def play(bench: Bench, stream: list[dict[str, Any]]) -> None:
             bench.arm.activity = Activity.IDLE
 
 
-def bench_for(servo: str, start: tuple[float, ...] = (0.35, 0.0, 0.18)) -> Bench:
-    return Bench(CONFIGS[servo], IntegratingArm(start, servo=ServoMode(servo)))
+def bench_at(start: tuple[float, ...] = (0.35, 0.0, 0.18)) -> Bench:
+    return Bench(CONFIG, IntegratingArm(start))
 
 
-@pytest.mark.parametrize("servo", ["velocity", "pose"])
 @many
 @given(stream=streams(), start=st.sampled_from([(0.35, 0.0, 0.18), (0.2, 0.0, 0.02)]))
 def test_any_stream_of_samples_keeps_the_profile_stays_inside_and_stops(
-    servo: str, stream: list[dict[str, Any]], start: tuple[float, ...]
+    stream: list[dict[str, Any]], start: tuple[float, ...]
 ) -> None:
-    bench = bench_for(servo, start)
+    bench = bench_at(start)
     play(bench, stream)
     assert_profile_is_kept(bench)
     assert_stays_inside(bench)
     assert_stops_after_release(bench)
 
 
-@pytest.mark.parametrize("servo", ["velocity", "pose"])
 @many
 @given(stream=streams(), linear=unit.map(lambda v: 0.5 * v))
 def test_after_any_stream_a_release_ends_in_exactly_zero(
-    servo: str, stream: list[dict[str, Any]], linear: np.ndarray
+    stream: list[dict[str, Any]], linear: np.ndarray
 ) -> None:
-    bench = bench_for(servo)
+    bench = bench_at()
     play(bench, [*stream, {**stream[-1], "linear": linear, "good": 20, "tricks": 0}])
     bench.hand.trigger = 0.0
     released = len(bench.outputs)
@@ -156,7 +154,7 @@ def test_after_any_stream_a_release_ends_in_exactly_zero(
 
 @pytest.mark.parametrize("trick", TRICKS)
 def test_no_single_bad_sample_makes_the_arm_jump(trick: str) -> None:
-    bench = bench_for("velocity")
+    bench = bench_at()
     stretch = {**leg([0, 0.1, 0], 1), "triggers": [1.0], "periods_ns": [PERIOD_NS]}
     play(bench, [{**stretch, "good": 40, "trick": trick, "tricks": 1}])
     bench.ask(0, 0, 0)
@@ -168,7 +166,7 @@ def test_no_single_bad_sample_makes_the_arm_jump(trick: str) -> None:
 
 @pytest.mark.parametrize("trick", TRICKS)
 def test_a_bad_sample_that_stays_stops_the_arm_within_200_ms(trick: str) -> None:
-    bench = bench_for("velocity")
+    bench = bench_at()
     stretch = {**leg([0, 0.2, 0], 1), "triggers": [1.0], "periods_ns": [PERIOD_NS]}
     play(bench, [{**stretch, "good": 30, "trick": trick, "tricks": 30}])
     if trick.startswith("jump"):  # it jumped once and moves on from there: that is a good hand
@@ -178,7 +176,7 @@ def test_a_bad_sample_that_stays_stops_the_arm_within_200_ms(trick: str) -> None
 
 
 def test_a_trigger_that_chatters_around_a_threshold_does_not_chatter_the_arm() -> None:
-    bench = bench_for("velocity")
+    bench = bench_at()
     bench.engage()
     bench.ask(0, 0.1, 0)
     states = set()

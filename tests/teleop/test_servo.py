@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tams_app.config import LimitsConfig
-from tams_app.records import Pose, Twist
+from tams_app.records import Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.servo import Target, Tcp, TcpPredictor
 
@@ -132,23 +132,3 @@ def test_an_arm_that_jumps_or_turns_away_is_out_of_reach_at_once(
     assert not target.is_out_of_reach
     target.watch(at(*beyond))
     assert target.is_out_of_reach
-
-
-def test_beyond_the_leash_only_what_leads_back_or_along_is_left() -> None:
-    target = Target(LimitsConfig())
-    target.anchor(at(0.02, 0.1))
-    pushed = Twist(np.array([0.1, 0.05, 0]), np.array([0, 0.2, 0.3]))
-    kept = target.held_back(pushed, HERE)
-    np.testing.assert_allclose(kept.linear, [0, 0.05, 0], atol=1e-12)
-    np.testing.assert_allclose(kept.angular, [0, 0.2, 0], atol=1e-12)
-    back = Twist(np.array([-0.1, 0, 0]), np.array([0, 0, -0.3]))
-    np.testing.assert_allclose(target.held_back(back, HERE).linear, back.linear)
-    target.anchor(at(0.01))
-    np.testing.assert_allclose(target.held_back(pushed, HERE).linear, pushed.linear)
-
-
-def test_a_tcp_becomes_a_pose_and_back() -> None:
-    pose = Pose(np.array([1.0, 2.0, 3.0]), Rotation.from_rotvec([0.1, 0.2, 0.3]))
-    again = Tcp.of(pose).to_pose()
-    assert (again.position == pose.position).all()
-    assert (again.rotation * pose.rotation.inv()).magnitude() < 1e-9

@@ -151,13 +151,6 @@ def test_an_arm_that_left_the_servo_is_a_fault_only_while_armed(
         assert WATCH.faults(tick, state) == ([fault] if state.is_armed else [])
 
 
-def test_the_pose_servo_has_its_own_mode() -> None:
-    watch = Watch(make_config(arm__servo="pose"), 0)
-    assert watch.servo_ready(replace(ARM, servo=ServoMode.POSE))
-    assert not watch.servo_ready(ARM)
-    assert not watch.servo_ready(None)
-
-
 def test_a_frozen_pose_is_a_fault_while_engaged_and_forbids_engaging() -> None:
     frozen = with_sample(pose_ns=NOW - 100 * MS)
     assert WATCH.faults(frozen, ENGAGED) == [Reason.POSE_FROZEN]

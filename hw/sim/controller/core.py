@@ -18,7 +18,6 @@ from hw.sim.controller.joint_servo import (
     CYCLE_S,
     CommandError,
     MotionError,
-    PoseServo,
     TwistServo,
     brake,
     check_motion,
@@ -78,7 +77,6 @@ class ControllerCore:
         self._measured_tcp: Matrix | None = None
         self._now_ns = 0
         self._moves = MoveQueue()
-        self._pose_servo = PoseServo()
         self._twist_servo = TwistServo()
 
     # --- what it says of itself -----------------------------------------------------------------
@@ -204,12 +202,6 @@ class ControllerCore:
         if self.ready:
             self._moves.command(goal, speed, acceleration)
 
-    def servo_pose(self, target: Matrix) -> None:
-        """Run to `target`, shape (4, 4), in the base frame."""
-        self._require(Mode.SERVO)
-        if self._obeys:
-            self._pose_servo.command(target, self._commanded, self._kinematics)
-
     def servo_twist(self, twist: Numbers, duration_s: float) -> None:
         """Move with `twist` [m/s, rad/s] for `duration_s`; for ever if that is not positive."""
         self._require(Mode.CARTESIAN_VELOCITY)
@@ -240,9 +232,7 @@ class ControllerCore:
         following: Joints | None = None
         if self.mode is Mode.POSITION:
             following = self._moves.step(self._commanded)
-        elif self.mode is Mode.SERVO:
-            following = self._pose_servo.step(self._commanded, self._kinematics)
-        else:
+        elif self.mode is Mode.CARTESIAN_VELOCITY:
             following = self._twist_servo.step(self._commanded, self._kinematics, now_ns)
         if following is None:
             return self._commanded
@@ -279,7 +269,6 @@ class ControllerCore:
         self._state = state
         self._braking = True
         self._moves.clear()
-        self._pose_servo.clear()
         self._twist_servo.clear()
 
     def _pause(self) -> None:
@@ -289,7 +278,6 @@ class ControllerCore:
         self._state = State.PAUSED
         self._braking = True
         self._moves.interrupt()
-        self._pose_servo.clear()
         self._twist_servo.clear()
 
     @property

@@ -23,11 +23,9 @@ from hw.lite6.codes import (
     return_code_sentence,
 )
 from hw.lite6.commands import (
-    MODES,
     activity_of,
     boundary_edges,
     checked_goal,
-    pose_refusal,
     servo_of,
     twist_refusal,
 )
@@ -39,7 +37,7 @@ from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, Repor
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ArmState, CommandLink, LinkFault, Pose, ServoMode, Twist, Vector
+from tams_app.records import ArmState, CommandLink, LinkFault, Twist, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 from tams_app.vectors import times
@@ -80,8 +78,7 @@ class InProcessArm(SimulatedArm):
         self._cycle_ns = clock.now_ns()
         self._report_ns = clock.now_ns()
         self._connected = False
-        self._servo: ServoMode | None = None  # whose commands are taken
-        self._last_pose: Pose | None = None
+        self._takes_commands = False
         self._state: ArmState | None = None
         self._gripper_closed: bool | None = None
         self._sent = 0
@@ -153,10 +150,9 @@ class InProcessArm(SimulatedArm):
         self._report_ns = self._clock.now_ns() + _REPORT_PERIOD_NS
         self._take_report(self._clock.now_ns())
 
-    def enable(self, servo: ServoMode) -> None:
-        self._enter(MODES[servo])
-        self._servo = servo
-        self._last_pose = pose_from_matrix(self.model.tcp)
+    def enable(self) -> None:
+        self._enter(Mode.CARTESIAN_VELOCITY)
+        self._takes_commands = True
 
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
         goal = checked_goal(joints, speed)
@@ -165,7 +161,7 @@ class InProcessArm(SimulatedArm):
         self._demand(Register.MOVE_JOINT, command)
 
     def clear_errors(self) -> None:
-        self._servo = None
+        self._takes_commands = False
         self._request(Register.CLEAN_ERROR)
         self._request(Register.CLEAN_WARNING)
         self.stop()
@@ -190,28 +186,17 @@ class InProcessArm(SimulatedArm):
         return CommandLink(self._sent, self._acknowledged_ns, 0, 0, sentence, fault)
 
     def send_twist(self, twist: Twist) -> None:
-        if self._servo is None:
+        if not self._takes_commands:
             return
-        if refusal := twist_refusal(twist, self._servo):
+        if refusal := twist_refusal(twist):
             self._fail(refusal, LinkFault.REFUSED)
             return
         payload = struct.pack("<6f", *times(twist.linear, 1000.0), *twist.angular) + bytes(1)
         deadman = struct.pack("<f", self._config.velocity_deadman_s)
         self._command(Register.SET_CARTESIAN_VELOCITY, payload + deadman)
 
-    def send_pose(self, pose: Pose) -> None:
-        if self._servo is None:
-            return
-        if refusal := pose_refusal(pose, self._servo, self._last_pose):
-            self._fail(refusal, LinkFault.REFUSED)
-            return
-        self._last_pose = pose
-        payload = struct.pack("<6f", *(pose.position * 1000.0), *pose.rotation.as_rotvec())
-        base_frame_absolute = struct.pack("<2fiB", 0.0, 0.0, 0, 0)
-        self._command(Register.MOVE_SERVO_CARTESIAN_AA, payload + base_frame_absolute)
-
     def set_gripper(self, closed: bool) -> None:
-        if self._servo is None:
+        if not self._takes_commands:
             return
         outputs = struct.pack("<f", _CLOSE_COMMAND if closed else _OPEN_COMMAND)
         address = struct.pack(">BH", _TOOL_HOST, TOOL_DIGITAL_OUT)
@@ -240,7 +225,7 @@ class InProcessArm(SimulatedArm):
             )
 
     def stop(self) -> None:
-        self._servo = None
+        self._takes_commands = False
         if self._connected:
             self._request(Register.SET_STATE, bytes([StateCommand.STOP]))
 
@@ -255,7 +240,7 @@ class InProcessArm(SimulatedArm):
     def _fail(self, sentence: str, fault: LinkFault) -> None:
         """Nothing moves until the arm is enabled again."""
         self._failure = (sentence, fault)
-        self._servo = None
+        self._takes_commands = False
 
     def _raise_error(self) -> None:
         if self.model.error_code:
@@ -265,7 +250,7 @@ class InProcessArm(SimulatedArm):
 
     def _enter(self, mode: Mode) -> None:
         """Release the brakes and be ready in `mode`; DeviceError if the controller refuses."""
-        self._servo = None
+        self._takes_commands = False
         self._request(Register.MOTION_ENABLE, bytes([ALL_JOINTS, 1]))
         self._request(Register.SET_MODE, bytes([mode]))
         self._demand(Register.SET_STATE, bytes([StateCommand.READY]))

@@ -1,6 +1,6 @@
 """How the controller turns commands into joint targets, one 4 ms cycle at a time.
 
-The servos of modes 1 and 5, and the brake that ends all motion; mode 0 is in `joint_moves`. Each
+The servo of mode 5, and the brake that ends all motion; mode 0 is in `joint_moves`. Each
 works on the commanded joints [rad]; `check_motion` checks what comes out.
 """
 
@@ -46,56 +46,9 @@ MAX_JOINT_ACCELERATION = 20.0  # [rad/s²], the SDK's upper bound (__get_joint_m
 VELOCITY_ACCELERATION_M_S2 = 7.0
 VELOCITY_ACCELERATION_RAD_S2 = 20.0
 
-MAX_SERVO_SPEED_M_S = 0.6  # C60 above, mode 1 only
-MAX_SERVO_STEP_M = 0.010
 _MAX_JOINT_SPEED_RAD_S = float(JOINT_SPEED_LIMITS.min())
-_MAX_JOINT_STEP_RAD = _MAX_JOINT_SPEED_RAD_S * CYCLE_S  # in a cycle
 AT_REST: Joints = (0.0,) * 6  # joint speeds
 _NO_TWIST = ZERO, ZERO  # linear and angular
-MAX_SERVO_STEP_RAD = 0.2  # of any joint: beyond it the arm passes a singularity, C24
-
-
-class PoseServo:
-    """Mode 1: each target is run to at full speed, with no profile.
-
-    Full speed is 600 mm/s of the TCP or 180°/s of a joint, whichever comes first. A target more
-    than 10 mm ahead of the commanded TCP would need more: that is the linear overspeed C60, at
-    once for a single long step and after a while for a stream that is too fast.
-    """
-
-    def __init__(self) -> None:
-        self._goal: Joints | None = None
-        self._goal_position = ZERO
-
-    def command(self, target: Matrix, joints: Joints, model: Lite6Model) -> None:
-        """Take a new target, shape (4, 4); MotionError if it is too far or out of reach."""
-        position = floats(target[:3, 3])
-        if norm(minus(position, model.tcp_position(joints))) > MAX_SERVO_STEP_M:
-            raise MotionError(ErrorCode.LINEAR_OVERSPEED)
-        goal = model.follow(target, joints)
-        if goal is None:
-            raise MotionError(ErrorCode.KINEMATIC)
-        if farthest(joints, goal) > MAX_SERVO_STEP_RAD:
-            raise MotionError(ErrorCode.JOINT_OVERSPEED)
-        self._goal = goal
-        self._goal_position = position
-
-    def clear(self) -> None:
-        self._goal = None
-
-    def step(self, joints: Joints, model: Lite6Model) -> Joints | None:
-        """The joints one cycle later; None when there is nowhere to go."""
-        if self._goal is None:
-            return None
-        ahead = norm(minus(self._goal_position, model.tcp_position(joints)))
-        cycles: float = max(
-            ahead / (MAX_SERVO_SPEED_M_S * CYCLE_S),
-            farthest(joints, self._goal) / _MAX_JOINT_STEP_RAD,
-        )
-        if cycles <= 1.0:
-            goal, self._goal = self._goal, None
-            return goal
-        return tuple(at + (end - at) / cycles for at, end in zip(joints, self._goal, strict=True))
 
 
 class TwistServo:

@@ -14,7 +14,6 @@ import numpy as np
 
 from hw.arm import TcpBoundary
 from hw.lite6.codes import Register
-from hw.lite6.kinematics import rotation_matrix
 from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.joint_servo import CommandError
 from hw.sim.controller.reports import (
@@ -115,17 +114,6 @@ def _move_joint(model: ControllerCore, payload: bytes) -> None:
     model.move_joints(values[:6], speed, acceleration)
 
 
-def _move_servo_cartesian_aa(model: ControllerCore, payload: bytes) -> None:
-    values = _floats(payload, 8)
-    tool_frame, relative = struct.unpack_from("<iB", payload, 32)
-    if tool_frame or relative:
-        raise CommandError("servo targets in the tool frame are not modelled")
-    target = np.eye(4)
-    target[:3, 3] = np.array(values[:3]) / 1000.0
-    target[:3, :3] = rotation_matrix(values[3:6])
-    model.servo_pose(target)
-
-
 def _set_cartesian_velocity(model: ControllerCore, payload: bytes) -> None:
     twist = _floats(payload, 6)
     if _byte(payload, 24):
@@ -172,7 +160,6 @@ _COMMANDS: dict[int, Callable[[ControllerCore, bytes], None]] = {
     Register.SET_FENCE: _set_fence,
     Register.SET_SELF_COLLISION_CHECK: _set_self_collision_check,
     Register.SET_CARTESIAN_VELOCITY: _set_cartesian_velocity,
-    Register.MOVE_SERVO_CARTESIAN_AA: _move_servo_cartesian_aa,
     Register.TOOL_GPIO_WRITE: _tool_gpio_write,
 }
 

@@ -27,13 +27,11 @@ class Shape(NamedTuple):
     fps: int
     width: int
     height: int
-    servo: ServoMode
     views: tuple[str, ...]
 
     def __str__(self) -> str:
         return (
-            f"{', '.join(self.views)} with {self.width}x{self.height} at {self.fps} frames a "
-            f"second, {self.servo} servo"
+            f"{', '.join(self.views)} with {self.width}x{self.height} at {self.fps} frames a second"
         )
 
 
@@ -87,7 +85,7 @@ def read_episode(path: Path) -> Episode:
     """The episode in the log at `path`; UnreadableLogError in a sentence if there is none."""
     log = read_log(path, only=(OutcomeGiven,))
     shape = _shape(path, log.header)
-    table = TickTable(read_ticks(path), shape.servo)
+    table = TickTable(read_ticks(path))
     if not len(table.times_ns):
         raise UnreadableLogError(
             f"{path.parent}: tells nothing of an arm: of two computers give the robot's log"
@@ -125,16 +123,21 @@ def _grid(start_ns: int, rows: int, fps: int) -> NDArray[np.int64]:
 
 
 def _shape(path: Path, header: Header) -> Shape:
+    if header.servo != ServoMode.VELOCITY:
+        raise UnreadableLogError(
+            f"{path.parent}: its arm was led from pose to pose, which this version of TAMS does "
+            "not know: use version 2 to export it"
+        )
     video = header.config.get("video", {})
     for view in header.views:  # a folder of the dataset is named after it
         if not is_plain_name(view):
             raise UnreadableLogError(f"{path.parent}: a view is named {view!r}: cannot be a folder")
     try:
         size = int(video["width"]), int(video["height"])
-        return Shape(header.fps, *size, ServoMode(header.servo), tuple(header.views))
+        return Shape(header.fps, *size, tuple(header.views))
     except (KeyError, TypeError, ValueError) as error:
         raise UnreadableLogError(
-            f"{path.parent}: does not say how large its pictures are, or which servo it used"
+            f"{path.parent}: does not say how large its pictures are"
         ) from error
 
 

@@ -35,7 +35,7 @@ def features(shape: Shape) -> dict[str, dict[str, Any]]:
     videos = {video_key(view): _video(shape) for view in shape.views}
     return {
         _STATE: _vector(STATE_NAMES),
-        _ACTION: _vector(ACTION_NAMES[shape.servo]),
+        _ACTION: _vector(ACTION_NAMES),
         **videos,
         "phase": _scalar("string"),
         "subtask_index": _scalar("int64"),

@@ -13,29 +13,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import Phase, Pose, ServoMode, Tick
+from tams_app.records import Phase, Pose, Tick
 from tams_app.teleop.safety import ArmingState
 
 STATE_NAMES = (
     *(f"joint_{number}_rad" for number in range(1, 7)),
     *("tcp_x_m", "tcp_y_m", "tcp_z_m", "tcp_qx", "tcp_qy", "tcp_qz", "tcp_qw", "gripper"),
 )
-_TWIST_NAMES = (
+ACTION_NAMES = (
     *("tcp_vx_m_s", "tcp_vy_m_s", "tcp_vz_m_s"),
     *("tcp_wx_rad_s", "tcp_wy_rad_s", "tcp_wz_rad_s", "gripper"),
 )
-_POSE_NAMES = STATE_NAMES[6:]
-ACTION_NAMES = {ServoMode.VELOCITY: _TWIST_NAMES, ServoMode.POSE: _POSE_NAMES}
 PHASES = tuple(Phase)
 
-_GRIPPER, _QUATERNION = -1, slice(-5, -1)  # in a state, and in an action that is a pose
+_GRIPPER, _QUATERNION = -1, slice(-5, -1)  # in a state
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
     """Columns of equal length, a row for each instant of the grid.
 
-    state: (n, 14), as in `STATE_NAMES`; action: (n, 7) or (n, 8), as in `ACTION_NAMES`.
+    state: (n, 14), as in `STATE_NAMES`; action: (n, 7), as in `ACTION_NAMES`.
     phase: the place in `PHASES`; engaged: whether the operator moved the arm.
     """
 
@@ -51,10 +49,9 @@ class TickTable:
     times_ns: when each started, shape (n,).
     """
 
-    def __init__(self, ticks: Iterable[Tick], servo: ServoMode) -> None:
+    def __init__(self, ticks: Iterable[Tick]) -> None:
         times, values = array("q"), array("d")
-        self._servo = servo
-        self._width = len(STATE_NAMES) + len(ACTION_NAMES[servo]) + 2
+        width = len(STATE_NAMES) + len(ACTION_NAMES) + 2
         for tick in ticks:
             if tick.arm is None:
                 continue
@@ -62,13 +59,10 @@ class TickTable:
             times.append(tick.started_ns)
             values.extend(tick.arm.joints)
             values.extend((*_numbers(tick.arm.tcp), gripper))
-            if servo is ServoMode.POSE:
-                values.extend(_numbers(tick.pose or tick.arm.tcp))
-            else:
-                values.extend((*tick.twist.linear, *tick.twist.angular))
+            values.extend((*tick.twist.linear, *tick.twist.angular))
             values.extend((gripper, PHASES.index(tick.phase), tick.arming == ArmingState.ENGAGED))
         self.times_ns = np.frombuffer(times, np.int64)
-        self._values = np.frombuffer(values, np.float64).reshape(-1, self._width)
+        self._values = np.frombuffer(values, np.float64).reshape(-1, width)
 
     def sample(self, grid_ns: NDArray[np.int64]) -> Samples:
         """What the newest tick at each instant had, none of which is before the first tick.
@@ -81,8 +75,6 @@ class TickTable:
         # a quaternion and its negative are the same rotation: no jump from one to the other
         turned = state[:, _QUATERNION]
         turned[1:] *= np.cumprod(_signs(turned[1:], turned[:-1]), axis=0)
-        if self._servo is ServoMode.POSE:
-            action[:, _QUATERNION] *= _signs(action[:, _QUATERNION], turned)
         return Samples(
             state.astype(np.float32),
             action.astype(np.float32),

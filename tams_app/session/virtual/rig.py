@@ -15,7 +15,7 @@ from hw.sim.world.camera_images import CameraImages, stagger_ns
 from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import Frame, SceneTruth, ServoMode, Vector
+from tams_app.records import Frame, SceneTruth, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.devices import Note
@@ -36,7 +36,7 @@ class VirtualRobot:
         self.layout = draw_layout(config.seed)
         self._world = World(self.layout, joints)
         self.arm = simulated_arm(config.arm, clock, joints, boundary, self._world)
-        self.gate = ArmGate(self.arm, ServoMode(config.arm.servo), boundary, note)
+        self.gate = ArmGate(self.arm, boundary, note)
 
     def catch_up(self) -> int:
         """Bring arm and world up to the clock; the instant [ns] that they stand at then."""

@@ -23,7 +23,7 @@ from hw.sim.controller.model import ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import LinkFault, ServoMode, Twist
+from tams_app.records import LinkFault, Twist
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.realtime import use_fifo, use_ordinary
 from tests.hw.lite6.controller_rig import WITHIN_S, ControllerRig, controller, until
@@ -56,7 +56,7 @@ def arm(rig: ControllerRig) -> Iterator[Lite6]:
     rig.model.settings.self_collision_check = False
     made = make_arm(rig.config(reply_timeout_s=0.25))
     made.connect()
-    made.enable(ServoMode.VELOCITY)
+    made.enable()
     yield made
     made.close()
 
@@ -162,7 +162,7 @@ def test_reports_at_the_controllers_true_rates_will_do() -> None:
     with controller() as rig:
         arm = make_arm(rig.config())
         arm.connect()
-        arm.enable(ServoMode.VELOCITY)
+        arm.enable()
         arm.send_twist(SIDEWAYS)
         assert until(lambda: arm.link().sent == 1)
         assert arm.link().failure == ""
@@ -194,7 +194,7 @@ def test_two_arms_with_ports_of_their_own_live_in_one_process(rig: ControllerRig
         arms = [make_arm(rig.config()), make_arm(other.config())]
         for arm in arms:
             arm.connect()
-            arm.enable(ServoMode.VELOCITY)
+            arm.enable()
         arms[1].set_gripper(True)
         assert until(lambda: other.model.settings.tool_outputs != 0)
         assert rig.model.settings.tool_outputs == 0
@@ -211,7 +211,7 @@ def test_connecting_prints_nothing_and_leaves_other_sockets_time_outs_alone(
 ) -> None:
     arm.stop()
     arm.clear_errors()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     arm.send_twist(SIDEWAYS)
     assert until(lambda: arm.link().sent > 0)
     assert socket.getdefaulttimeout() is None
@@ -261,7 +261,7 @@ def test_replies_later_than_a_period_are_counted_as_slow_but_are_no_failure(
 ) -> None:
     arm = make_arm(rig.config(reply_timeout_s=1.0))
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     rig.server.reply_delay_s = 0.02
     slow = arm.link().slow
     arm.send_twist(SIDEWAYS)
@@ -299,10 +299,10 @@ def test_a_lost_connection_is_a_failure_and_connecting_anew_mends_it(
     rig.server.drop_connections()
     assert until(lambda: arm.link().failure != "")
     with pytest.raises(DeviceError):
-        arm.enable(ServoMode.VELOCITY)
+        arm.enable()
     arm.close()
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     assert arm.link().failure == ""
 
 
@@ -333,9 +333,7 @@ def stand(rig: ControllerRig, arm: Lite6) -> None:
     assert until(lambda: rig.model.state == State.STOPPED)
 
 
-@pytest.mark.parametrize(
-    "act", [lambda arm: arm.enable(ServoMode.VELOCITY), move], ids=["enabling", "moving"]
-)
+@pytest.mark.parametrize("act", [lambda arm: arm.enable(), move], ids=["enabling", "moving"])
 def test_an_arm_that_is_not_seen_to_get_ready_is_stopped_again(
     rig: ControllerRig, arm: Lite6, monkeypatch: pytest.MonkeyPatch, act: Move
 ) -> None:
@@ -376,7 +374,7 @@ def test_a_stop_while_enabling_wins(rig: ControllerRig, arm: Lite6) -> None:
 
     rig.model.handle = stop_meanwhile  # type: ignore[method-assign]
     with pytest.raises(DeviceError, match="stopped meanwhile"):
-        arm.enable(ServoMode.VELOCITY)
+        arm.enable()
     assert until(lambda: rig.model.state == State.STOPPED)
     sent = arm.link().sent
     arm.send_twist(SIDEWAYS)
@@ -430,7 +428,7 @@ def test_what_was_taken_from_the_outbox_before_a_stop_is_not_sent_after_it(
 
     monkeypatch.setattr(Outbox, "take", take_and_stop)
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     changes = record_changes(rig)
     arm.send_twist(SIDEWAYS)
     assert taken.wait(WITHIN_S)
@@ -452,10 +450,10 @@ def test_the_end_of_the_sender_is_a_lost_link_until_errors_are_cleared(
         assert until(lambda: "arm-sender ended (worn out)" in arm.link().failure)
         assert arm.link().fault is LinkFault.LOST
         with pytest.raises(DeviceError, match="worn out"):
-            arm.enable(ServoMode.VELOCITY)
+            arm.enable()
     arm.clear_errors()
     assert arm.link().fault is LinkFault.NONE
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     assert moves(arm)
 
 
@@ -467,7 +465,7 @@ def test_a_restarted_controller_is_taken_up_again_with_all_settings_when_errors_
 ) -> None:
     arm = make_bounded_arm(rig)
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     rig.restart()
     assert until(lambda: arm.link().fault is LinkFault.LOST)
     assert not rig.model.settings.fence
@@ -477,7 +475,7 @@ def test_a_restarted_controller_is_taken_up_again_with_all_settings_when_errors_
     np.testing.assert_allclose(settings.tcp_offset[:3], config.tcp_offset_mm_deg[:3])
     assert arm.link().failure == ""
     assert rig.model.state == State.STOPPED
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     np.testing.assert_allclose(settings.load[0], config.tcp_load_kg)
     assert moves(arm)
     arm.close()
@@ -497,7 +495,7 @@ def test_until_the_controller_is_back_the_link_stays_lost_and_nothing_breaks(
         arm.stop()
         arm.send_twist(SIDEWAYS)
         with pytest.raises(DeviceError):
-            arm.enable(ServoMode.VELOCITY)
+            arm.enable()
     rig.server = ControllerServer(rig.model, control_port=ports.control, report_port=ports.report)
     rig.server.start()
     arm.clear_errors()
@@ -518,7 +516,7 @@ def test_connecting_again_mends_a_lost_link_too_and_clears_no_error(
         rig.model.clean_error()
     assert until(lambda: (state := arm.state()) is not None and state.fault is None)
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     assert moves(arm)
 
 
@@ -666,7 +664,7 @@ def test_an_arm_whose_boundary_was_removed_is_not_enabled(rig: ControllerRig) ->
     with rig.server.lock:
         rig.model.settings.fence = False
     with pytest.raises(DeviceError, match="safety boundary"):
-        arm.enable(ServoMode.VELOCITY)
+        arm.enable()
     assert until(lambda: rig.model.state == State.STOPPED)
     arm.close()
 
@@ -692,7 +690,7 @@ def moves(arm: Lite6) -> bool:
 def test_the_control_loop_never_waits_for_a_reply(rig: ControllerRig) -> None:
     arm = make_arm(rig.config(reply_timeout_s=1.0))
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     before = arm.link()
     rig.server.reply_delay_s = 30.0
     arm.send_twist(SIDEWAYS)

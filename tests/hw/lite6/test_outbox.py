@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hw.lite6.outbox import GRIPPER_QUEUE, Outbox
-from tams_app.records import ServoMode, Twist
+from tams_app.records import Twist
 
 pytestmark = pytest.mark.waiting
 
@@ -18,7 +18,7 @@ def twist(speed: float) -> Twist:
 @pytest.fixture
 def outbox() -> Outbox:
     made = Outbox()
-    made.open(ServoMode.VELOCITY)
+    made.open()
     return made
 
 
@@ -26,7 +26,7 @@ def test_a_shut_outbox_takes_nothing() -> None:
     outbox = Outbox()
     outbox.put_motion(twist(0.1))
     outbox.put_gripper(True)
-    outbox.open(ServoMode.VELOCITY)
+    outbox.open()
     work = outbox.take(0.0)
     assert work.motion is None
     assert work.gripper_closed is None
@@ -56,8 +56,8 @@ def test_shutting_forgets_what_waits_and_makes_taken_work_old(outbox: Outbox) ->
     outbox.put_motion(twist(0.1))
     outbox.put_gripper(True)
     outbox.shut()
-    assert outbox.servo is None
-    outbox.open(ServoMode.VELOCITY)
+    assert not outbox.is_open
+    outbox.open()
     work = outbox.take(0.0)
     assert (work.motion, work.gripper_closed) == (None, None)
     assert not outbox.is_current(opening)

@@ -9,7 +9,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, ArmState, ServoMode, Twist
+from tams_app.records import Activity, ArmState, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -22,7 +22,7 @@ SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
 def enabled_arm(clock: VirtualClock) -> InProcessArm:
     arm = InProcessArm(ArmConfig(), clock, ControllerModel(IdealPlant(), READY))
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     return arm
 
 
@@ -78,7 +78,7 @@ def test_the_deadman_time_is_the_configuration_s() -> None:
     config = ArmConfig(velocity_deadman_s=0.5)
     arm = InProcessArm(config, clock, ControllerModel(IdealPlant(), READY))
     arm.connect()
-    arm.enable(ServoMode.VELOCITY)
+    arm.enable()
     arm.send_twist(SIDEWAYS)
     arm.advance(NS_PER_S)
     assert state_of(arm).tcp.position[1] == pytest.approx(0.025, abs=1e-3)

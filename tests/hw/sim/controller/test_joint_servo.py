@@ -1,4 +1,4 @@
-"""The servos of modes 1 and 5 and the brake."""
+"""The servo of mode 5 and the brake."""
 
 from __future__ import annotations
 
@@ -21,10 +21,8 @@ from hw.sim.controller.joint_servo import (
     CYCLE_NS,
     CYCLE_S,
     MAX_JOINT_ACCELERATION,
-    MAX_SERVO_SPEED_M_S,
     VELOCITY_ACCELERATION_M_S2,
     MotionError,
-    PoseServo,
     TwistServo,
     brake,
     check_motion,
@@ -155,69 +153,6 @@ def test_a_twist_that_leads_out_of_reach_is_a_kinematic_error_or_an_overspeed() 
     assert code in (ErrorCode.KINEMATIC, ErrorCode.JOINT_OVERSPEED)
     reach = np.linalg.norm(tcp_positions(path), axis=1)
     assert reach.max() < 0.6
-
-
-# --- mode 1 -------------------------------------------------------------------------------------
-
-
-def run_pose(servo: PoseServo, joints: Vector) -> list[Vector]:
-    path = [joints]
-    while (following := servo.step(path[-1], MODEL)) is not None:
-        path.append(following)
-    return path
-
-
-def test_a_pose_is_reached_at_full_speed_and_exactly() -> None:
-    servo = PoseServo()
-    target = moved(by=(0.0, 0.006, 0.0), turn=(0.0, 0.0, 0.01))
-    servo.command(target, READY, MODEL)
-    path = run_pose(servo, READY)
-    np.testing.assert_allclose(MODEL.tcp_matrix(path[-1]), target, atol=2e-5)
-    speed = np.linalg.norm(np.diff(tcp_positions(path), axis=0), axis=1) / CYCLE_S
-    assert speed[0] == pytest.approx(MAX_SERVO_SPEED_M_S, rel=0.02)  # no profile
-    assert speed.max() <= MAX_SERVO_SPEED_M_S * 1.02
-    assert len(path) == 4  # 6 mm at 2.4 mm a cycle
-
-
-def test_a_step_over_ten_millimetres_is_a_linear_overspeed() -> None:
-    servo = PoseServo()
-    servo.command(moved(by=(0.0, 0.0, 0.0099)), READY, MODEL)
-    with pytest.raises(MotionError) as caught:
-        servo.command(moved(by=(0.0, 0.0, 0.0101)), READY, MODEL)
-    assert caught.value.code is ErrorCode.LINEAR_OVERSPEED
-
-
-@pytest.mark.parametrize(("speed_m_s", "trips"), [(0.5, False), (0.75, True)])
-def test_a_stream_of_poses_trips_above_the_linear_speed_limit(
-    speed_m_s: float, trips: bool
-) -> None:
-    servo, joints = PoseServo(), READY
-
-    def stream() -> None:
-        nonlocal joints
-        for cycle in range(1, 76):
-            if cycle % 2:  # 125 commands a second
-                way = speed_m_s * cycle * CYCLE_S
-                servo.command(moved(by=(0.0, way, 0.0)), joints, MODEL)
-            following = servo.step(joints, MODEL)
-            joints = joints if following is None else following
-
-    if not trips:
-        stream()
-        return
-    with pytest.raises(MotionError) as caught:
-        stream()
-    assert caught.value.code is ErrorCode.LINEAR_OVERSPEED
-
-
-def test_a_small_turn_through_the_wrist_singularity_is_a_joint_overspeed() -> None:
-    # the factory home with a nearly straight wrist: joints 4 and 6 would have to spin
-    joints = np.array([0.0, 0.3, 1.2, 0.0, 0.01, 0.0])
-    target = MODEL.tcp_matrix(joints)
-    target[:3, :3] = rotation_matrix(0.1 * target[:3, 0]) @ target[:3, :3]
-    with pytest.raises(MotionError) as caught:
-        PoseServo().command(target, joints, MODEL)
-    assert caught.value.code in (ErrorCode.JOINT_OVERSPEED, ErrorCode.KINEMATIC)
 
 
 # --- the brake ----------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 
 import numpy as np
@@ -71,11 +70,6 @@ class Rig:
         if duration_s is not None:
             payload += struct.pack("<f", duration_s)
         return self.ask(Register.SET_CARTESIAN_VELOCITY, payload)[0]
-
-    def servo_to(self, position_mm: Vector) -> int:
-        """Keeping the rotation; the status of the reply."""
-        payload = struct.pack("<8fiB", *position_mm, math.pi, 0, 0, 0, 0, 0, 0)
-        return self.ask(Register.MOVE_SERVO_CARTESIAN_AA, payload)[0]
 
     def move(self, joints: Vector, speed: float = 1.0) -> int:
         payload = struct.pack("<10f", *joints, 0, speed, 10.0, 0)
@@ -242,16 +236,6 @@ def test_velocity_without_a_deadman_time_goes_on_for_ever(
     assert rig.position_mm[1] - start[1] == pytest.approx(60.0, abs=1.0)
 
 
-def test_servo_poses_are_followed(rig: Rig) -> None:
-    rig.arm(Mode.SERVO)
-    start = rig.position_mm
-    for step in range(1, 101):
-        assert rig.servo_to(start + np.array([0, 0.4 * step, 0])) == 0
-        rig.run(0.008)
-    rig.run(0.05)
-    np.testing.assert_allclose(rig.position_mm, start + np.array([0, 40, 0]), atol=0.05)
-
-
 @pytest.mark.parametrize("mode", list(Mode))
 def test_a_command_of_another_mode_is_refused(rig: Rig, mode: Mode) -> None:
     rig.arm(mode)
@@ -260,7 +244,6 @@ def test_a_command_of_another_mode_is_refused(rig: Rig, mode: Mode) -> None:
     invalid = rig.velocity(0, 10, 0) & ReplyBit.INVALID
     assert bool(invalid) is (mode is not Mode.CARTESIAN_VELOCITY)
     rig.arm(mode)
-    assert bool(rig.servo_to(rig.position_mm) & ReplyBit.INVALID) is (mode is not Mode.SERVO)
 
 
 def test_reports_show_where_the_joints_are_and_not_where_they_should_be(rig: Rig) -> None:
@@ -278,7 +261,7 @@ def trip(rig: Rig, code: ErrorCode) -> None:
     """Provoke `code` by what causes it in the real arm."""
     if code is ErrorCode.EMERGENCY_STOP:
         rig.model.press_emergency_stop()
-    elif code is ErrorCode.KINEMATIC:
+    elif code in (ErrorCode.KINEMATIC, ErrorCode.LINEAR_OVERSPEED):
         rig.model.raise_error(code)
     elif code is ErrorCode.SELF_COLLISION:
         rig.arm(Mode.POSITION)
@@ -299,9 +282,6 @@ def trip(rig: Rig, code: ErrorCode) -> None:
         rig.ask(Register.SET_FENCE, bytes([1]))
         rig.arm(Mode.CARTESIAN_VELOCITY)
         rig.velocity(0, 100, 0, None)
-    elif code is ErrorCode.LINEAR_OVERSPEED:
-        rig.arm(Mode.SERVO)
-        assert rig.servo_to(rig.position_mm + np.array([0, 0, 11])) & ReplyBit.ERROR
     rig.run(2.5)
 
 

@@ -67,11 +67,6 @@ def test_a_register_that_is_not_modelled_says_so(register: int) -> None:
             Register.SET_CARTESIAN_VELOCITY,
             struct.pack("<6f", *[1.0] * 6) + bytes([1]),
         ),
-        (
-            Mode.SERVO,
-            Register.MOVE_SERVO_CARTESIAN_AA,
-            struct.pack("<8fiB", *[0.0] * 8, 0, 1),
-        ),
     ],
 )
 def test_a_command_that_makes_no_sense_is_refused_and_changes_nothing(

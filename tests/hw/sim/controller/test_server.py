@@ -205,18 +205,6 @@ def test_an_old_firmware_gets_no_deadman_time_from_the_sdk(
     assert model.moving
 
 
-def test_the_sdk_streams_poses(connect_sdk: Callable[..., Any]) -> None:
-    arm = connect_sdk()
-    enter(arm, 1)
-    pose = arm.get_position_aa()[1]
-    for _ in range(20):
-        pose[1] += 0.5
-        assert arm.set_servo_cartesian_aa(pose) == 0
-        time.sleep(0.008)
-    goal = pytest.approx(pose[:3], abs=0.05)
-    eventually(lambda: arm.get_position_aa()[1][:3] == goal, "the last pose")
-
-
 def test_the_sdk_drives_the_gripper(
     connect_sdk: Callable[..., Any], model: ControllerModel
 ) -> None:
