@@ -75,7 +75,7 @@ class Teleop:
         refusal = self._refusal() if confirm and not counts else None
         scale = self._watch.video_scale(tick.video_age_ns)
         try:
-            self._move(tick, buttons, before, holds, scale, interval_s)
+            self._move(tick, buttons, before, scale, interval_s)
         except TrajectoryError:
             self._arming.trip(Reason.TRAJECTORY_ERROR)
             self._drive.reset()
@@ -122,7 +122,6 @@ class Teleop:
         tick: TeleopInput,
         buttons: Buttons,
         before: ArmingState,
-        holds: tuple[Reason, ...],
         scale: float,
         interval_s: float,
     ) -> None:
@@ -136,10 +135,9 @@ class Teleop:
             self._drive.engage()
         if buttons.toggle_mode:
             self._drive.toggle_mode()
-        trusted = None if holds else tick.arm
-        if state is ArmingState.ENGAGED and trusted is not None:
+        if state is ArmingState.ENGAGED and tick.arm is not None:  # whose report no hold doubts
             self._drive.follow(
-                tick.sample, trusted, tick.link.round_trip_ns, scale, tick.now_ns, interval_s
+                tick.sample, tick.arm, tick.link.round_trip_ns, scale, tick.now_ns, interval_s
             )
         else:
             self._drive.rest(interval_s)

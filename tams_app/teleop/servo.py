@@ -97,11 +97,11 @@ class _Leash:
         """The arm reports to be this far from its target."""
         self.following_error = distance + self._withheld
 
-    def share_kept(self, distance: float) -> float:
-        """The share of a target's distance that the leash leaves it."""
+    def share_kept(self, distance: float) -> float | None:
+        """The share of a target's distance that the leash leaves it; None: all."""
         if distance <= self._length:
             self._withheld = 0.0
-            return 1.0
+            return None
         self._withheld += distance - self._length
         return self._length / distance
 
@@ -140,9 +140,9 @@ class Target:
         """The target waits for the arm: never further from it than the leash."""
         offset, turn = self._from(measured)
         position, rotation = self.tcp
-        if (kept := self._way.share_kept(norm(offset))) < 1.0:
+        if (kept := self._way.share_kept(norm(offset))) is not None:
             position = plus_times(measured.position, offset, kept)
-        if (kept := self._turn.share_kept(norm(turn))) < 1.0:
+        if (kept := self._turn.share_kept(norm(turn))) is not None:
             rotation = measured.rotation.turned(times(turn, kept))
         self.tcp = Tcp(position, rotation)
 
