@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import pkgutil
 from typing import TYPE_CHECKING
 
 from tams_app.errors import ConfigError
+from tams_app.registry import Registry
 
 if TYPE_CHECKING:  # the guard process starts without the configuration's libraries
     from hw.arm import ArmKind, Plant, SimulatedArm, TcpBoundary
@@ -14,8 +14,7 @@ if TYPE_CHECKING:  # the guard process starts without the configuration's librar
     from tams_app.records import Vector
     from tams_app.runtime.clock import Clock
 
-# word in the configuration -> module with `KIND`, an `ArmKind`; loaded when it is asked for
-ARM_KINDS = {"lite6": "hw.lite6.kind"}
+ARM_KINDS: Registry[ArmKind] = Registry("arm.model", "tams.arms", {"lite6": "hw.lite6.kind:KIND"})
 
 
 def arm_kind(model: str) -> ArmKind:
@@ -24,11 +23,7 @@ def arm_kind(model: str) -> ArmKind:
     Raises:
         ConfigError: there is no such model; the sentence names those there are.
     """
-    if model not in ARM_KINDS:
-        known = ", ".join(sorted(ARM_KINDS))
-        raise ConfigError(f"arm.model is {model!r}, which TAMS does not know; known: {known}")
-    kind: ArmKind = importlib.import_module(ARM_KINDS[model]).KIND
-    return kind
+    return ARM_KINDS[model]
 
 
 def simulated_arm(

@@ -6,17 +6,20 @@ from collections.abc import Callable
 
 from hw.gstreamer.camera import FrameSource, GstCamera, Note
 from hw.gstreamer.capture import FileSource, PatternSource
-from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
+from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
 
-# `cameras.VIEW.source` in the configuration → what makes its frames: a function of the view's
-# name, its camera's configuration and the stream's
-SOURCES: dict[str, Callable[[str, CameraConfig, VideoConfig], FrameSource]] = {
-    "v4l2": V4l2Source,
-    "file": lambda _view, config, video: FileSource(config.file, video),
-    "pattern": lambda _view, _config, video: PatternSource(video),
-}
+# what makes a view's frames, of the view's name, its camera's configuration and the stream's
+SOURCES: Registry[Callable[[str, CameraConfig, VideoConfig], FrameSource]] = Registry(
+    "cameras.VIEW.source",
+    "tams.cameras",
+    {
+        "v4l2": "hw.v4l2.source:V4l2Source",
+        "file": lambda _view, config, video: FileSource(config.file, video),
+        "pattern": lambda _view, _config, video: PatternSource(video),
+    },
+)
 
 
 def make_camera(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import ClutchConfig, ControllerConfig, HandConfig
+from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
 
 Note = Callable[[str, str], None]  # level and sentence
@@ -65,9 +66,8 @@ def _spacemouse(parts: ControllerParts) -> Controller:
     return PolledController(mouse, desk, parts.hand.rotation, parts.clock, parts.note)
 
 
-DEVICES: Mapping[str, Callable[[ControllerParts], Controller]] = {
-    "openvr": _openvr,
-    "keyboard": _keyboard,
-    "gamepad": _gamepad,
-    "spacemouse": _spacemouse,
-}
+DEVICES: Registry[Callable[[ControllerParts], Controller]] = Registry(
+    "controller.device",
+    "tams.controllers",
+    {"openvr": _openvr, "keyboard": _keyboard, "gamepad": _gamepad, "spacemouse": _spacemouse},
+)

@@ -21,6 +21,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from tams_app.config.problems import sections
+from tams_app.config.section import WORD
 from tams_app.config.whole import Config
 
 _HEAD = """\
@@ -162,7 +163,7 @@ def _bounds(metadata: list[Any]) -> str:
                 f"{_SIGNS[key]}{getattr(one, key):.10g}" for key in _SIGNS if hasattr(one, key)
             ]
         if pattern := getattr(one, "pattern", None):
-            found.append(f"`{pattern}`")
+            found.append("a word" if pattern == WORD else f"`{pattern}`")
     return ", ".join(found)
 
 

@@ -4,7 +4,6 @@ from tams_app.config.devices import (
     CameraConfig,
     ControllerConfig,
     DeskConfig,
-    HandDevice,
     HeadsetConfig,
     MappingConfig,
 )
@@ -40,7 +39,6 @@ __all__ = [
     "ControllerConfig",
     "DeskConfig",
     "HandConfig",
-    "HandDevice",
     "HeadsetConfig",
     "LimitsConfig",
     "LinkConfig",

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tams_app.config.section import Positive, Section
+from tams_app.config.section import Positive, Section, Word
 
 # A part of a controller and what is read of it, as SteamVR names them: `trigger/pull`, `a/click`.
 ComponentPath = Annotated[str, Field(pattern=r"^[a-z_]+/[a-z]+$")]
@@ -35,9 +35,6 @@ class MappingConfig(Section):
         return self
 
 
-HandDevice = Literal["auto", "openvr", "keyboard", "gamepad", "spacemouse", "sim"]
-
-
 class DeskConfig(Section):
     """The hand that a keyboard, a gamepad or a 3D mouse moves."""
 
@@ -61,7 +58,7 @@ class DeskConfig(Section):
 class ControllerConfig(Section):
     """The controller in the operator's hand."""
 
-    device: HandDevice = "auto"
+    device: Word = "auto"
     """What the operator holds: `openvr`, a tracked VR controller; `keyboard`, in the console's
     window; `gamepad`; `spacemouse`; `sim`, the simulated operator; `auto`: sim on the rig, else
     openvr."""
@@ -106,8 +103,8 @@ class HeadsetConfig(Section):
 class CameraConfig(Section):
     """Where one view's frames come from."""
 
-    source: Literal["v4l2", "file", "pattern"] = "v4l2"
-    """What kind of camera it is."""
+    source: Word = "v4l2"
+    """What kind of camera it is: `v4l2`, `file` or `pattern`."""
     name: str = ""
     """Name of a V4L2 device. Each one given of name, serial and path must match."""
     serial: str = ""

@@ -11,6 +11,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+WORD = r"^[A-Za-z0-9_+-]+$"
+Word = Annotated[str, Field(pattern=WORD)]  # names one of several kinds
 Port = Annotated[int, Field(ge=0, le=65535)]
 Triple = tuple[Finite, Finite, Finite]
 Six = tuple[Finite, Finite, Finite, Finite, Finite, Finite]

@@ -8,13 +8,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from tams_app.config.section import Fraction, NonNegative, Port, Positive, Section
+from tams_app.config.section import Fraction, NonNegative, Port, Positive, Section, Word
 from tams_app.records import Phase
 
 
 class PhasesConfig(Section):
     """Thresholds and dwell times of Algorithm 1 (paper, section III-B)."""
 
+    inference: Word = "motion"
+    """What infers the phase: `motion` is Algorithm 1."""
     v_eps_mm_s: NonNegative = 5.0
     """v_ε: at this smoothed speed of the TCP or less, the phase is held."""
     vz_min_mm_s: NonNegative = 15.0
@@ -66,14 +68,12 @@ class AllocationConfig(Section):
         return self
 
 
-BudgetMode = Literal["oracle", "sender", "feedback"]
-
-
 class BudgetConfig(Section):
     """Where the uplink capacity comes from."""
 
-    mode: BudgetMode = "feedback"
-    """Capacity from the emulated link itself, from receiver reports, or from each packet's fate."""
+    mode: Word = "feedback"
+    """Where the capacity comes from: `oracle`, the emulated link itself; `sender`, receivers'
+    reports; `feedback`, each packet's fate."""
     safety_factor: Annotated[float, Field(gt=0, le=1)] = 0.92
     """Share of the capacity that is given to the views."""
     max_kbps: Positive = 20_000.0

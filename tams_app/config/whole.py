@@ -23,8 +23,8 @@ from tams_app.config.motion import (
     LimitsConfig,
     check_rotation,
 )
-from tams_app.config.section import NonNegative, Positive, Section, Triple
-from tams_app.config.streaming import BudgetMode, Network, PolicyConfig, RepairMode, VideoConfig
+from tams_app.config.section import NonNegative, Positive, Section, Triple, Word
+from tams_app.config.streaming import Network, PolicyConfig, RepairMode, VideoConfig
 from tams_app.records import Phase
 
 OperatorKind = Literal["auto", "seeing", "scripted"]
@@ -104,7 +104,7 @@ class StudyConfig(Section):
     """Strategies that are compared, each once."""
     networks: Annotated[tuple[str, ...], Field(min_length=1)] = ("s1", "s2", "s3")
     """Networks on which they are compared, each once."""
-    budget: BudgetMode = "oracle"
+    budget: Word = "oracle"
     """Takes the place of policy.budget.mode; `oracle` as in the paper, whose capacity is known."""
     repair: RepairMode = "paper"
     """Takes the place of video.repair.mode."""
@@ -171,6 +171,8 @@ class Config(Section):
     """Length of a session; null: until it is ended."""
     headless: bool = False
     """Whether no windows are opened."""
+    faces: tuple[Word, ...] = ("window", "headset")
+    """What shows a session to the operator, each where it can."""
     calibration: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     """The set of measured files, `calibration/NAME/` beside this file, that is laid over it."""
     calibrated_by: tuple[str, ...] = ()

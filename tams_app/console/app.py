@@ -11,17 +11,15 @@ from typing import Protocol
 
 from tams_app.config import Config
 from tams_app.console.display import has_display
-from tams_app.console.headset.session_headset import SessionHeadset, headset_is_wanted
+from tams_app.console.faces import FACES, Shown, check_faces
 from tams_app.console.report import report_session
 from tams_app.console.status import StatusLine, WordsOf, status_words
 from tams_app.console.terminal import Presses, TerminalKeys, handled_signals
 from tams_app.console.window.session_face import (
     FacedSession,
-    SessionFace,
     ShownReplay,
     ShownTrial,
 )
-from tams_app.console.window.session_window import SessionWindow
 from tams_app.console.wishes import Wish, actions_of, carry_out
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.printing import Console
@@ -32,7 +30,7 @@ from tams_app.session.folder import create_session_folder
 from tams_app.session.sentences import Sentences
 from tams_app.session.session import Session
 from tams_app.session.viewing import check_viewers
-from tams_app.teleop.hands import HANDS, hand_of
+from tams_app.teleop.hands import hand_of, words_of_hand
 
 POLL_S = 0.05
 
@@ -71,6 +69,7 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
 def check_session(config: Config, dry_run: bool) -> None:
     """ConfigError for what cannot be run with an arm at this computer."""
     check_names(config)
+    check_faces(config)
     check_ready_pose(config)
     check_views(config, dry_run)
 
@@ -139,7 +138,7 @@ def _watch(
     console: Console,
     words_of: WordsOf = status_words,
     limit_s: float | None = None,
-    faces: Sequence[SessionFace] = (),
+    faces: Sequence[Shown] = (),
     trial: ShownTrial | None = None,
 ) -> None:
     """Show the session until it ends; from the main thread."""
@@ -174,18 +173,14 @@ def _launch_faces(
     stack: ExitStack,
     trial: ShownTrial | None,
     replay: ShownReplay | None,
-) -> list[SessionFace]:
-    """The window where there is a display, unless --headless is given, and the headset.
-
-    They are not open yet. A replay has no headset: its log may be from another computer.
-    """
+) -> list[Shown]:
+    """Those of `faces` where there is a display, unless --headless is given; not open yet."""
     if session.config.headless or not has_display():
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
         return []
-    faces: list[SessionFace] = [SessionWindow(session, trial, replay)]
-    if replay is None and headset_is_wanted(session.config):
-        faces.append(SessionHeadset(session, trial))
+    asked = (FACES[name](session, trial, replay) for name in session.config.faces)
+    faces = [face for face in asked if face is not None]
     for face in faces:
         stack.callback(face.close)
         face.launch()
@@ -194,7 +189,7 @@ def _launch_faces(
 
 def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
     """What a person has to know before the arm may move."""
-    hand = HANDS[hand_of(session.config)]
+    hand = words_of_hand(hand_of(session.config))
     if session.config.controller.device == "keyboard":
         session.note(
             "info",

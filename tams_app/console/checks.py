@@ -23,6 +23,7 @@ from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
+from tams_app.session.build import starts_at_capacity
 from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.udp import requested_ports
 
@@ -82,7 +83,7 @@ def codecs(config: Config) -> Iterator[Finding]:
     """Whether the encoder and decoder that are asked for work; if not, software stands in."""
     if gst.missing_elements():
         return  # named above
-    found = choose_codecs(config.video, config.policy.budget.mode == "oracle")
+    found = choose_codecs(config.video, starts_at_capacity(config))
     names = f"{found.encoder.element}, {found.decoder.element}"
     fix = "; ".join(found.remarks)
     yield Finding("Video codecs", not found.remarks, names, fix, essential=False)

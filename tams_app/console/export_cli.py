@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from tams_app.errors import ConfigError
+from tams_app.registry import Registry
 
 if TYPE_CHECKING:
     from tams_app.printing import Console
@@ -39,8 +40,6 @@ def export(
     from tams_app.console.report import session_log
     from tams_app.printing import Console
 
-    if kind not in FORMATS:
-        raise ConfigError(f"--format: {kind!r} is none of {', '.join(FORMATS)}")
     FORMATS[kind]([session_log(log) for log in logs], out, task, Console())
 
 
@@ -79,4 +78,6 @@ def _tell(console: Console, text: str) -> None:
     console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
-FORMATS: dict[str, Export] = {"rosbag2": _rosbag2, "lerobot": _lerobot}
+FORMATS: Registry[Export] = Registry(
+    "--format", "tams.exports", {"rosbag2": _rosbag2, "lerobot": _lerobot}
+)

@@ -8,10 +8,10 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from tams_app.config import Config, HandDevice, OperatorKind, load_config
-from tams_app.config.streaming import BudgetMode
+from tams_app.config import Config, OperatorKind, load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
+from tams_app.policy.budget import BUDGETS
 
 FOXGLOVE = "127.0.0.1:8765"
 ROS2 = "0"
@@ -26,6 +26,12 @@ def network_names(ctx: typer.Context) -> list[str]:
         return []
 
 
+def _devices() -> list[str]:
+    from hw.make_controller import DEVICES  # not for every command
+
+    return list(DEVICES)
+
+
 STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
 
 SimOption = Annotated[bool, typer.Option("--sim", help="The rig's devices, not the config's.")]
@@ -34,9 +40,7 @@ StrategyOption = Annotated[
 ]
 BudgetOption = Annotated[
     str | None,
-    typer.Option(
-        help="feedback, sender or oracle.", autocompletion=lambda: list(get_args(BudgetMode))
-    ),
+    typer.Option(help="feedback, sender or oracle.", autocompletion=lambda: list(BUDGETS)),
 ]
 NetworkOption = Annotated[
     str | None,
@@ -58,7 +62,7 @@ HandOption = Annotated[
     str | None,
     typer.Option(
         help="What the operator holds: openvr, keyboard, gamepad, spacemouse or sim.",
-        autocompletion=lambda: list(get_args(HandDevice)),
+        autocompletion=lambda: ["auto", *_devices(), "sim"],
     ),
 ]
 HeadlessOption = Annotated[bool, typer.Option("--headless", help="No window.")]

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 
 from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
-from tams_app.errors import ConfigError
 from tams_app.policy.budget import Budget, make_budget
 from tams_app.policy.strategy import Strategy, Weighted
 from tams_app.policy.tams_plus import TamsPlus
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Phase, UplinkReport
+from tams_app.registry import Registry
 
 
 class Equal(Weighted):
@@ -48,12 +48,11 @@ class TaskAware(Weighted):
         return self._matrix.row(phase)
 
 
-STRATEGIES: dict[str, Callable[[PolicyConfig], Strategy]] = {
-    "equal": Equal,
-    "static": Static,
-    "tams": TaskAware,
-    "tams+": TamsPlus,
-}
+STRATEGIES: Registry[Callable[[PolicyConfig], Strategy]] = Registry(
+    "strategy",
+    "tams.strategies",
+    {"equal": Equal, "static": Static, "tams": TaskAware, "tams+": TamsPlus},
+)
 
 
 def make_strategy(name: str, policy: PolicyConfig) -> Strategy:
@@ -69,8 +68,6 @@ def make_strategy(name: str, policy: PolicyConfig) -> Strategy:
     Raises:
         ConfigError: there is none of that name; the message lists the valid ones.
     """
-    if name not in STRATEGIES:
-        raise ConfigError(f"strategy: {name!r} is none of {', '.join(STRATEGIES)}")
     return STRATEGIES[name](policy)
 
 

@@ -10,11 +10,14 @@ import numpy as np
 from hw.arm import Arm
 from hw.arms import arm_kind, check_limits
 from hw.controller import Controller
+from hw.make_camera import SOURCES
+from hw.make_controller import DEVICES
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
-from tams_app.policy.phases import PhaseInference
+from tams_app.policy.budget import BUDGETS
+from tams_app.policy.inference import INFERENCES, make_inference
 from tams_app.records import Pose
 from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
@@ -25,6 +28,7 @@ from tams_app.session.machine_speed import this_machine
 from tams_app.session.rate_ladder import RateLadder
 from tams_app.session.recorders import SessionRecords
 from tams_app.task.judge import TaskGeometry
+from tams_app.teleop.hands import SIMULATED
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
@@ -46,9 +50,24 @@ _BOUNDS = (
 
 
 def check_names(config: Config) -> None:
-    """ConfigError for a strategy or network that does not exist, before anything is made."""
+    """ConfigError for a word that stands for nothing, before anything is made of it."""
     make_strategy(config.strategy, config.policy)
+    _ = BUDGETS[config.policy.budget.mode], INFERENCES[config.policy.phases.inference]
     resolve_network(config, config.network)
+    check_hand(config)
+    for camera in config.cameras.values():
+        _ = SOURCES[camera.source]
+
+
+def check_hand(config: Config) -> None:
+    """ConfigError if the operator's device does not exist."""
+    if config.controller.device not in ("auto", SIMULATED):
+        _ = DEVICES[config.controller.device]
+
+
+def starts_at_capacity(config: Config) -> bool:
+    """Whether the budget knows the capacity from the start."""
+    return not BUDGETS[config.policy.budget.mode].hears_reports
 
 
 def check_ready_pose(config: Config) -> None:
@@ -152,7 +171,7 @@ def control_loop(
         video,
         signals,
         teleop(config, video.delay_ns),
-        PhaseInference(config.policy.phases),
+        make_inference(config.policy.phases),
         listeners,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from hw.arm import Arm
 from hw.controller import Controller
@@ -15,8 +15,6 @@ from tams_app.records import (
     ArmState,
     CommandLink,
     ControllerSample,
-    Phase,
-    PhaseChange,
     Tick,
     TickInputs,
     Twist,
@@ -28,6 +26,9 @@ from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
 from tams_app.units import NS_PER_MS
+
+if TYPE_CHECKING:
+    from tams_app.policy.inference import Inference
 
 ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 
@@ -114,25 +115,6 @@ class Teleoperation(Protocol):
     """From what has come in to a command: `teleop.loop.Teleop`."""
 
     def step(self, told: TeleopInput) -> TeleopOutput: ...
-
-
-class Inference(Protocol):
-    """From the arm's motion to the phase of the task: `policy.phases.PhaseInference`."""
-
-    @property
-    def phase(self) -> Phase:
-        """The phase now."""
-
-    @property
-    def speed(self) -> float:
-        """Smoothed speed of the TCP [m/s]."""
-
-    @property
-    def vertical_speed(self) -> float:
-        """Smoothed vertical speed of the TCP [m/s], upwards."""
-
-    def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
-        """Look at the arm's newest report; the change if another phase has begun."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from tams_app.session.devices import Note
 from tams_app.session.listener import Listener
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.advice import advice, refusal
-from tams_app.teleop.hands import HANDS
+from tams_app.teleop.hands import words_of_hand
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
@@ -50,7 +50,7 @@ class ArmingObserver(Listener):
             self._arming = output.arming
             self._note_arming(output)
         if output.refusal is not None and not self._confirms:
-            why = refusal(output.refusal.in_the_way, HANDS[self._hand()])
+            why = refusal(output.refusal.in_the_way, words_of_hand(self._hand()))
             self._note("warning", f"not confirmed: {why}")
         self._confirm(now_ns)
 
@@ -65,7 +65,7 @@ class ArmingObserver(Listener):
         if output.reason is None:
             self._note("info", output.arming.value)
         else:
-            told = advice(describe(output), lasting_label(output), HANDS[self._hand()])
+            told = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
             self._note("warning", f"{output.arming.value}, {told}")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from tams_app.config import Config
 from tams_app.policy.allocation import Policy
+from tams_app.policy.budget import BUDGETS
 from tams_app.records import Phase, PhaseChange, PolicyInputs
 from tams_app.runtime.clock import Clock
 from tams_app.session.listener import Listener
@@ -37,9 +38,10 @@ class PolicyLoop(Listener):
         self._policy = Policy.of(config, video.capacity)
         self._period_ns = round(NS_PER_S / config.policy.rate_hz)
         self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
-        pads = config.policy.budget.mode == "feedback"
-        self._keeps_inputs = config.policy.budget.mode != "oracle"  # which looks at nothing
-        self._pad_ns = self._step_ns if pads else _NEVER_NS  # when padding is due next
+        budget = BUDGETS[config.policy.budget.mode]
+        self._keeps_inputs = budget.hears_reports
+        # when padding is due next
+        self._pad_ns = self._step_ns if budget.hears_packets else _NEVER_NS
         self._clock = clock
         self._video = video
         self._log = log

@@ -17,7 +17,8 @@ from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import Config
 from tams_app.errors import UnreadableLogError
 from tams_app.policy.allocation import Policy, make_strategy
-from tams_app.policy.phases import PhaseInference
+from tams_app.policy.budget import BUDGETS
+from tams_app.policy.inference import make_inference
 from tams_app.recording import SessionLog
 from tams_app.records import Allocation, Tick, TickInputs, UplinkReport
 from tams_app.session import build
@@ -116,10 +117,10 @@ def recompute(log: SessionLog, config: Config) -> Recomputed:
         found.until_ns = whole[-1].started_ns
     ticks = zip(whole, _computed_ticks(whole, config, int(delay)), strict=True)
     found.comparisons += _compared(OF_TICKS, ((one.started_ns, one, now) for one, now in ticks))
-    if config.policy.budget.mode == "oracle":
-        allocations = _shared_anew(log.allocations, config)
-    else:
+    if BUDGETS[config.policy.budget.mode].hears_reports:
         allocations = _estimated_anew(log, config)
+    else:
+        allocations = _shared_anew(log.allocations, config)
     steps = [
         (one.t_ns, one, now)
         for one, now in allocations
@@ -143,7 +144,7 @@ def _without_gap(ticks: Sequence[Tick], rate_hz: float) -> Sequence[Tick]:
 
 def _computed_ticks(ticks: Sequence[Tick], config: Config, delay_ns: int) -> Iterator[Tick]:
     teleop = build.teleop(config, delay_ns)
-    phases = PhaseInference(config.policy.phases)
+    phases = make_inference(config.policy.phases)
     for tick in ticks:
         assert tick.inputs is not None
         told = _told(tick, tick.inputs)

@@ -174,7 +174,7 @@ class Session(Ending):
         self._quality = LiveQuality(config.video, self.screen, helper_logs, log.record, self.note)
         self._stack.callback(self._quality.close)
         self._quality.start()  # takes a moment, of which a capacity trace must lose nothing
-        codecs = choose_codecs(config.video, config.policy.budget.mode == "oracle")
+        codecs = choose_codecs(config.video, build.starts_at_capacity(config))
         for remark in codecs.remarks:
             self.note("warning", remark)
         network = resolve_network(config, config.network)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
+from tams_app.policy.budget import BUDGETS
 from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
 from tams_app.runtime.clock import Clock
 from tams_app.session.faces import Faces
@@ -46,9 +47,9 @@ class Video(ABC):
         """
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
-        mode = config.policy.budget.mode
-        self._feedback = mode == "feedback"  # whether receivers tell of each packet
-        heard = () if mode == "oracle" else video.views
+        budget = BUDGETS[config.policy.budget.mode]
+        self._feedback = budget.hears_packets  # whether receivers tell of each packet
+        heard = video.views if budget.hears_reports else ()
         self._heard = {view: HeardFeedback(view, media_ssrc(video, view)) for view in heard}
         self._rule = repair_rule(
             network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
+from tams_app.policy.budget import BUDGETS
 from tams_app.study.plan import Participant, ParticipantState, Plan, PlannedTrial
 
 MAX_PARTICIPANTS = 9999
@@ -27,6 +28,7 @@ def make_plan(config: Config, participants: int) -> Plan:
         raise ConfigError(f"participants: must be 1 to {MAX_PARTICIPANTS}, not {participants}")
     for strategy in study.strategies:
         make_strategy(strategy, config.policy)
+    _ = BUDGETS[study.budget]
     for network in study.networks:
         if network not in config.networks:
             names = ", ".join(config.networks)

@@ -296,7 +296,7 @@ class ToyRig(ArmRig):
 def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[ArmRig]:
     # setting up waits for the 5 Hz report several times; tests/hw/lite6/test_arm.py has its rate
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
-    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm:KIND")
     with ExitStack() as cleaning:
         if request.param == "tcp":
             tcp = TcpRig()

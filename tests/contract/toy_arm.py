@@ -1,7 +1,7 @@
 """A second kind of arm: a toy with six axes, whose controller has words and numbers of its own.
 
 It has the links of the simulated rig's arm, so that it can work in the same scene; controller,
-driver and faults are its own. `ARM_KINDS["toy"] = "tests.contract.toy_arm"` makes it known.
+driver and faults are its own. `ARM_KINDS["toy"] = "tests.contract.toy_arm:KIND"` makes it known.
 """
 
 from __future__ import annotations

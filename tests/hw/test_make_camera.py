@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 
 from hw.gstreamer.camera import GstCamera
 from hw.gstreamer.capture import FileSource, PatternSource
-from hw.make_camera import SOURCES, make_camera
+from hw.make_camera import make_camera
 from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import ConfigError
@@ -57,5 +57,8 @@ def test_a_camera_is_called_what_it_was_asked_by() -> None:
     assert make(name="Webcam", serial="S1")._source.label == "Webcam, serial S1"
 
 
-def test_every_source_of_the_configuration_has_an_entry() -> None:
-    assert SOURCES.keys() == set(get_args(CameraConfig.model_fields["source"].annotation))
+def test_a_source_that_does_not_exist_is_one_sentence() -> None:
+    with pytest.raises(
+        ConfigError, match=r"cameras\.VIEW\.source: 'webcam' is none of v4l2, file,"
+    ):
+        make(source="webcam")

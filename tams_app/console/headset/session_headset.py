@@ -6,7 +6,12 @@ from typing import Any
 
 from tams_app.config import Config
 from tams_app.console.window.client import Face
-from tams_app.console.window.session_face import FacedSession, SessionFace, ShownTrial
+from tams_app.console.window.session_face import (
+    FacedSession,
+    SessionFace,
+    ShownReplay,
+    ShownTrial,
+)
 
 HEADSET = Face(
     "headset",
@@ -29,3 +34,11 @@ def headset_is_wanted(config: Config) -> bool:
     """Whether a headset is to show the views too, where there is a window."""
     show = config.headset.show
     return show == "always" or (show == "auto" and config.hand_is_tracked)
+
+
+def headset_if_wanted(
+    session: FacedSession, trial: ShownTrial | None, replay: ShownReplay | None
+) -> SessionHeadset | None:
+    """The headset, unless none is wanted, or for a replay, which may be of another computer."""
+    wanted = replay is None and headset_is_wanted(session.config)
+    return SessionHeadset(session, trial) if wanted else None

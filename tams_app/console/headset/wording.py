@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from tams_app.console.window.banner import Look, banner_of
 from tams_app.console.window.figures import trial_texts
 from tams_app.console.window.messages import Facts
-from tams_app.teleop.hands import HANDS
+from tams_app.teleop.hands import words_of_hand
 
 # A headset hides the keyboard, so the button that confirms comes first.
 _KEYS = {
@@ -33,7 +33,7 @@ class PanelWords:
 
 def panel_words(facts: Facts, hand: str) -> PanelWords:
     """State, phase, why the arm does not move, and what helps; `hand`: of `HANDS`."""
-    banner, words = banner_of(facts, hand), HANDS[hand]
+    banner, words = banner_of(facts, hand), words_of_hand(hand)
     confirms = words.confirm and facts.state.arming in _KEYS
     key = words.told(_KEYS[facts.state.arming]) if confirms else banner.key
     if facts.trial is not None:

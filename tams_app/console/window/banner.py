@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from tams_app import palette
 from tams_app.console.window.messages import Facts
 from tams_app.console.window.silence import NOT_LIVE, STILL_STOPS, not_received
-from tams_app.teleop.hands import HANDS, SIMULATED, HandWords
+from tams_app.teleop.hands import SIMULATED, HandWords, words_of_hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
 
     hand: what drives the arm, of `HANDS`. shift_is_dead: `Keyboard.shift_is_dead`.
     """
-    words, state = HANDS[hand], facts.state
+    words, state = words_of_hand(hand), facts.state
     if state.arming == NOT_LIVE and facts.silent_s is not None:
         key = f"{STILL_STOPS} still stops it"
         return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)

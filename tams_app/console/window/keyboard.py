@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.wishes import Wish
-from tams_app.teleop.hands import HANDS
+from tams_app.teleop.hands import words_of_hand
 
 WISHES = {
     "Return": Wish.CONFIRM,
@@ -46,8 +46,15 @@ def key_help(hand: str, replay: bool = False, trial: bool = False) -> tuple[tupl
     if replay:
         return _REPLAY_HELP
     of_trial = _TRIAL_HELP if trial else ()
-    confirm = f"confirm: arm the arm, clear a fault (release {HANDS[hand].deadman} first)"
-    return (*_STOP_HELP, ("Enter", confirm), *_WINDOW_HELP, *of_trial, *HANDS[hand].controls)
+    words = words_of_hand(hand)
+    confirm = f"confirm: arm the arm, clear a fault (release {words.deadman} first)"
+    return (
+        *_STOP_HELP,
+        ("Enter", confirm),
+        *_WINDOW_HELP,
+        *of_trial,
+        *words.controls,
+    )
 
 
 SHIFTS = frozenset({"Shift_L", "Shift_R"})

@@ -599,7 +599,7 @@ def test_a_guard_without_an_arm_says_so() -> None:
 def test_the_guard_stops_an_arm_of_another_kind_by_that_kinds_own_channel(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm:KIND")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as toy:
         toy.bind(("127.0.0.1", 0))
         toy.settimeout(10.0)
@@ -679,7 +679,7 @@ def test_a_guard_without_reports_is_blind_until_it_has_them_again(guarded: Guard
 def test_the_guard_watches_an_arm_of_another_kind_by_that_kinds_own_reports(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm:KIND")
     with ExitStack() as opened:
         control, reports = (
             opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)

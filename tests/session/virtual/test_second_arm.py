@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.untimed, pytest.mark.timeout(600)]
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> Config:
     """The rig's configuration with the toy of tests/contract in place of the arm."""
-    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm:KIND")
     return short(**{"arm.model": "toy", "network": "none", "seconds": 7})
 
 
@@ -46,7 +46,7 @@ def test_a_session_with_the_second_arm_engages_moves_and_is_summarised(
 
 
 def test_limits_are_those_of_the_configured_arm(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm")
+    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm:KIND")
     within = {"limits.max_speed_mm_s": 250, "arm.ready_joints_deg": [175, 0, 90, 0, 90, 0]}
     with pytest.raises(ConfigError, match="joint 1 turns from -170 to 170 degrees, not to 175"):
         build.check_ready_pose(load_config(overrides={"arm.model": "toy", **within}))

@@ -1,0 +1,54 @@
+"""The ways in which the phase of the task may be inferred."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from tams_app.config import PhasesConfig
+from tams_app.records import ArmState, Phase, PhaseChange
+from tams_app.registry import Registry
+
+
+class Inference(Protocol):
+    """From the arm's motion to the phase of the task.
+
+    A new one is a class entered in `INFERENCES`, or an entry point of `tams.inference`.
+    """
+
+    @property
+    def phase(self) -> Phase:
+        """The phase now."""
+
+    @property
+    def speed(self) -> float:
+        """Smoothed speed of the TCP [m/s]."""
+
+    @property
+    def vertical_speed(self) -> float:
+        """Smoothed vertical speed of the TCP [m/s], upwards."""
+
+    def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
+        """Look at the arm's newest report, in each control tick.
+
+        Args:
+            now_ns: the time of the tick [ns].
+            arm: the newest report, by whose `received_ns` a repeated one is known; None: none yet.
+
+        Returns:
+            The change if another phase has begun, else None.
+        """
+
+
+INFERENCES: Registry[Callable[[PhasesConfig], Inference]] = Registry(
+    "policy.phases.inference", "tams.inference", {"motion": "tams_app.policy.phases:PhaseInference"}
+)
+
+
+def make_inference(config: PhasesConfig) -> Inference:
+    """The configured one, at the first phase of the task.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    return INFERENCES[config.inference](config)

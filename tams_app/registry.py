@@ -1,0 +1,76 @@
+"""What the words of the configuration stand for: what TAMS brings, and other distributions."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import pkgutil
+from collections import Counter
+from collections.abc import Iterator, Mapping, MutableMapping
+from typing import Generic, TypeVar, cast
+
+from tams_app.errors import ConfigError
+
+T = TypeVar("T")
+
+
+class Registry(MutableMapping[str, T], Generic[T]):
+    """By name, in the order of the configuration's reference, then those of other distributions.
+
+    A name stands for the object itself or for "module:object", which is imported when it is asked
+    for: a session loads only what it uses. Other distributions enter theirs as entry points of
+    `group`; a name that TAMS has already is never replaced by one of them.
+    """
+
+    def __init__(self, key: str, group: str, built_in: Mapping[str, T | str]) -> None:
+        """`key`: of the configuration, as errors name it."""
+        self.key, self.group = key, group
+        self._known: dict[str, T | str] = dict(built_in)
+        self._searched = False
+
+    def __getitem__(self, name: str) -> T:
+        """ConfigError if there is none of that name, or it cannot be loaded."""
+        if name not in self._known:
+            self._search()
+        if name not in self._known:
+            raise ConfigError(f"{self.key}: {name!r} is none of {', '.join(self)}")
+        found = self._known[name]
+        if not isinstance(found, str):
+            return found
+        try:
+            return cast(T, pkgutil.resolve_name(found))
+        except (ImportError, AttributeError, ValueError) as error:
+            raise ConfigError(f"{self.key}: {name!r} cannot be loaded: {error}") from error
+
+    def __setitem__(self, name: str, value: T | str) -> None:
+        self._known[name] = value
+
+    def __delitem__(self, name: str) -> None:
+        del self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        self._search()
+        return iter(tuple(self._known))
+
+    def __len__(self) -> int:
+        self._search()
+        return len(self._known)
+
+    def __contains__(self, name: object) -> bool:
+        if name not in self._known:
+            self._search()
+        return name in self._known
+
+    def _search(self) -> None:
+        """Look once what is installed."""
+        if self._searched:
+            return
+        self._searched = True
+        found = importlib.metadata.entry_points(group=self.group)
+        for name, times in sorted(Counter(one.name for one in found).items()):
+            if times == 1 and name not in self._known:
+                self._known[name] = found[name].value
+            elif times > 1:
+                raise ConfigError(
+                    f"{self.key}: {times} installed distributions have a {name!r} ({self.group}): "
+                    "uninstall all but one"
+                )
