@@ -6,7 +6,7 @@ import importlib.metadata
 import pkgutil
 from collections import Counter
 from collections.abc import Iterator, Mapping, MutableMapping
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from tams_app.errors import ConfigError
 
@@ -40,6 +40,12 @@ class Registry(MutableMapping[str, T], Generic[T]):
             return cast(T, pkgutil.resolve_name(found))
         except (ImportError, AttributeError, ValueError) as error:
             raise ConfigError(f"{self.key}: {name!r} cannot be loaded: {error}") from error
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """What `name` stands for; `default` if it stands for nothing."""
+        if name not in self:
+            return default
+        return self[name]
 
     def __setitem__(self, name: str, value: T | str) -> None:
         self._known[name] = value

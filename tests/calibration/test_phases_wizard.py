@@ -146,7 +146,7 @@ def test_recorded_trials_become_thresholds_that_the_next_session_uses(written) -
     config = load_config(written.config_path)
     content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))
     chosen = content["config"]["policy"]["phases"]
-    assert set(chosen) == set(PhasesConfig.model_fields) - {"smoothing_ms"}
+    assert set(chosen) == set(PhasesConfig.model_fields) - {"inference", "smoothing_ms"}
     assert config.policy.phases == PhasesConfig(**chosen) != PhasesConfig()
     assert content["calibration"]["source"] == "recorded trials: trial-0, trial-1, trial-2"
 

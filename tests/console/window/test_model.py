@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import pairwise
-from typing import get_args
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 
+from hw.make_controller import DEVICES
 from tams_app import palette
-from tams_app.config import HandDevice
 from tams_app.console.terminal import REPEAT_NS
 from tams_app.console.window.banner import LOOKS, banner_of, look_of
 from tams_app.console.window.figures import (
@@ -73,7 +72,7 @@ def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stop
 
 
 def test_every_hand_that_can_be_configured_has_its_words() -> None:
-    assert set(HANDS) | {"auto"} == set(get_args(HandDevice))
+    assert set(HANDS) == {*DEVICES, SIMULATED}
 
 
 def test_every_state_of_the_arming_table_has_a_look() -> None:
