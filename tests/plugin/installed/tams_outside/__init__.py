@@ -1,0 +1,1 @@
+"""Another distribution that adds one of each kind to TAMS, a module each."""

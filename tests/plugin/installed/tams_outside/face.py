@@ -1,0 +1,28 @@
+"""A display: a file with the states of arming that the session went through."""
+
+from tams_app.console.window.session_face import FacedSession, ShownReplay, ShownTrial
+
+
+class Lamp:
+    def __init__(
+        self, session: FacedSession, trial: ShownTrial | None, replay: ShownReplay | None
+    ) -> None:
+        self._session = session
+        self._seen: list[str] = []
+
+    def launch(self) -> None:
+        """It needs no process."""
+
+    def open(self) -> None:
+        """It is lit."""
+
+    def say(self, note: str) -> None:
+        """It cannot speak."""
+
+    def refresh(self) -> None:
+        arming = self._session.state().arming
+        if self._seen[-1:] != [arming]:
+            self._seen.append(arming)
+
+    def close(self) -> None:
+        (self._session.folder / "lamp.txt").write_text("\n".join(self._seen))
