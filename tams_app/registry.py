@@ -26,6 +26,7 @@ class Registry(MutableMapping[str, T], Generic[T]):
         self.key, self.group = key, group
         self._known: dict[str, T | str] = dict(built_in)
         self._searched = False
+        self._contested: dict[str, int] = {}  # by how many distributions
 
     def __getitem__(self, name: str) -> T:
         """ConfigError if there is none of that name, or it cannot be loaded."""
@@ -33,13 +34,18 @@ class Registry(MutableMapping[str, T], Generic[T]):
             self._search()
         if name not in self._known:
             raise ConfigError(f"{self.key}: {name!r} is none of {', '.join(self)}")
+        if times := self._contested.get(name):
+            raise ConfigError(
+                f"{self.key}: {times} installed distributions have a {name!r} ({self.group}): "
+                "uninstall all but one"
+            )
         found = self._known[name]
         if not isinstance(found, str):
             return found
         try:
             return cast(T, pkgutil.resolve_name(found))
-        except (ImportError, AttributeError, ValueError) as error:
-            raise ConfigError(f"{self.key}: {name!r} cannot be loaded: {error}") from error
+        except Exception as error:  # whatever the import of a plug-in does
+            raise ConfigError(f"{self.key}: {name!r} cannot be loaded: {error!r}") from error
 
     def get(self, name: str, default: Any = None) -> Any:
         """What `name` stands for; `default` if it stands for nothing."""
@@ -72,11 +78,10 @@ class Registry(MutableMapping[str, T], Generic[T]):
             return
         self._searched = True
         found = importlib.metadata.entry_points(group=self.group)
-        for name, times in sorted(Counter(one.name for one in found).items()):
-            if times == 1 and name not in self._known:
-                self._known[name] = found[name].value
-            elif times > 1:
-                raise ConfigError(
-                    f"{self.key}: {times} installed distributions have a {name!r} ({self.group}): "
-                    "uninstall all but one"
-                )
+        counts = Counter(one.name for one in found)
+        for name, times in sorted(counts.items()):
+            if name in self._known:
+                continue
+            self._known[name] = found[name].value
+            if times > 1:
+                self._contested[name] = times

@@ -149,7 +149,7 @@ def _watch(
             stack.callback(face.close)
             face.open()
         if not session.config.operator_is_simulated:
-            _tell_how_to_begin(session, has_keys, bool(faces))
+            _tell_how_to_begin(session, has_keys, session.signals.faces.heard_ns() is not None)
         line = stack.enter_context(StatusLine(console, words_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S):

@@ -21,6 +21,7 @@ from tams_app.console.device_checks import arm, cameras, controller, headset
 from tams_app.console.doctor import Check, Finding, tried
 from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
+from tams_app.policy.budget import BUDGETS
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import starts_at_capacity
@@ -62,12 +63,14 @@ def gstreamer(_: Config) -> Iterator[Finding]:
 def configuration(config: Config) -> Iterator[Finding]:
     """What `run` refuses before it makes anything: names and a ready pose that cannot be."""
     try:  # these need the libraries looked at above
+        from tams_app.console.faces import check_faces
         from tams_app.session.build import check_names, check_ready_pose
     except ImportError as error:
         yield Finding("Configuration", False, str(error), "install the Python libraries first")
         return
     names: dict[str, Callable[[], object]] = {
-        "Strategy and network": lambda: check_names(config),
+        "Names": lambda: check_names(config),
+        "Faces": lambda: check_faces(config),
         "Ready pose": lambda: check_ready_pose(config),
     }
     for what, look in names.items():
@@ -81,7 +84,7 @@ def configuration(config: Config) -> Iterator[Finding]:
 
 def codecs(config: Config) -> Iterator[Finding]:
     """Whether the encoder and decoder that are asked for work; if not, software stands in."""
-    if gst.missing_elements():
+    if gst.missing_elements() or config.policy.budget.mode not in BUDGETS:
         return  # named above
     found = choose_codecs(config.video, starts_at_capacity(config))
     names = f"{found.encoder.element}, {found.decoder.element}"

@@ -31,8 +31,8 @@ def controller(config: Config) -> Iterator[Finding]:
     device = config.controller.device
     if config.operator_is_simulated or device == "keyboard":
         return
-    if device in ("gamepad", "spacemouse"):
-        yield _desk_device(config)
+    if device not in ("auto", "openvr"):
+        yield _device(config)
         return
     from hw.openvr.controller import OpenVrController
     from hw.openvr.devices import list_controllers
@@ -50,13 +50,16 @@ def controller(config: Config) -> Iterator[Finding]:
     yield Finding(what, bool(mine), detail, "switch it on and wake it, or set controller.hand")
 
 
-def _desk_device(config: Config) -> Finding:
+def _device(config: Config) -> Finding:
     from hw.make_controller import make_controller
     from tams_app.runtime.clock import MonotonicClock
 
-    made = make_controller(
-        config.controller, config.hand, config.clutch, MonotonicClock(), lambda *_: None
-    )
+    try:
+        made = make_controller(
+            config.controller, config.hand, config.clutch, MonotonicClock(), lambda *_: None
+        )
+    except TamsError as error:
+        return Finding("Controller", False, "", str(error))
     try:
         made.start()
     except TamsError as error:

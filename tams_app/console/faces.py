@@ -7,6 +7,7 @@ from typing import Protocol
 
 from tams_app.config import Config
 from tams_app.console.window.session_face import FacedSession, ShownReplay, ShownTrial
+from tams_app.errors import ConfigError
 from tams_app.registry import Registry
 
 
@@ -47,6 +48,10 @@ FACES: Registry[MakeFace] = Registry(
 
 
 def check_faces(config: Config) -> None:
-    """ConfigError if one of the configured faces does not exist."""
+    """ConfigError if one of the configured faces does not exist, or one that is needed is not."""
     for name in config.faces:
         _ = FACES[name]
+    if len(set(config.faces)) < len(config.faces):
+        raise ConfigError(f"faces: {', '.join(config.faces)}: each may be named once only")
+    if config.controller.device == "keyboard" and "window" not in config.faces:
+        raise ConfigError("faces: controller.device keyboard needs the window")

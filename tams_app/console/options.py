@@ -32,7 +32,7 @@ def _devices() -> list[str]:
     return list(DEVICES)
 
 
-STRATEGY_HELP = f"One of {', '.join(STRATEGIES)}."
+STRATEGY_HELP = "equal, static, tams, tams+ or an installed one."
 
 SimOption = Annotated[bool, typer.Option("--sim", help="The rig's devices, not the config's.")]
 StrategyOption = Annotated[

@@ -13,6 +13,7 @@ import numpy as np
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.display import has_display
+from tams_app.console.faces import check_faces
 from tams_app.errors import SignalledError, TamsError
 from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, SessionLog, read_log
@@ -67,6 +68,7 @@ def run_speed(config: Config, as_json: bool = False, console: Console | None = N
     results = console or Console()
     console = Console(stderr=True) if as_json else results
     check_names(config)
+    check_faces(config)
     check_ready_pose(config)
     machine, views = this_machine(), len(config.video.views)
     asked_fps = config.video.fps

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tams_app.config import Config
-from tams_app.console.app import show_session
+from tams_app.console.app import check_session, show_session
 from tams_app.console.report import write_summary
 from tams_app.console.status import (
     SEPARATOR,
@@ -27,7 +27,6 @@ from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.session import Session
 from tams_app.study.plan import PlannedTrial
@@ -58,9 +57,7 @@ class LiveTrialRunner:
         it, in order.
         """
         config = trial.configure(self._config)
-        check_names(config)
-        check_ready_pose(config)
-        check_views(config, dry_run=False)
+        check_session(config, dry_run=False)
         furnish_session_folder(config, folder)
         self._console.print(BEGINNING, highlight=False, soft_wrap=True)
         signals: list[str] = []

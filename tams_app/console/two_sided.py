@@ -9,11 +9,13 @@ from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import check_session, run_and_report
+from tams_app.console.faces import check_faces
 from tams_app.errors import ConfigError
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.session.build import check_hand
 from tams_app.session.two_sided.operator import OperatorSession
 from tams_app.session.two_sided.robot import RobotSession
 
@@ -34,6 +36,8 @@ def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bo
 
 def run_operate(config: Config, endpoint: Endpoint) -> int:
     """The operator's side until either ends the session; the exit code."""
+    check_hand(config)
+    check_faces(config)
     console = Console()
 
     def say(sentence: str) -> None:

@@ -61,8 +61,10 @@ def check_names(config: Config) -> None:
 
 def check_hand(config: Config) -> None:
     """ConfigError if the operator's device does not exist."""
-    if config.controller.device not in ("auto", SIMULATED):
-        _ = DEVICES[config.controller.device]
+    device = config.controller.device
+    if device not in ("auto", SIMULATED, *DEVICES):
+        known = ", ".join(("auto", *DEVICES, SIMULATED))
+        raise ConfigError(f"controller.device: {device!r} is none of {known}")
 
 
 def starts_at_capacity(config: Config) -> bool:

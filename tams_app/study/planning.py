@@ -15,6 +15,7 @@ from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import BUDGETS
+from tams_app.policy.inference import INFERENCES
 from tams_app.study.plan import Participant, ParticipantState, Plan, PlannedTrial
 
 MAX_PARTICIPANTS = 9999
@@ -28,7 +29,9 @@ def make_plan(config: Config, participants: int) -> Plan:
         raise ConfigError(f"participants: must be 1 to {MAX_PARTICIPANTS}, not {participants}")
     for strategy in study.strategies:
         make_strategy(strategy, config.policy)
-    _ = BUDGETS[study.budget]
+    if study.budget not in BUDGETS:
+        raise ConfigError(f"study.budget: {study.budget!r} is none of {', '.join(BUDGETS)}")
+    _ = INFERENCES[config.policy.phases.inference]
     for network in study.networks:
         if network not in config.networks:
             names = ", ".join(config.networks)

@@ -98,12 +98,13 @@ class _Leash:
         self.following_error = distance + self._withheld
 
     def share_kept(self, distance: float) -> float | None:
-        """The share of a target's distance that the leash leaves it; None: all."""
-        if distance <= self._length:
-            self._withheld = 0.0
-            return None
-        self._withheld += distance - self._length
-        return self._length / distance
+        """The share of a target's distance that the leash leaves it; None: all.
+
+        What was kept back is forgiven only as far as the arm comes back within the leash: one
+        report of a moment, or a hand that turns back for one, does not make up for the rest.
+        """
+        self._withheld = max(0.0, self._withheld + distance - self._length)
+        return None if distance <= self._length else self._length / distance
 
 
 class Target:

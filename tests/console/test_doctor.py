@@ -181,8 +181,8 @@ def test_the_configuration_as_shipped_is_in_order() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "what"),
     [
-        ("network", "s9", "Strategy and network"),
-        ("strategy", "clever", "Strategy and network"),
+        ("network", "s9", "Names"),
+        ("strategy", "clever", "Names"),
     ],
 )
 def test_a_name_that_run_would_refuse_is_found(key: str, value: str, what: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -461,6 +462,36 @@ def test_an_arm_that_does_not_carry_out_a_motion_is_a_following_error(
             break
         now_ns = engaged.now_ns + PERIOD_NS
         engaged.tick(arm=replace(stuck, received_ns=now_ns))
+    assert engaged.outputs[-1].reason is Reason.FOLLOWING_ERROR
+
+
+def steady(_tick: int) -> float:
+    return 0.02
+
+
+def with_pauses(tick: int) -> float:
+    return 0.2 if tick % 120 < 48 else 0.0
+
+
+def back_and_forth(tick: int) -> float:
+    return 0.3 if tick % 60 < 42 else -0.1
+
+
+@pytest.mark.parametrize("noise_rad", [0.0, 1e-4])
+@pytest.mark.parametrize("hand", [steady, with_pauses, back_and_forth])
+def test_a_stuck_wrist_is_noticed_whatever_pauses_the_hand_makes(
+    engaged: Bench, hand: Callable[[int], float], noise_rad: float
+) -> None:
+    engaged.hand.grip = 1.0
+    engaged.tick()
+    stuck = engaged.arm.report(engaged.now_ns)
+    for tick in range(15 * 120):
+        engaged.ask_turn(0, hand(tick), 0)
+        turned = stuck.tcp.rotation.turned((0, noise_rad * (-1) ** tick, 0))
+        report = replace(stuck, tcp=replace(stuck.tcp, rotation=turned))
+        engaged.tick(arm=replace(report, received_ns=engaged.now_ns + PERIOD_NS))
+        if engaged.outputs[-1].arming is not ENGAGED:
+            break
     assert engaged.outputs[-1].reason is Reason.FOLLOWING_ERROR
 
 

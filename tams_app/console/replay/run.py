@@ -59,4 +59,5 @@ def _key_help(headless: bool) -> str:
 def _shown_config(config: Config, headless: bool) -> Config:
     controller = config.controller.model_copy(update={"device": "auto"})
     rig = config.rig.model_copy(update={"enabled": True})  # so that nothing is said of an arm
-    return config.model_copy(update={"controller": controller, "rig": rig, "headless": headless})
+    shown = {"controller": controller, "rig": rig, "headless": headless, "faces": ("window",)}
+    return config.model_copy(update=shown)
