@@ -67,7 +67,7 @@ class Lite6(Arm):
     def enable(self) -> None:
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
-        with self._stopped_on_failure():
+        with self._stopped_on_failure(stops):
             connection.make_ready(Mode.CARTESIAN_VELOCITY)
         with self._stop_lock:
             if self._stops == stops:
@@ -80,7 +80,7 @@ class Lite6(Arm):
         goal = checked_goal(joints, speed)
         connection, stops = self._required(), self._stops
         connection.outbox.shut()
-        with self._stopped_on_failure():
+        with self._stopped_on_failure(stops):
             connection.make_ready(Mode.POSITION)
             if self._stops == stops:
                 connection.begin_move(goal, speed)
@@ -194,10 +194,16 @@ class Lite6(Arm):
         return self._connection
 
     @contextlib.contextmanager
-    def _stopped_on_failure(self) -> Iterator[None]:
-        """Inside, the arm becomes ready to move: if anything fails there it is stopped again."""
+    def _stopped_on_failure(self, stops: int) -> Iterator[None]:
+        """Inside, the arm becomes ready to move: if anything fails there it is stopped again.
+
+        After more stops than `stops` that is why it failed, however it showed.
+        """
         try:
             yield
-        except BaseException:
+        except BaseException as error:
+            stopped_meanwhile = self._stops != stops
             self.stop()
+            if stopped_meanwhile and isinstance(error, DeviceError):
+                raise DeviceError(_STOPPED_MEANWHILE) from error
             raise
