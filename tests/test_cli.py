@@ -257,6 +257,49 @@ def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, 
     assert not (tmp_path / "logs").exists()
 
 
+UNKNOWN = "controller.device: 'pedal' is none of auto, openvr, keyboard, gamepad, spacemouse, sim"
+
+
+@pytest.mark.parametrize(
+    ("command", "content", "sentence"),
+    [
+        ("run", "faces: [windw]", "faces: 'windw' is none of window, headset"),
+        ("robot", "faces: [windw]", "faces: 'windw' is none of window, headset"),
+        ("operate", "faces: [windw]", "faces: 'windw' is none of window, headset"),
+        ("run", "faces: [window, window]", "faces: window, window: each may be named once only"),
+        (
+            "operate",
+            "faces: [headset]\ncontroller: {device: keyboard}",
+            "faces: controller.device keyboard needs the window",
+        ),
+        ("run", "controller: {device: pedal}", UNKNOWN),
+        ("operate", "controller: {device: pedal}", UNKNOWN),
+        (
+            "robot",
+            "policy: {budget: {mode: guess}}",
+            "policy.budget.mode: 'guess' is none of oracle, sender, feedback",
+        ),
+        (
+            "run",
+            "policy: {phases: {inference: guess}}",
+            "policy.phases.inference: 'guess' is none of motion",
+        ),
+    ],
+)
+def test_a_word_that_stands_for_nothing_is_one_sentence_before_a_session_leaves_anything(
+    capsys, tmp_path, command, content, sentence
+):
+    config = tmp_path / "lab.yaml"
+    config.write_text(f"include: [{DEFAULT_CONFIG}]\n{content}\n")
+    where = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
+    options = ("--config", config, "--out", tmp_path / "logs", *where.get(command, ()))
+    code, out, err = run(capsys, command, *options)
+    assert code == 2
+    assert AT_MOST_STARTING.fullmatch(out)
+    assert err == f"tams: {sentence}\n"
+    assert not (tmp_path / "logs").exists()
+
+
 def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, monkeypatch):
     settings = []
     monkeypatch.setattr(

@@ -182,14 +182,20 @@ def test_the_configuration_as_shipped_is_in_order() -> None:
     ("key", "value", "what"),
     [
         ("network", "s9", "Names"),
+        ("policy.budget.mode", "guess", "Names"),
+        ("faces", ["windw"], "Faces"),
         ("strategy", "clever", "Names"),
     ],
 )
-def test_a_name_that_run_would_refuse_is_found(key: str, value: str, what: str) -> None:
+def test_a_name_that_run_would_refuse_is_found(key: str, value: Any, what: str) -> None:
     (finding,) = lacks(**{key: value})
     assert finding.what == what
     assert finding.essential
-    assert value in finding.fix
+    assert "".join(value) in finding.fix
+
+
+def test_a_budget_that_does_not_exist_is_found_once() -> None:
+    assert list(checks.codecs(config(policy__budget__mode="guess"))) == []
 
 
 def test_codecs_that_are_asked_for_and_not_here_are_absent_with_what_stands_in(

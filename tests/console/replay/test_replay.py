@@ -14,6 +14,7 @@ import pytest
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.replay.moments import Moments
+from tams_app.console.replay.run import _shown_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.window.messages import Keys
@@ -238,3 +239,8 @@ def test_what_cannot_be_replayed_is_one_sentence(
     error = capsys.readouterr().err
     assert sentence in error
     assert len(error.splitlines()) == 1
+
+
+def test_a_replay_is_shown_in_the_window_whatever_showed_the_session() -> None:
+    recorded = load_config(overrides={"faces": ["headset", "elsewhere"]})
+    assert _shown_config(recorded, headless=False).faces == ("window",)

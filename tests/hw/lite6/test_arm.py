@@ -16,7 +16,7 @@ import hw.lite6.setup
 import hw.sim.controller.registers
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
+from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.outbox import Outbox, Work
 from hw.lite6.setup import Lite6Connection
 from hw.sim.controller.model import ReportKind
@@ -379,6 +379,19 @@ def test_a_stop_while_enabling_wins(rig: ControllerRig, arm: Lite6) -> None:
     sent = arm.link().sent
     arm.send_twist(SIDEWAYS)
     assert arm.link().sent == sent
+
+
+def test_a_stop_while_enabling_is_the_reason_that_is_told_however_late_it_works(
+    rig: ControllerRig, arm: Lite6, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped_after_the_mode(_connection: object, _mode: Mode) -> None:
+        arm.stop()
+        raise DeviceError("The arm did not get ready.")
+
+    monkeypatch.setattr(Lite6Connection, "make_ready", stopped_after_the_mode)
+    with pytest.raises(DeviceError, match="stopped meanwhile"):
+        arm.enable()
+    assert until(lambda: rig.model.state == State.STOPPED)
 
 
 def test_a_gripper_that_does_not_do_as_it_was_told_is_a_failure(
