@@ -25,6 +25,7 @@ from tams_app.vectors import (
     times,
 )
 
+_ARRIVED, _NOISE = 0.25, 0.04  # of a leash: the arm is where it should be; what reports may shake
 _MEMORY_NS = NS_PER_S // 2
 
 
@@ -100,10 +101,13 @@ class _Leash:
     def share_kept(self, distance: float) -> float | None:
         """The share of a target's distance that the leash leaves it; None: all.
 
-        What was kept back is forgiven only as far as the arm comes back within the leash: one
-        report of a moment, or a hand that turns back for one, does not make up for the rest.
+        What was kept back is forgiven once the arm is where it should be. A hand that turns back
+        for a moment does not bring it there; at the leash, the noise of reports cancels out.
         """
-        self._withheld = max(0.0, self._withheld + distance - self._length)
+        if distance <= _ARRIVED * self._length:
+            self._withheld = 0.0
+        elif distance > (1.0 - _NOISE) * self._length:
+            self._withheld = max(0.0, self._withheld + distance - self._length)
         return None if distance <= self._length else self._length / distance
 
 

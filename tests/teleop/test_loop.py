@@ -477,8 +477,12 @@ def back_and_forth(tick: int) -> float:
     return 0.3 if tick % 60 < 42 else -0.1
 
 
+def jittery(tick: int) -> float:
+    return 0.1 if tick % 50 < 41 else -0.1
+
+
 @pytest.mark.parametrize("noise_rad", [0.0, 1e-4])
-@pytest.mark.parametrize("hand", [steady, with_pauses, back_and_forth])
+@pytest.mark.parametrize("hand", [steady, with_pauses, back_and_forth, jittery])
 def test_a_stuck_wrist_is_noticed_whatever_pauses_the_hand_makes(
     engaged: Bench, hand: Callable[[int], float], noise_rad: float
 ) -> None:

@@ -108,6 +108,24 @@ def test_an_arm_that_catches_up_is_forgiven(way: float, turn: float) -> None:
         assert not target.is_out_of_reach
 
 
+@pytest.mark.parametrize(
+    ("distance", "kept_back"), [(0.0126, 0.055), (0.0144, 0.055), (0.0146, 0.0546), (0.0037, 0.0)]
+)
+def test_what_was_kept_back_is_forgiven_once_the_arm_is_nearly_where_it_should_be(
+    distance: float, kept_back: float
+) -> None:
+    target = Target(LimitsConfig())
+    target.anchor(Tcp((0.0, 0.0, 0.0), IDENTITY))
+    target.advance((0.07, 0, 0), (0, 0, 0), 1.0)
+    target.pull_back(Tcp((0.0, 0.0, 0.0), IDENTITY))  # 55 mm are kept back
+    near = Tcp((0.015 - distance, 0.0, 0.0), IDENTITY)
+    target.pull_back(near)
+    target.watch(Tcp((0.015 - (0.0599 - kept_back), 0.0, 0.0), IDENTITY))
+    assert not target.is_out_of_reach
+    target.watch(Tcp((0.015 - (0.0601 - kept_back), 0.0, 0.0), IDENTITY))
+    assert target.is_out_of_reach
+
+
 def test_an_arm_at_its_target_is_forgiven_what_was_kept_back_when_it_is_anchored_anew() -> None:
     target = Target(LimitsConfig())
     target.anchor(HERE)
