@@ -154,6 +154,7 @@ class Application(Listener):
             self.arm,
             self.gate,
             self,
+            self.delay_ns,
             self.signals,
             (self.guarding, self),
         )

@@ -116,6 +116,7 @@ class OperatorRig:
             robot.arm,
             robot.gate,
             video,
+            delay_ns,
             Signals(),
         )
         robot.arm.connect()

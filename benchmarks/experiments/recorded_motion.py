@@ -141,6 +141,7 @@ class _Recording(Listener):
             robot.arm,
             robot.gate,
             SteadyVideo(),
+            0,
             Signals(),
             (self, SessionRecords(clock, log)),
         )

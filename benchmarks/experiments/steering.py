@@ -21,7 +21,7 @@ from rich.console import Console
 
 from tams_app.config import LinkConfig, load_config
 from tams_app.records import ControllerStatus
-from tams_app.session.two_sided.robot import for_robot
+from tams_app.session.robot import for_robot
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.experiments.moving_frames import image
 from tams_app.config import Config, Network, load_config
-from tams_app.records import Frame, PacketArrival, ShownFrame, UplinkReport
+from tams_app.records import Frame, PacketArrival, UplinkReport
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.worker import Worker
@@ -117,7 +117,7 @@ class _Senders(Video):
     """The sending half of a session's video."""
 
     def __init__(self, config: Config, clock: Clock, log: SessionRecords) -> None:
-        super().__init__(config, _UNKNOWN, clock, clock.now_ns(), log, _ignore, _ignore)
+        super().__init__(config, _UNKNOWN, clock, clock.now_ns(), log, _ignore)
         self.arrivals: list[PacketArrival] = []
         self._config = config.video
         self._senders = {
@@ -146,9 +146,6 @@ class _Senders(Video):
         report = super().report(now_ns)
         self.arrivals += report.arrivals
         return report
-
-    def shown(self, view: str) -> ShownFrame | None:
-        return None
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         for view, kbps in target_kbps.items():

@@ -106,6 +106,7 @@ class VideolessTrial(Listener):
             robot.arm,
             robot.gate,
             SteadyVideo(),
+            0,
             signals,
             (arming, self._trial, self),
         )

@@ -27,8 +27,8 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
+from tams_app.session.run import run
 from tams_app.session.sentences import Sentences
-from tams_app.session.session import Session
 from tams_app.session.viewing import check_viewers
 from tams_app.teleop.hands import hand_of, words_of_hand
 
@@ -62,7 +62,7 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     """
     check_session(config, dry_run)
     return run_and_report(
-        config, lambda folder: Session(config, MonotonicClock(), folder, arm_at_once, dry_run)
+        config, lambda folder: run(config, MonotonicClock(), folder, arm_at_once, dry_run)
     )
 
 
@@ -149,7 +149,7 @@ def _watch(
             stack.callback(face.close)
             face.open()
         if not session.config.operator_is_simulated:
-            _tell_how_to_begin(session, has_keys, session.signals.faces.heard_ns() is not None)
+            _tell_how_to_begin(session, has_keys, session.displays.heard_ns() is not None)
         line = stack.enter_context(StatusLine(console, words_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S):

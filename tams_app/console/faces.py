@@ -22,7 +22,7 @@ class Shown(Protocol):
         """
 
     def open(self) -> None:
-        """Begin to show the session; what the operator steers by enters `signals.faces`."""
+        """Begin to show the session; what the operator steers by enters `displays`."""
 
     def say(self, note: str) -> None:
         """Show a sentence."""

@@ -21,7 +21,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_names, check_ready_pose
 from tams_app.session.folder import create_session_folder
 from tams_app.session.machine_speed import this_machine
-from tams_app.session.session import Session
+from tams_app.session.run import run
 from tams_app.summary.frame_rate import ENOUGH
 from tams_app.summary.summarise import LATE_NS
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -150,7 +150,7 @@ def _session(config: Config, headless: bool) -> SessionLog:
             update={"recording": recording, "headless": headless, "seconds": None}
         )
         folder = create_session_folder(config)
-        session = Session(config, MonotonicClock(), folder, arm_at_once=True)
+        session = run(config, MonotonicClock(), folder, arm_at_once=True)
         signals: list[str] = []
         quiet = Console(quiet=True)
         show_session(session, quiet, interrupted=signals.append, limit_s=SESSION_S)

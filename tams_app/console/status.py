@@ -84,7 +84,7 @@ def _parts(state: SessionState) -> list[str]:
         parts += [
             f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)}k",
             f"{_whole(view.age_ms)}ms",
-            f"{_whole(view.given_fps)}/{_whole(state.asked_fps)}fps",
+            f"{_whole(view.fps)}/{_whole(state.asked_fps)}fps",
         ]
     return [*parts, link, f"q{_whole(state.queue_ms)}ms"]
 
@@ -193,7 +193,7 @@ def _gripper(closed: bool | None) -> str:
 def _view(name: str, view: ViewState, asked_fps: float | None) -> str:
     return (
         f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)} kbit/s "
-        f"{_whole(view.given_fps)}/{_whole(asked_fps)} fps {_whole(view.age_ms)} ms"
+        f"{_whole(view.fps)}/{_whole(asked_fps)} fps {_whole(view.age_ms)} ms"
     )
 
 

@@ -28,7 +28,7 @@ from tams_app.progress import waiting
 from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import furnish_session_folder
-from tams_app.session.session import Session
+from tams_app.session.run import run
 from tams_app.study.plan import PlannedTrial
 from tams_app.task.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
 
@@ -61,7 +61,7 @@ class LiveTrialRunner:
         furnish_session_folder(config, folder)
         self._console.print(BEGINNING, highlight=False, soft_wrap=True)
         signals: list[str] = []
-        session = Session(config, MonotonicClock(), folder)
+        session = run(config, MonotonicClock(), folder)
         try:
             shown = LiveTrial(trial, config.trial.limit_s, session)
             show_session(session, self._console, shown.words, signals.append, trial=shown)

@@ -16,16 +16,17 @@ from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.build import check_hand
-from tams_app.session.two_sided.operator import OperatorSession
-from tams_app.session.two_sided.robot import RobotSession
+from tams_app.session.operate import operate
+from tams_app.session.robot import robot
+from tams_app.session.session import Session
 
 
 def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> int:
     """The robot's side until its session ends; the exit code."""
     check_session(config, dry_run)
 
-    def make(folder: Path) -> RobotSession:
-        session = RobotSession(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
+    def make(folder: Path) -> Session:
+        session = robot(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
         names = [] if endpoint.key is None else [key.name for key in accepted_keys(endpoint.key)]
         keys = f" with the key of {' or '.join(names)}" if names else ""
         session.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
@@ -43,8 +44,8 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     def say(sentence: str) -> None:
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
-    def make(folder: Path) -> OperatorSession:
-        return OperatorSession(config, MonotonicClock(), folder, endpoint, say)
+    def make(folder: Path) -> Session:
+        return operate(config, MonotonicClock(), folder, endpoint, say)
 
     return run_and_report(config, make, _tell_where)
 

@@ -23,6 +23,7 @@ from tams_app.records.frames import (
     FrameQuality,
     Image,
     ShownFrame,
+    SteeredBy,
 )
 from tams_app.records.geometry import (
     Pose,
@@ -113,6 +114,7 @@ __all__ = [
     "Solid",
     "SolidKind",
     "StateHeard",
+    "SteeredBy",
     "StopRecord",
     "SystemSample",
     "Tick",

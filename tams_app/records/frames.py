@@ -71,6 +71,18 @@ class ShownFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class SteeredBy:
+    """The newest frame of one view that counts for the operator; both None before the first.
+
+    `is_damaged`: the operator sees a newer one, which does not count because it is not whole.
+    """
+
+    index: int | None = None
+    capture_ns: int | None = None
+    is_damaged: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class FrameQuality:
     """What became of one captured frame. Scores are SSIM, None where they were not computed.
 

@@ -16,10 +16,10 @@ LINK_LOST = "link lost"  # in the place of a state of the arming table
 class ViewState(msgspec.Struct, frozen=True, array_like=True):
     """One view; None while a value is not known.
 
-    target_kbps, sent_kbps: what it is to send, and what it has sent in the last second. given_fps:
-    frames in the last second, of the camera or, over a link, as shown. latency_ms: of the newest
-    frame shown, from its capture to the mailbox. age_ms: of the newest frame shown that counts,
-    since its capture.
+    target_kbps, sent_kbps: what it is to send, and what it has sent in the last second. given_fps,
+    shown_fps: frames in the last second, of the camera, and as the operator got them. latency_ms:
+    of the newest frame shown, from its capture to the mailbox. age_ms: of the newest frame shown
+    that counts, since its capture.
     """
 
     target_kbps: float | None = None
@@ -27,6 +27,12 @@ class ViewState(msgspec.Struct, frozen=True, array_like=True):
     given_fps: float | None = None
     latency_ms: float | None = None
     age_ms: float | None = None
+    shown_fps: float | None = None
+
+    @property
+    def fps(self) -> float | None:
+        """As shown; on the robot's side, which shows nothing, as given."""
+        return self.given_fps if self.shown_fps is None else self.shown_fps
 
 
 class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +22,18 @@ from tams_app.records import Pose
 from tams_app.runtime.clock import Clock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import ControlLoop, ShownVideo, Signals
-from tams_app.session.devices import Devices
+from tams_app.session.devices import Devices, Note
 from tams_app.session.listener import Listener
 from tams_app.session.machine_speed import this_machine
 from tams_app.session.rate_ladder import RateLadder
-from tams_app.session.recorders import SessionRecords
 from tams_app.task.judge import TaskGeometry
 from tams_app.teleop.hands import SIMULATED
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
 from tams_app.vectors import floats
-from tams_app.video.live.frame_ring import FrameBlock
+from tams_app.video.core.codecs import Codecs
+from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.networks import resolve_network
 
 # of `Workspace.excess`, in its order
@@ -121,29 +121,24 @@ def check_views(config: Config, dry_run: bool) -> None:
             )
 
 
-def devices(
-    config: Config,
-    clock: Clock,
-    log_directory: Path,
-    log: SessionRecords,
-    screen: FrameBlock,
-    on_failure: Callable[[str, BaseException], None],
-    arm_at_once: bool,
-    operator_is_here: bool = True,
-) -> Devices:
-    """The rig's devices, or the hardware that the configuration names.
-
-    `screen`: where the frames shown are put, for an operator who looks at them. `arm_at_once`: the
-    arming needs no confirmation, and the rig's operator gives none. `operator_is_here`: at this
-    computer; else the rig has none, nor a controller.
-    """
+def devices(config: Config, clock: Clock, log_directory: Path) -> Devices:
+    """The rig's devices, or the hardware that the configuration names."""
     if config.rig.enabled:
         from tams_app.session.rig import SimulatedRig  # hardware runs without the simulation
 
-        return SimulatedRig(
-            config, clock, log_directory, log, screen, on_failure, not arm_at_once, operator_is_here
-        )
+        return SimulatedRig(config, clock, log_directory)
     return Devices(config, clock)
+
+
+def codecs(config: Config, note: Note, encodes: bool = True) -> Codecs:
+    """The configured encoder and decoder, or what works here in their place, which `note` tells.
+
+    `encodes`: else only the decoder matters.
+    """
+    chosen = choose_codecs(config.video, encodes and starts_at_capacity(config))
+    for remark in chosen.remarks:
+        note("warning", remark)
+    return chosen
 
 
 def rate_ladder(config: Config) -> RateLadder | None:
@@ -160,10 +155,14 @@ def control_loop(
     arm: Arm,
     gate: ArmGate,
     video: ShownVideo,
+    delay_ns: int,
     signals: Signals,
     listeners: Sequence[Listener] = (),
 ) -> ControlLoop:
-    """The loop with the configured teleoperation and phase inference."""
+    """The loop with the configured teleoperation and phase inference.
+
+    `delay_ns`: no frame of `video` is ever shown younger: one-way latency plus jitter buffer.
+    """
     return ControlLoop(
         config,
         clock,
@@ -172,7 +171,7 @@ def control_loop(
         gate,
         video,
         signals,
-        teleop(config, video.delay_ns),
+        teleop(config, delay_ns),
         make_inference(config.policy.phases),
         listeners,
     )

@@ -21,7 +21,6 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
 from tams_app.session.arm_gate import ArmGate
-from tams_app.session.faces import Faces
 from tams_app.session.listener import Listener
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
@@ -46,11 +45,9 @@ class Signals:
     """Confirmations, emergency stops and faults: set from any thread, taken once per tick.
 
     What must not wait for a tick stops the arm as well, at once and over the driver's stop channel.
-    `faces`: what shows the video to the person who steers.
     """
 
     def __init__(self) -> None:
-        self.faces = Faces()
         self._stop_arm: Callable[[], None] = lambda: None  # until there is a control loop
         self._confirm = False
         self._estop = False
@@ -99,10 +96,6 @@ class Signals:
 
 class ShownVideo(Protocol):
     """What the control loop must know of the video; what counts says `fresh_video`."""
-
-    @property
-    def delay_ns(self) -> int:
-        """No frame is ever shown younger: one-way latency plus jitter buffer."""
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         """Age of the newest frame of `view` that counts; None before the first."""

@@ -9,8 +9,6 @@ from hw.arm import Arm
 from hw.arms import arm_kind
 from hw.boundary import session_boundary
 from hw.camera import Camera
-from hw.controller import Controller
-from hw.make_controller import make_controller
 from tams_app.config import ArmConfig, Config
 from tams_app.records import SceneTruth
 from tams_app.runtime.clock import Clock
@@ -29,6 +27,7 @@ class Devices:
     """
 
     helpers: Mapping[str, HelperProcess] = {}  # processes whose end is the end of the session
+    memory_name = ""  # of the rig's world
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self._config = config
@@ -56,11 +55,6 @@ class Devices:
         kind = arm_kind(config.arm.model)
         return kind.make_arm(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
-    def make_controller(self, note: Note) -> Controller:
-        """What a person holds, not started yet."""
-        config = self._config
-        return make_controller(config.controller, config.hand, config.clutch, self._clock, note)
-
     def make_cameras(self, note: Note) -> Sequence[Camera]:
         """One camera for each view, not started yet."""
         from hw.make_camera import make_camera  # ... and no GStreamer to get its frames
@@ -84,6 +78,5 @@ class ConnectedDevices:
 
     arm: Arm
     gate: ArmGate
-    controller: Controller
     truth: Callable[[], SceneTruth | None] | None
     guard: Listener | None = None  # in virtual time there is none: no control loop falls silent

@@ -12,10 +12,11 @@ from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
 from tams_app.session.listener import Listener
 from tams_app.session.observers import ArmingObserver, StopWatch, TrialObserver
+from tams_app.session.operator import Operator
 from tams_app.session.policy_loop import PolicyLoop
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
-from tams_app.teleop.hands import HAND_FACT, hand_of
+from tams_app.teleop.hands import HAND_FACT
 
 VIDEO_DELAY_FACT = "video_delay_ns"
 
@@ -23,7 +24,7 @@ VIDEO_DELAY_FACT = "video_delay_ns"
 class Engine:
     """Control, policy, observers and judge of one session; it makes no thread and no file.
 
-    Its owner runs the loops: `session.Session` gives each a thread, `virtual.trial.VirtualTrial`
+    Its owner runs the loops: `robot_side.RobotSide` gives each a thread, `virtual.VirtualTrial`
     events. A phase change goes from the control loop through the
     listeners straight to the policy loop, which sets the encoders' targets.
     """
@@ -33,39 +34,46 @@ class Engine:
         config: Config,
         clock: Clock,
         devices: ConnectedDevices,
+        operator: Operator,
         video: Video,
         log: SessionRecords,
         signals: Signals,
         ended: Callable[[], None],
         listeners: Sequence[Listener] = (),
-        hand: Callable[[], str] | None = None,
         arm_at_once: bool = False,
-        limited: Callable[[], bool] = lambda: True,
         placed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`ended` is told that the trial is over; `listeners` hear everything last. `hand`: what
-        drives the arm now, of `HANDS`; None: what the configuration says. `limited` and `placed`:
-        see `TrialObserver`.
+        """`ended` is told that the trial is over; `listeners` hear everything after the others,
+        and `operator` last. `placed`: see `TrialObserver`.
         """
-        self._hand = hand or (lambda: hand_of(config))
+        listeners = (*listeners, operator)
+        self._operator = operator
         self._clock = clock
         self._log = log
         self._video = video
         self._recorded = (log, *listeners)
         self.stops = StopWatch(self._on_stop)
         self.trial = TrialObserver(
-            config.trial, clock, devices.arm, devices.truth, log.record, ended, limited, placed
+            config.trial,
+            clock,
+            devices.arm,
+            devices.truth,
+            log.record,
+            ended,
+            lambda: operator.is_simulated,  # a person takes their time
+            placed,
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
-        arming = ArmingObserver(signals, log.note, self._hand, arm_at_once)
+        arming = ArmingObserver(signals, log.note, lambda: operator.hand, arm_at_once)
         guard = () if devices.guard is None else (devices.guard,)
         self.control = build.control_loop(
             config,
             clock,
-            devices.controller,
+            operator.take_controller(),
             devices.arm,
             devices.gate,
-            video,
+            operator,
+            video.delay_ns,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before it is told
             (*guard, arming, self.trial, self.stops, log, self.policy, *listeners),
@@ -78,7 +86,7 @@ class Engine:
     def begin(self, scheduler: str) -> None:
         """Log the start; `scheduler` says what runs the control loop."""
         self._log.fact("scheduler", scheduler)
-        self._log.fact(HAND_FACT, self._hand())
+        self._log.fact(HAND_FACT, self._operator.hand)
         self._log.fact("encoder", self._video.codecs.encoder.element)
         self._log.fact("decoder", self._video.codecs.decoder.element)
         self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))

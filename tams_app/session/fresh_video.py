@@ -7,22 +7,10 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from tams_app.records import ShownFrame
-from tams_app.session.faces import Faces
+from tams_app.records import ShownFrame, SteeredBy
+from tams_app.session.displays import Displays
 
-_WAITING = 64  # frames decoded since the last sign of life of a face: a second or two
-
-
-@dataclass(frozen=True, slots=True)
-class SteeredBy:
-    """The newest frame of one view that counts; both None before the first.
-
-    `is_damaged`: the operator sees a newer one, which does not count because it is not whole.
-    """
-
-    index: int | None = None
-    capture_ns: int | None = None
-    is_damaged: bool = False
+_WAITING = 64  # frames decoded since the last sign of life of a display: a second or two
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +24,13 @@ class _Decoded:
 class FreshVideo:
     """The frames shown of all views, of which one counts on two conditions; from any thread.
 
-    It is whole (`tams_app.video.core.whole_chain`), and each face that shows it has given a sign of
-    life since it was decoded: a face that stands still shows what it showed before. Without faces
-    a frame counts at once.
+    It is whole (`tams_app.video.core.whole_chain`), and each display that shows it has given a sign
+    of life since it was decoded: one that stands still shows what it showed before. Without
+    displays a frame counts at once.
     """
 
-    def __init__(self, views: Iterable[str], faces: Faces) -> None:
-        self._faces = faces
+    def __init__(self, views: Iterable[str], displays: Displays) -> None:
+        self._displays = displays
         self._lock = threading.Lock()
         self._steered_by = dict.fromkeys(views, SteeredBy())
         self._waiting: dict[str, deque[_Decoded]] = {
@@ -57,7 +45,7 @@ class FreshVideo:
 
     def of(self, view: str) -> SteeredBy:
         """What the operator can steer by in this view now."""
-        seen_ns = self._faces.heard_ns()
+        seen_ns = self._displays.heard_ns()
         with self._lock:
             now, waiting = self._steered_by[view], self._waiting[view]
             while waiting and (seen_ns is None or waiting[0].shown_ns <= seen_ns):

@@ -11,6 +11,7 @@ from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+from tams_app.runtime.shared_ring import new_block_name
 from tams_app.session.machine_speed import this_machine
 from tams_app.session.operator_choice import choose_operator
 from tams_app.video.live.frame_ring import FrameBlock
@@ -27,7 +28,7 @@ class RigOperator:
         self,
         config: Config,
         clock: Clock,
-        memory_name: str,
+        world_memory: str,
         screen: FrameBlock,
         log_directory: Path,
         *,
@@ -35,7 +36,9 @@ class RigOperator:
         on_glance: Callable[[OperatorGlance], None],
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
-        """`memory_name`: of the rig. `confirms`: the operator arms the arm by the menu button.
+        """`world_memory`: of the rig; "": it is not here, so that they must see.
+
+        `confirms`: the operator arms the arm by the menu button.
 
         `screen`: where the frames shown are put, for an operator who looks at them.
 
@@ -44,13 +47,14 @@ class RigOperator:
         self.choice = choose_operator(config.rig.operator.kind, this_machine)
         sees = self.choice.kind == "seeing"
         self._screen = screen if sees else None
+        memory_name = new_block_name()  # of the controller
         self._specification = {
             "config": config.model_dump(mode="json"),
             "confirms": confirms,
             "sees": sees,
             "controller_memory": memory_name,
             "shown_memory": screen.name,
-            "world_memory": memory_name,
+            "world_memory": world_memory,
         }
         self._helper = ReportingHelper(
             "operator",

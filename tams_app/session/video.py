@@ -1,4 +1,4 @@
-"""The video of one session as its other parts see it; `uplink` has it live, `virtual.video` not."""
+"""The video that the robot's side sends, as its other parts know it: live, or in virtual time."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ from collections.abc import Callable, Mapping
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
-from tams_app.records import Frame, Phase, ShownFrame, UplinkReport
+from tams_app.records import Frame, Phase, UplinkReport
 from tams_app.runtime.clock import Clock
-from tams_app.session.faces import Faces
-from tams_app.session.fresh_video import FreshVideo
 from tams_app.session.recorders import SessionRecords
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
@@ -26,7 +24,7 @@ from tams_app.video.live.networks import network_capacity
 
 
 class Video(ABC):
-    """All views of one session, from the camera's frame to the operator's screen."""
+    """All views of one session, from the camera's frame to its packets."""
 
     def __init__(
         self,
@@ -36,14 +34,11 @@ class Video(ABC):
         epoch_ns: int,
         log: SessionRecords,
         on_captured: Callable[[Frame], None],
-        show: Callable[[ShownFrame], None],
         codecs: Codecs = SOFTWARE,
-        faces: Faces | None = None,
     ) -> None:
         """A capacity trace of `network` begins at `epoch_ns`.
 
-        `on_captured` gets each camera's frame before it is sent, `show` each that is to be shown,
-        after the captures that came before it. `faces`: what the operator looks at.
+        `on_captured` gets each camera's frame before it is sent.
         """
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
@@ -67,10 +62,9 @@ class Video(ABC):
         self._protection = Protection(protected, network, self._rule, video.fps, always)
         self._flight = FlightBound(video.views) if self._feedback else None
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
-        self._fresh = FreshVideo(video.views, faces or Faces())
         self._clock = clock
         self._log = log
-        self._on_captured, self._show = on_captured, show
+        self._on_captured = on_captured
 
     def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
         """Choose the parity of each view for what was told and for the targets that come now."""
@@ -89,19 +83,6 @@ class Video(ABC):
         self._log.capture(frame)
         self._on_captured(frame)
         self._send(frame, self._exceeds_flight(frame.view))
-
-    def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the newest frame of `view` that counts; None before the first."""
-        capture_ns = self._fresh.of(view).capture_ns
-        return None if capture_ns is None else now_ns - capture_ns
-
-    def is_damaged(self, view: str) -> bool:
-        """Whether a newer frame of `view` is shown, which does not count: it is not whole."""
-        return self._fresh.of(view).is_damaged
-
-    @abstractmethod
-    def shown(self, view: str) -> ShownFrame | None:
-        """The newest frame of `view` on the operator's screen; None before the first."""
 
     @abstractmethod
     def set_targets(self, target_kbps: dict[str, int]) -> None:
@@ -150,11 +131,6 @@ class Video(ABC):
     @abstractmethod
     def _wire_bytes(self) -> int:
         """IP datagram bytes sent so far, all views together."""
-
-    def _on_shown(self, shown: ShownFrame) -> None:
-        self._fresh.shown(shown)
-        self._log.record(shown)
-        self._show(shown)
 
 
 def video_delay_ns(network: Network, rule: RepairRule) -> int:

@@ -15,6 +15,7 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import SessionState, ViewState
 from tams_app.session.control import Signals
+from tams_app.session.displays import Displays
 from tams_app.session.sentences import Sentences
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
@@ -59,6 +60,7 @@ class PlayedSession:
         self.folder = folder
         self.sentences = Sentences()
         self.signals = Signals()
+        self.displays = Displays()
         self.ended = threading.Event()
         self.failure = self.reason = ""
         self.notes: list[str] = []

@@ -22,6 +22,7 @@ from tams_app.console.wishes import Wish
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.session.control import Signals
+from tams_app.session.displays import Displays
 from tams_app.session.sentences import Sentences
 from tams_app.units import NS_PER_S
 
@@ -36,6 +37,7 @@ class EndedSession:
         self.config = load_config(CONFIG_DIRECTORY / name, overrides)
         self.sentences = Sentences()
         self.signals = Signals()
+        self.displays = Displays()
         self.ended = SimpleNamespace(wait=lambda seconds: True)
         self.notes = []
 

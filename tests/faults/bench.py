@@ -105,7 +105,7 @@ class Bench(Listener, ABC):
         network = config.networks[NETWORK]
         self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
         self.loop = build.control_loop(
-            config, clock, self.hand, arm, self, self, self.signals, (self,)
+            config, clock, self.hand, arm, self, self, self.delay_ns, self.signals, (self,)
         )
         self.cleaning.callback(arm.close)
 

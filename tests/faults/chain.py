@@ -11,13 +11,20 @@ import numpy as np
 
 from hw.camera import Camera
 from tams_app.config import Network, load_config
+from tams_app.errors import TamsError
 from tams_app.records import Frame, Image, PacketRecord, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
+from tams_app.session.displays import Displays
+from tams_app.session.local_operator import LocalOperator
 from tams_app.session.recorders import SessionRecords
-from tams_app.session.uplink import Capture, Uplink
+from tams_app.session.senders import Capture, Senders
+from tams_app.session.station import Station
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
+from tams_app.video.core.codecs import AVDEC
+from tams_app.video.live.receiver import VideoReceiver
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.virtual_bench import VirtualBench
 
@@ -64,8 +71,13 @@ class PatternCamera(Camera):
 class NoLog:
     """Keeps nothing."""
 
+    def __init__(self, on_shown: Callable[[ShownFrame], None] = lambda _shown: None) -> None:
+        self._on_shown = on_shown
+
     def record(self, item: object) -> None:
-        """Forgotten."""
+        """Forgotten, but for what is done with each frame that is shown."""
+        if isinstance(item, ShownFrame):
+            self._on_shown(item)
 
     def record_packets(self, packets: object) -> None:
         """Forgotten."""
@@ -91,15 +103,19 @@ class Chain:
         self.failures: list[tuple[str, BaseException]] = []
         self.ages_ns: list[int] = []  # of the primary view, as the control loop asked for it
         clock = MonotonicClock()
-        log = SessionRecords(clock, NoLog())
-        self.uplink = Uplink(
-            config, network, clock, log, _forget, on_shown, logs, _forget, self._fail, epoch_ns
+        log = SessionRecords(clock, NoLog(on_shown))
+        self._parts = Parts(logs, lambda sentence: self._fail("parts", TamsError(sentence)), 0)
+        self._station = Station(config, clock, self._parts, log, Displays())
+        self.operator = LocalOperator(self._station, config, AVDEC)
+        self.uplink = Senders(
+            config, network, clock, log, _forget, self.operator, logs, _forget, self._fail, epoch_ns
         )
         self.cameras = {view: PatternCamera(view) for view in VIEWS}
         self._stack = ExitStack()
 
     def __enter__(self) -> Chain:
         with self._stack:
+            self._stack.callback(self._parts.stack.close)
             self._stack.callback(self.uplink.close)
             self.uplink.start()
             for view, camera in self.cameras.items():
@@ -121,19 +137,29 @@ class Chain:
         return pid
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """As `Uplink.age_ns`, but at this moment, whatever the bench's clock says."""
-        age = self.uplink.age_ns(view, time.monotonic_ns())
+        """As `Operator.age_ns`, but at this moment, whatever the bench's clock says."""
+        age = self.operator.age_ns(view, time.monotonic_ns())
         self.ages_ns.append(1 << 62 if age is None else age)
         return age
 
     def is_damaged(self, view: str) -> bool:
-        return self.uplink.is_damaged(view)
+        return self.operator.is_damaged(view)
 
     def is_fresh(self) -> bool:
         """Whether every view shows a young frame."""
         now_ns = time.monotonic_ns()
-        ages = [self.uplink.age_ns(view, now_ns) for view in VIEWS]
+        ages = [self.operator.age_ns(view, now_ns) for view in VIEWS]
         return all(age is not None and age < FRESH_NS for age in ages)
+
+    def receiver(self, view: str) -> VideoReceiver:
+        """The one of that view."""
+        receivers = self._station._receivers
+        assert receivers is not None
+        return receivers._receivers[view]
+
+    def poll(self) -> str:
+        """The first failure of either end."""
+        return self.uplink.poll() or self.operator.poll()
 
     def _fail(self, name: str, failure: BaseException) -> None:
         self.failures.append((name, failure))

@@ -127,7 +127,7 @@ def test_a_frozen_camera_of_another_view_stops_nothing(
     chain.cameras[view].frozen = True
     try:
         made.run_until(
-            lambda: (chain.uplink.age_ns(view, time.monotonic_ns()) or 0) > HOLD_NS, "an old view"
+            lambda: (chain.operator.age_ns(view, time.monotonic_ns()) or 0) > HOLD_NS, "an old view"
         )
         made.run(0.2)
     finally:
@@ -164,7 +164,7 @@ def test_a_capacity_that_falls_to_nothing_holds_the_arm_until_it_returns(tmp_pat
 def test_a_killed_receiver_holds_the_arm(tmp_path: Path) -> None:
     with Chain(S2, tmp_path) as chain:
         made = live(chain, tmp_path)
-        chain.uplink.receivers[PRIMARY].close()
+        chain.receiver(PRIMARY).close()
         made.run_until(lambda: is_held(made), "the hold")
         made.run(0.3)
         held = first_hold(made)
@@ -190,11 +190,11 @@ def test_a_receiver_that_runs_out_of_memory_names_itself_and_a_killed_relay_too(
 
     with Chain(S2, tmp_path, on_shown=run_out) as chain:
         made = live(chain, tmp_path)
-        assert chain.uplink.poll() == ""
+        assert chain.poll() == ""
         exhausted = True
         made.run_until(lambda: is_held(made), "the hold")
         assert made.bench.outputs[-1].reason is Reason.STALE_VIDEO
-        assert chain.uplink.poll().startswith(f"the receiver of view {PRIMARY} failed")
+        assert chain.poll().startswith(f"the receiver of view {PRIMARY} failed")
         os.kill(chain.relay_pid, signal.SIGKILL)
         until(lambda: bool(chain.failures), "the relay's end")
         ((_, failure),) = chain.failures

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from tams_app.config import load_config
-from tams_app.records import Frame, Image
+from tams_app.records import Frame, Image, ShownFrame
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorders import SessionRecords
+from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -29,13 +30,6 @@ PRIMARY = "gt"  # in the phase REACH, in which the arm stays
 START_NS = NS_PER_S
 FRAME_NS = NS_PER_S // 30
 OUTAGE_MS, OUTAGE_FOR_MS = 4500, 400
-
-
-class Log(NoLog):
-    """Keeps nothing."""
-
-    def note(self, level: str, text: str) -> None:
-        """Forgotten."""
 
 
 class LossyVideo:
@@ -58,7 +52,10 @@ class LossyVideo:
             },
         )
         clock = VirtualClock(START_NS)
-        self.video = TrialVideo(config, clock, SessionRecords(clock, Log()), lambda _shown: None)
+        log = SessionRecords(clock, NoLog())
+        self.operator = VirtualOperator(config, 0, log, lambda _shown: None)
+        self.video = TrialVideo(config, clock, log, lambda _frame: None, self._show)
+        self._newest_ns: int | None = None  # capture of what the primary view shows
         self._random = np.random.default_rng(5)
         self._index = 0
         self.now_ns = START_NS
@@ -82,16 +79,20 @@ class LossyVideo:
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         """Of what counts, by the clock of the video."""
-        return self.video.age_ns(view, self.now_ns)
+        return self.operator.age_ns(view, self.now_ns)
 
     def is_damaged(self, view: str) -> bool:
-        return self.video.is_damaged(view)
+        return self.operator.is_damaged(view)
 
     def newest_age_ns(self) -> int:
         """Of the newest frame on the screen, whatever it shows."""
-        shown = self.video.shown(PRIMARY)
-        assert shown is not None
-        return self.now_ns - shown.capture_ns
+        assert self._newest_ns is not None
+        return self.now_ns - self._newest_ns
+
+    def _show(self, shown: ShownFrame) -> None:
+        if shown.view == PRIMARY:
+            self._newest_ns = shown.capture_ns
+        self.operator.see(shown)
 
 
 class WatchedBench(VirtualBench):

@@ -12,12 +12,12 @@ import numpy as np
 import psutil
 
 from hw.controller import Controller
-from tams_app.config import load_config
+from tams_app.config import Config, load_config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.messages import StateMessage
 from tams_app.recording import SessionLog
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.two_sided.operator import OperatorSession
+from tams_app.session.operate import OperatorSide, operate
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.applications import PATIENCE_S, Application, only_log, until
 from tests.faults.hand import Hand
@@ -75,16 +75,6 @@ class OperateSide(Application):
         super().__init__(out, operator="seeing", words=words)
 
 
-class _HandSession(OperatorSession):
-    """The operator's side with a controller that is told what to do."""
-
-    hand: Hand
-
-    def _make_controller(self, helper_logs: Path) -> Controller:
-        self.hand = Hand(self.config)
-        return self.hand
-
-
 class HandSide:
     """The operator's side in this process, with `hand` in place of the operator; a context."""
 
@@ -98,6 +88,7 @@ class HandSide:
     ) -> None:
         """`port`: where it calls, on loopback. `seconds`: after which it ends."""
         out.mkdir()
+        self._hand: Hand | None = None
         self._notes: list[str] = []
         self.said: list[str] = []
         config = load_config(
@@ -112,7 +103,9 @@ class HandSide:
         folder = out / "session"
         folder.mkdir()
         endpoint = Endpoint(HOST, port, key)
-        self.session = _HandSession(config, MonotonicClock(), folder, endpoint, self.said.append)
+        self.session = operate(
+            config, MonotonicClock(), folder, endpoint, self.said.append, self._take_hand
+        )
         self._stack = ExitStack()
 
     def __enter__(self) -> HandSide:
@@ -127,13 +120,15 @@ class HandSide:
     @property
     def hand(self) -> Hand:
         """What the operator holds."""
-        return self.session.hand
+        assert self._hand is not None, "not before the start"
+        return self._hand
 
     @property
     def state(self) -> StateMessage | None:
         """What the robot's side told last; None before it has."""
-        link = getattr(self.session, "_link", None)  # there from the start's middle on
-        return None if link is None else link.state
+        side = self.session.side
+        assert isinstance(side, OperatorSide)
+        return side.link.state
 
     @property
     def arming(self) -> str:
@@ -205,7 +200,11 @@ class HandSide:
 
     def helper(self, name: str) -> psutil.Process:
         """The helper process of that name."""
-        return psutil.Process(self.session._helpers[name].pid)
+        return psutil.Process(self.session.parts.pids[name])
+
+    def _take_hand(self, config: Config) -> Controller:
+        self._hand = Hand(config)
+        return self._hand
 
     def _y_mm(self) -> float:
         message = self.state

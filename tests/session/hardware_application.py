@@ -24,6 +24,7 @@ from tams_app.errors import TamsError
 from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import create_session_folder
+from tams_app.session.run import run as run_session
 from tams_app.session.session import Session
 from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
 from tests.session.hardware_hand import pose_in
@@ -60,7 +61,8 @@ def run(requests: Connection, config: Config, wiring: Wiring, dry_run: bool) -> 
     with ExitStack() as stack:
         stack.enter_context(runtime.in_place_of_the_library())
         stack.enter_context(patch.dict(SOURCES, v4l2=partial(V4l2Source, find=find)))
-        session = Session(config, MonotonicClock(), create_session_folder(config), dry_run=dry_run)
+        folder = create_session_folder(config)
+        session = run_session(config, MonotonicClock(), folder, dry_run=dry_run)
         try:
             session.start()
         except TamsError as refusal:

@@ -74,9 +74,9 @@ class Bench(Listener):
         self.video_damaged = False
         self.ready = False
         network = CONFIG.networks["s2"]
-        self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
+        delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
         self.loop = build.control_loop(
-            config, self.clock, self.hand, self.arm, self, self, self.signals, (self,)
+            config, self.clock, self.hand, self.arm, self, self, delay_ns, self.signals, (self,)
         )
 
     def age_ns(self, view, now_ns):

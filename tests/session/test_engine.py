@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -21,10 +23,15 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session.arm_gate import ArmGate
 from tams_app.session.control import Signals
 from tams_app.session.devices import ConnectedDevices
+from tams_app.session.displays import Displays
 from tams_app.session.engine import Engine
+from tams_app.session.fresh_video import FreshVideo
 from tams_app.session.listener import Listener
+from tams_app.session.local_operator import LocalOperator
+from tams_app.session.operator import Operator
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
+from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.networks import resolve_network
 from tests.session.test_control import PERIOD_NS, HeldController
 
@@ -58,18 +65,39 @@ class Unseen:
         self.indices.append(("shown", shown.index))
 
 
+class Person(Operator):
+    """Who sees each frame at once, and holds a controller."""
+
+    def __init__(self, controller, is_simulated=True):
+        self._controller, self._is_simulated = controller, is_simulated
+        self._fresh = FreshVideo(CONFIG.video.views, Displays())
+
+    def take_controller(self):
+        return self._controller
+
+    @property
+    def hand(self):
+        return "sim"
+
+    @property
+    def is_simulated(self):
+        return self._is_simulated
+
+    def steered_by(self, view):
+        return self._fresh.of(view)
+
+    def see(self, shown):
+        self._fresh.shown(shown)
+
+
 class Mirror(Video):
     """Every frame is on the screen as soon as it was captured."""
 
-    def __init__(self, clock, log, quality):
-        super().__init__(
-            CONFIG, resolve_network(CONFIG, "s2"), clock, 0, log, quality.captured, quality.shown
-        )
+    def __init__(self, clock, log, quality, person):
+        network = resolve_network(CONFIG, "s2")
+        super().__init__(CONFIG, network, clock, 0, log, quality.captured)
         self.targets = []
-        self._screen = {}
-
-    def shown(self, view):
-        return self._screen.get(view)
+        self._shown = (person.see, log.record, quality.shown)
 
     def set_targets(self, target_kbps):
         self.targets.append(target_kbps)
@@ -89,8 +117,8 @@ class Mirror(Video):
     def _send(self, frame, left_out):
         shown_ns = frame.capture_ns
         shown = ShownFrame(frame.view, frame.index, shown_ns, frame.image, frame.capture_ns, True)
-        self._screen[frame.view] = shown
-        self._on_shown(shown)
+        for hear in self._shown:
+            hear(shown)
 
 
 class Guard(Listener):
@@ -116,13 +144,15 @@ class Bench:
         self.hand, self.signals = HeldController(), Signals()
         records = SessionRecords(self.clock, self.log, show=self.heard.append)
         self.quality = Unseen()
-        self.video = Mirror(self.clock, records, self.quality)
+        self.person = Person(self.hand)
+        self.video = Mirror(self.clock, records, self.quality, self.person)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
         self.gate = ArmGate(self.arm, boundary, records.note)
         self.engine = Engine(
             CONFIG,
             self.clock,
-            ConnectedDevices(self.arm, self.gate, self.hand, None, Guard(self.heard)),
+            ConnectedDevices(self.arm, self.gate, None, Guard(self.heard)),
+            self.person,
             self.video,
             records,
             self.signals,
@@ -201,7 +231,14 @@ def test_the_log_has_a_tick_after_everything_that_followed_from_it(bench):
 
 def test_a_frame_is_logged_and_remembered_before_it_is_sent_so_that_its_age_is_known(bench):
     bench.video.push(Frame("gt", 7, 1000, np.zeros((2, 2, 3), np.uint8)))
-    assert bench.video.age_ns("gt", 1500) == 500
-    assert bench.video.age_ns("eih", 1500) is None
+    assert bench.person.age_ns("gt", 1500) == 500
+    assert bench.person.age_ns("eih", 1500) is None
     assert [type(item) for item in bench.log.items] == [Frame, ShownFrame]
     assert bench.quality.indices == [("captured", 7), ("shown", 7)]
+
+
+@pytest.mark.parametrize(("device", "limited"), [("sim", True), ("keyboard", False)])
+def test_a_person_who_tries_the_rig_has_no_time_limit(bench, device, limited):
+    config = load_config(None, {"controller.device": device})
+    bench.person._is_simulated = LocalOperator(SimpleNamespace(), config, AVDEC).is_simulated
+    assert bench.engine.trial._limited() is limited

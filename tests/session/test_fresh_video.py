@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.records import ShownFrame
-from tams_app.session.faces import Faces
-from tams_app.session.fresh_video import FreshVideo, SteeredBy
+from tams_app.records import ShownFrame, SteeredBy
+from tams_app.session.displays import Displays
+from tams_app.session.fresh_video import FreshVideo
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -26,18 +26,18 @@ def counted(index: int, shown_ms: int, is_damaged: bool = False) -> SteeredBy:
 
 
 def test_nothing_counts_before_the_first_frame() -> None:
-    assert FreshVideo(("gt",), Faces()).of("gt") == SteeredBy()
+    assert FreshVideo(("gt",), Displays()).of("gt") == SteeredBy()
 
 
 def test_without_a_face_a_whole_frame_counts_at_once() -> None:
-    video = FreshVideo(("gt", "gs"), Faces())
+    video = FreshVideo(("gt", "gs"), Displays())
     video.shown(frame(7, 100))
     assert video.of("gt") == counted(7, 100)
     assert video.of("gs") == SteeredBy()
 
 
 def test_a_frame_that_is_not_whole_leaves_the_age_to_the_last_one_that_is() -> None:
-    video = FreshVideo(("gt",), Faces())
+    video = FreshVideo(("gt",), Displays())
     video.shown(frame(0, 100, whole=False))
     assert video.of("gt") == SteeredBy(is_damaged=True)
     video.shown(frame(1, 133))
@@ -49,9 +49,9 @@ def test_a_frame_that_is_not_whole_leaves_the_age_to_the_last_one_that_is() -> N
 
 
 def test_on_a_window_that_stands_still_counts_what_was_there_before() -> None:
-    faces, heard_ms = Faces(), 90
-    video = FreshVideo(("gt",), faces)
-    faces.add(lambda: heard_ms * NS_PER_MS)
+    displays, heard_ms = Displays(), 90
+    video = FreshVideo(("gt",), displays)
+    displays.add(lambda: heard_ms * NS_PER_MS)
     video.shown(frame(0, 80))
     video.shown(frame(1, 100))
     assert video.of("gt") == counted(0, 80)
@@ -71,10 +71,10 @@ def test_on_a_window_that_stands_still_counts_what_was_there_before() -> None:
 def test_no_frame_counts_as_newer_than_the_last_sign_of_life_of_any_face(
     steps: list[tuple[str, int]],
 ) -> None:
-    faces, heard_ns = Faces(), {"beat": 0, "other beat": 0}
-    video = FreshVideo(("gt",), faces)
-    faces.add(lambda: heard_ns["beat"])
-    faces.add(lambda: heard_ns["other beat"])
+    displays, heard_ns = Displays(), {"beat": 0, "other beat": 0}
+    video = FreshVideo(("gt",), displays)
+    displays.add(lambda: heard_ns["beat"])
+    displays.add(lambda: heard_ns["other beat"])
     now_ms, before, whole = 60, -1, {}
     for index, (what, wait_ms) in enumerate(steps):
         now_ms += wait_ms

@@ -32,6 +32,11 @@ WITHIN_S = 30.0  # generous: the machine may be busy
 MOVED_M = 0.02
 
 
+def _shared_memory() -> list[Path]:
+    """Of this process."""
+    return list(Path("/dev/shm").glob(f"tams-{os.getpid()}-*"))
+
+
 class Person:
     """An operator's process, a screen before them, and what comes of the two."""
 
@@ -39,7 +44,8 @@ class Person:
         config = load_config(None, {"rig.operator.kind": kind, "seed": SEED})
         self.clock = MonotonicClock()
         self.screen = FrameBlock(RingLayout(SHOWN, VIEWS, 640, 480))
-        self.memory_name = new_block_name()
+        self.world_memory = new_block_name()
+        self._blocks = set(_shared_memory())
         self.glances: list[OperatorGlance] = []
         self.failures: list[BaseException] = []
         self.images: dict[str, Image] = {}
@@ -47,7 +53,7 @@ class Person:
         self._operator = RigOperator(
             config,
             self.clock,
-            self.memory_name,
+            self.world_memory,
             self.screen,
             logs,
             confirms=False,
@@ -87,8 +93,8 @@ class Person:
     def close(self) -> None:
         self._operator.close()
         self.screen.close()
-        remove_memory(self.memory_name)
-        assert not list(Path("/dev/shm").glob(f"{self.memory_name}*"))
+        remove_memory(self.world_memory)
+        assert set(_shared_memory()) <= self._blocks, "nothing is left in memory"
 
     def _show(self) -> None:
         self._index += 1
@@ -150,7 +156,7 @@ def test_glances_come_back_while_they_look(seeing: Person) -> None:
 def test_the_scripted_operator_moves_before_a_dark_screen(tmp_path: Path) -> None:
     person = Person(tmp_path, "scripted")
     world = World(draw_layout(SEED), READY)
-    writer = WorldWriter(person.memory_name)
+    writer = WorldWriter(person.world_memory)
     try:
         person.start()
         assert person.kind == "scripted"

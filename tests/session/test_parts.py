@@ -19,7 +19,7 @@ from tams_app.session.control import Signals
 from tams_app.session.folder import create_session_folder, furnish_session_folder
 from tams_app.session.observers import StopWatch
 from tams_app.session.recorders import LoadMonitor
-from tams_app.session.uplink import Capture
+from tams_app.session.senders import Capture
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
 

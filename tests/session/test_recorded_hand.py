@@ -11,10 +11,11 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.parts import Parts
+from tams_app.session.displays import Displays
 from tams_app.session.recorded_hand import ReplayedController, recorded_hand
 from tams_app.session.recorders import SessionRecords
-from tams_app.session.rig import SimulatedRig
-from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.session.station import Station
 from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
 
 pytestmark = pytest.mark.untimed
@@ -50,11 +51,11 @@ def test_a_log_without_a_hand_and_a_file_that_is_none_are_one_sentence(tmp_path)
         recorded_hand(tmp_path / "other.mcap")
 
 
-def test_the_live_rig_takes_the_configured_hand(tmp_path):
+def test_the_live_operator_takes_the_configured_hand(tmp_path):
     path = write(tmp_path / "session.mcap", 3)
     config = load_config(None, {"rig.hand_trajectory": str(path)})
     clock = VirtualClock()
     log = SessionRecords(clock, Unkept())
-    screen = FrameBlock(RingLayout(SHOWN, config.video.views, 640, 480))
-    rig = SimulatedRig(config, clock, tmp_path, log, screen, lambda *_: None, True)
-    assert isinstance(rig.make_controller(lambda level, text: None), ReplayedController)
+    station = Station(config, clock, Parts(tmp_path, pytest.fail, 0), log, Displays())
+    station.launch()
+    assert isinstance(station.take_controller(), ReplayedController)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,7 +11,8 @@ import pytest
 from tams_app.config import load_config
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.session import Session
+from tams_app.session.control import Signals
+from tams_app.session.run import run
 
 pytestmark = pytest.mark.waiting
 
@@ -28,24 +30,17 @@ class Noted:
 def test_a_failure_stops_the_arm_before_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = Session(load_config(None), VirtualClock(), tmp_path)
+    session = run(load_config(None), VirtualClock(), tmp_path)
     order: list[str] = []
-    gate: Any = Noted(order)
+    gate, log = Noted(order), SimpleNamespace(note=lambda _level, text: order.append(text))
+    assert isinstance(session.signals, Signals)
     session.signals.stop_with(gate.stop)
-    monkeypatch.setattr(session, "note", lambda level, text: order.append(text))
+    monkeypatch.setattr(session, "_log", log)
     session.fail("the relay has ended")
     session.fail("so has the log")
     assert order == ["stop", "the relay has ended", "stop"]
     assert session.failure == "the relay has ended"
     assert session.ended.is_set()
-
-
-@pytest.mark.parametrize(("hand", "limited"), [("sim", True), ("keyboard", False)])
-def test_a_person_who_tries_the_rig_has_no_time_limit(
-    tmp_path: Path, hand: str, limited: bool
-) -> None:
-    config = load_config(None, {"controller.device": hand})
-    assert Session(config, VirtualClock(), tmp_path)._trial_is_limited() is limited
 
 
 def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
@@ -59,9 +54,10 @@ def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
 
     monkeypatch.setattr("tams_app.session.session.Recorders", recorders)
     config = load_config(None, {"control.realtime_priority": 0, "recording.ros2": 0})
-    session = Session(config, VirtualClock(), tmp_path)
+    session = run(config, VirtualClock(), tmp_path)
     with pytest.raises(TamsError, match="has what it needs"):
         session.start()
     given[-1]()
+    assert isinstance(session.signals, Signals)
     pending = session.signals.take()
     assert (pending.estop, pending.confirm, pending.faults) == (True, False, ())

@@ -97,6 +97,7 @@ class Moments:
             sent_kbps=_kbps(packets.size_bytes[recent][mine]),
             age_ms=None if newest is None else (t_ns - int(frames.capture_ns[newest])) / NS_PER_MS,
             given_fps=float(given[1] - given[0]),
+            shown_fps=float(np.sum(frames.shown_ns[shown] > t_ns - NS_PER_S)),
             latency_ms=None
             if newest is None
             else int(frames.shown_ns[newest] - frames.capture_ns[newest]) / NS_PER_MS,

@@ -21,7 +21,7 @@ from tams_app.errors import UnreadableLogError
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import Note, SessionState
-from tams_app.session.faces import Faces
+from tams_app.session.displays import Displays
 from tams_app.session.sentences import Sentences
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -34,7 +34,6 @@ class Requests:
     """What is asked of a playback, by any thread or signal; `carry_out` does it, in one thread."""
 
     def __init__(self, playback: Playback) -> None:
-        self.faces = Faces()
         self._playback = playback
         self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
@@ -81,6 +80,7 @@ class ReplaySession:
         """
         self.config, self.folder = config, folder
         self.sentences = Sentences()
+        self.displays = Displays()
         self.ended = threading.Event()
         self._log, self._pictures = log, pictures
         self._moments = Moments(log)

@@ -18,7 +18,7 @@ def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, 
     return (
         name.upper(),
         f"{whole(view.sent_kbps)} / {whole(view.target_kbps)}",
-        f"{whole(view.given_fps)} / {whole(asked_fps)}",
+        f"{whole(view.fps)} / {whole(asked_fps)}",
         f"{whole(view.latency_ms)} ms",
         f"{whole(view.age_ms)} ms",
     )

@@ -21,11 +21,11 @@ from tams_app.console.window.messages import (
     Said,
     TrialFacts,
 )
-from tams_app.console.wishes import Action, AskedSession, Signals, Wish
+from tams_app.console.wishes import Action, AskedSession, Wish
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.session.faces import Faces
+from tams_app.session.displays import Displays
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S
@@ -37,22 +37,21 @@ OPENING_NS = 10 * NS_PER_S  # until it tells the first time
 _SAID, _LONGEST_SENTENCE = 3, 500
 
 
-class FacedSignals(Signals, Protocol):
-    """What it asks for, and where it is watched."""
-
-    faces: Faces
-
-
 class FacedSession(AskedSession, Protocol):
     """What a face needs of a session."""
 
-    @property
-    def signals(self) -> FacedSignals: ...
-
     config: Config
     folder: Path
-    screen: FrameBlock
-    keyboard: KeyboardController | None
+
+    @property
+    def displays(self) -> Displays:
+        """What shows the frames to the person who steers."""
+
+    @property
+    def screen(self) -> FrameBlock: ...
+
+    @property
+    def keyboard(self) -> KeyboardController | None: ...
 
     def fail(self, sentence: str) -> None: ...
 
@@ -131,7 +130,7 @@ class SessionFace:
         self._client.open(session.config, session.screen, self._trial is not None, outline)
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
-            session.signals.faces.add(lambda: self._client.heard_ns or self._opened_ns)
+            session.displays.add(lambda: self._client.heard_ns or self._opened_ns)
         worker = Worker(self._name, self._client.body(self._on_event), self._on_failure)
         self._stack.callback(worker.stop)
         worker.start()

@@ -12,8 +12,6 @@ from pathlib import Path
 
 import cv2
 
-from hw.controller import Controller
-from hw.sim.operator.seeing import SeeingParticipant
 from tams_app.config import Config
 from tams_app.errors import ConfigError
 from tams_app.recording import LOG_NAME, read_log
@@ -28,11 +26,11 @@ from tams_app.session.engine import Engine
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.listener import Listener
 from tams_app.session.observers import TRIAL_RATE_HZ
-from tams_app.session.recorded_hand import recorded_hand
 from tams_app.session.recorders import SessionRecords, session_header
 from tams_app.session.viewing import viewers_of
+from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
-from tams_app.session.virtual.video import TrialVideo
+from tams_app.session.virtual.video import FrameScores, TrialVideo
 from tams_app.study.plan import PlannedTrial
 from tams_app.summary.summarise import save_summary
 from tams_app.units import NS_PER_S
@@ -109,16 +107,26 @@ class VirtualTrial(Listener):
         with ExitStack() as stack:
             self._log = self._open_log(folder, wall_start_ns, stack)
             self._robot = VirtualRobot(config, self._clock, self._log.note)
-            self._video = TrialVideo(config, self._clock, self._log, watch)
+            video = config.video
+            self._scores = scores = FrameScores(
+                video.views if video.quality.enabled else (), self._log.record
+            )
+
+            def shown(frame: ShownFrame) -> None:
+                scores.shown(frame)
+                watch(frame)
+
+            self._operator = operator = VirtualOperator(config, participant_seed, self._log, shown)
+            self._video = TrialVideo(config, self._clock, self._log, scores.captured, operator.see)
             stack.callback(self._video.close)
             self._cameras = VirtualCameras(config, self._robot, self._events, self._video.push)
             stack.callback(self._cameras.close)
-            self._controller, self._look = self._hand(participant_seed)
             robot = self._robot
             self._engine = Engine(
                 config,
                 self._clock,
-                ConnectedDevices(robot.arm, robot.gate, self._controller, robot.truth),
+                ConnectedDevices(robot.arm, robot.gate, robot.truth),
+                operator,
                 self._video,
                 self._log,
                 Signals(),
@@ -138,7 +146,7 @@ class VirtualTrial(Listener):
             self._events.do_next()
         self._robot.stop()
         self._engine.stops.finish()
-        self._video.finish(self._clock.now_ns())
+        self._scores.finish(self._clock.now_ns())
         outcome = self._engine.trial.outcome(self._ended)
         self._log.record(outcome)
         return outcome
@@ -158,25 +166,13 @@ class VirtualTrial(Listener):
         stack.callback(log.close)
         return SessionRecords(clock, log)
 
-    def _hand(self, participant_seed: int) -> tuple[Controller, Callable[[int], None]]:
-        """The controller, and what precedes each of its samples: the participant's glance."""
-        trajectory = self._config.rig.hand_trajectory
-        if trajectory is not None:
-            return recorded_hand(Path(trajectory)), lambda _now_ns: None
-        participant = SeeingParticipant(
-            self._config, participant_seed, self._video.frames, self._log.record
-        )
-        return participant.controller, participant.watch
-
     # --- what is due when -----------------------------------------------------------------------
 
     def _begin(self) -> None:
         now_ns = self._clock.now_ns()
         self._robot.arm.connect()
-        self._controller.start()
         self._engine.begin("virtual")
-        recorded = self._config.rig.hand_trajectory is not None
-        self._log.fact("operator", "recorded" if recorded else "seeing")
+        self._log.fact("operator", self._operator.kind)
         self._cameras.start(now_ns)
         self._events.post(now_ns, self._step_policy)
         repeat(self._events, now_ns, self._config.control.rate_hz, self._tick)
@@ -187,7 +183,7 @@ class VirtualTrial(Listener):
             self._events.post(now_ns + round(limit_s * NS_PER_S), end)
 
     def _tick(self, due_ns: int) -> None:
-        self._look(due_ns)
+        self._operator.look(due_ns)
         self._engine.control.tick(due_ns)
         self._robot.gate.serve()
 

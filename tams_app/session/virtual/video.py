@@ -1,11 +1,11 @@
-"""The video of one trial in virtual time, and its scores; beside it `session.uplink`, live."""
+"""The video of one trial in virtual time, and its scores; beside it `session.senders`, live."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 
 from tams_app.config import Config
-from tams_app.records import Frame, FrameQuality, Image, ShownFrame
+from tams_app.records import Frame, FrameQuality, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.session.recorders import SessionRecords
 from tams_app.session.video import Video
@@ -59,16 +59,16 @@ class TrialVideo(Video):
         config: Config,
         clock: Clock,
         log: SessionRecords,
-        watch: Callable[[ShownFrame], None],
+        on_captured: Callable[[Frame], None],
+        on_shown: Callable[[ShownFrame], None],
     ) -> None:
-        """Start the chains; SetupError if GStreamer lacks something. `watch` sees what is shown."""
+        """Start the chains; SetupError if GStreamer lacks something.
+
+        `on_shown` gets each decoded frame, after the captures that came before it.
+        """
         video, epoch_ns = config.video, clock.now_ns()
         network = resolve_network(config, config.network)
-        self._scores = FrameScores(video.views if video.quality.enabled else (), log.record)
-        super().__init__(
-            config, network, clock, epoch_ns, log, self._scores.captured, self._show_to_all
-        )
-        self._watch = watch
+        super().__init__(config, network, clock, epoch_ns, log, on_captured)
         self._chains = VirtualVideo(
             video,
             network,
@@ -77,7 +77,7 @@ class TrialVideo(Video):
             epoch_ns,
             self._start_kbps,
             self._source_drop_below_kbps,
-            VideoRecords(log.record, log.record, self._on_shown, log.packets),
+            VideoRecords(log.record, log.record, on_shown, log.packets),
             heard=self._heard,
             feedback=self._feedback,
             parity=self._parity,
@@ -88,14 +88,6 @@ class TrialVideo(Video):
         """Let everything happen to the video that is due up to `now_ns`."""
         self._chains.advance_to(now_ns)
 
-    def frames(self) -> Mapping[str, Image | None]:
-        """What is on the operator's screen, by view; None before the first frame."""
-        shown = {view: self.shown(view) for view in self._chains.receivers}
-        return {view: None if one is None else one.image for view, one in shown.items()}
-
-    def shown(self, view: str) -> ShownFrame | None:
-        return self._chains.shown(view)
-
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self._chains.set_targets(target_kbps)
 
@@ -105,10 +97,6 @@ class TrialVideo(Video):
     def poll(self) -> str:
         return ""  # a chain that fails raises
 
-    def finish(self, now_ns: int) -> None:
-        """Nothing more is shown: score what is left."""
-        self._scores.finish(now_ns)
-
     def close(self) -> None:
         self._chains.close()
 
@@ -117,7 +105,3 @@ class TrialVideo(Video):
 
     def _wire_bytes(self) -> int:
         return self._chains.wire_bytes()
-
-    def _show_to_all(self, shown: ShownFrame) -> None:
-        self._scores.shown(shown)
-        self._watch(shown)

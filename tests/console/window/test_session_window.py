@@ -230,7 +230,7 @@ def test_a_window_that_stands_still_is_told_of_and_stops_a_real_arm(
         nonlocal polls, silent_ns
         polls += 1
         if "estop" in session.done:
-            heard_ns = session.signals.faces.heard_ns()
+            heard_ns = session.displays.heard_ns()
             assert heard_ns is not None
             silent_ns = time.monotonic_ns() - heard_ns
             window_processes()[0].send_signal(signal.SIGCONT)

@@ -17,7 +17,7 @@ from hw.link.controller import LinkController
 from tams_app.config import LinkConfig
 from tams_app.link.sealing import MEDIA_OVERHEAD_BYTES
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Presses
-from tams_app.session.two_sided.robot import for_robot
+from tams_app.session.robot import for_robot
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.link.exchange import HOUR_NS, TICK_NS, Exchange, queued

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import socket
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
@@ -13,6 +11,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import psutil
 import pytest
 
 from tams_app.config import Config, load_config
@@ -24,11 +23,13 @@ from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
-from tams_app.records import SessionState, ShownFrame
+from tams_app.records import SessionState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
-from tams_app.session.fresh_video import SteeredBy
-from tams_app.session.two_sided.operator import OperatorSession
-from tams_app.session.two_sided.operator_video import OperatorVideo
+from tams_app.session.displays import Displays
+from tams_app.session.operate import operate
+from tams_app.session.receivers import Receivers
+from tams_app.session.robot_watch import RobotWatch
+from tams_app.session.session import Session
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.core.repair import RepairRule
@@ -105,26 +106,26 @@ def robot(endpoint: Endpoint, tmp_path: Path) -> Iterator[Callable[[bytes], None
         gateway.close()
 
 
-def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still(
-    endpoint: Endpoint, tmp_path: Path
-) -> None:
-    clock = VirtualClock()
-    session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
-    faces = session.signals.faces
-    rule = RepairRule(True, 60, 300.0)
-    video = OperatorVideo(
-        session.config.video, rule, True, clock, lambda _shown: None, AVDEC, clock.now_ns, faces
+def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still() -> None:
+    clock, displays, config = VirtualClock(), Displays(), simulated()
+    receivers = Receivers(
+        config.video,
+        RepairRule(True, 60, 300.0),
+        True,
+        clock,
+        dict.fromkeys(config.video.views, lambda _timestamp: None),
+        lambda _shown: None,
+        AVDEC,
+        displays,
     )
-    session._video, session._link = video, SimpleNamespace(state=None)  # type: ignore[assignment]
     heard_ns = clock.now_ns()
-    faces.add(lambda: heard_ns)
+    displays.add(lambda: heard_ns)
     image = np.zeros((2, 2, 3), np.uint8)
 
     def show(timestamp: int, whole: bool = True) -> SteeredBy:
         clock.advance_ns(NS_PER_MS)
-        video._shown(ShownFrame("gt", timestamp, clock.now_ns(), image, timestamp, whole))
-        (shown,) = [one for one in session._steered_by() if one != SteeredBy()] or [SteeredBy()]
-        return shown
+        receivers._shown(ShownFrame("gt", timestamp, clock.now_ns(), image, timestamp, whole))
+        return receivers.steered_by("gt")
 
     try:
         assert show(100) == SteeredBy(), "not before the window has told once more that it works"
@@ -136,70 +137,88 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
         heard_ns = clock.now_ns()
         assert show(104) == SteeredBy(102, 102, is_damaged=True)
     finally:
-        video.close()
+        receivers.close()
 
 
-def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm(
-    endpoint: Endpoint, tmp_path: Path
-) -> None:
-    clock = VirtualClock()
-    session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
-    link: Any = SimpleNamespace(state=object(), state_heard_ns=clock.now_ns())
-    session._link, session._welcome = link, decode(welcome(stopped_after_ms=350.0), Welcome)
-    clock.advance_ns(340 * NS_PER_MS)
-    assert not session._hears_nothing()
-    clock.advance_ns(20 * NS_PER_MS)
-    assert session._hears_nothing()
+class Watched:
+    """The operator's watch of a robot, whose link is told what to say."""
+
+    def __init__(self, config: Config, stopped_after_ms: float, **link: Any) -> None:
+        self.clock = VirtualClock()
+        self.told: list[str] = []
+        self.ended: list[str] = []
+        event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
+        nothing = {"sample": None, "offset": None, "event": event}
+        self.link: Any = SimpleNamespace(state_heard_ns=self.clock.now_ns(), **{**nothing, **link})
+        self.watch = RobotWatch(
+            config,
+            self.clock,
+            self.link,
+            decode(welcome(stopped_after_ms=stopped_after_ms), Welcome),
+            lambda _level, text: self.told.append(text),
+            self.ended.append,
+        )
 
 
-def test_what_the_operator_sees_of_a_silent_robot_is_not_live(
-    endpoint: Endpoint, tmp_path: Path
-) -> None:
-    clock = VirtualClock()
-    session = OperatorSession(simulated(), clock, tmp_path, endpoint, lambda _text: None)
+def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm() -> None:
+    watched = Watched(simulated(), 350.0, state=object())
+    watched.clock.advance_ns(340 * NS_PER_MS)
+    assert not watched.watch.hears_nothing()
+    watched.clock.advance_ns(20 * NS_PER_MS)
+    assert watched.watch.hears_nothing()
+
+
+def test_what_the_operator_sees_of_a_silent_robot_is_not_live() -> None:
     state = msgspec.structs.replace(STATE.state, arming="engaged", deadman=True)
     message = msgspec.structs.replace(STATE, state=state)
-    link: Any = SimpleNamespace(
-        state=message, state_heard_ns=clock.now_ns(), sample=None, offset=None, event=None
-    )
-    session._link, session._welcome = link, decode(welcome(stopped_after_ms=900.0), Welcome)
+    watched = Watched(simulated(), 900.0, state=message)
+    clock = watched.clock
     clock.advance_ns(290 * NS_PER_MS)
-    assert silence_of(session.state()) is None
+    assert silence_of(watched.watch.state(0.3)) is None
     clock.advance_ns(110 * NS_PER_MS)
-    shown = session.state()
+    shown = watched.watch.state(0.4)
     assert silence_of(shown) == pytest.approx(0.4)
     assert "NOT LIVE for 0.4 s" in status_words(shown).live
     facts = msgspec.structs.replace(facts_of(shown, ()), told_ns=clock.now_ns())
     known = as_known(facts, clock.now_ns())
     assert (known.state.arming, known.state.deadman) == ("not live", None)
     clock.advance_ns(600 * NS_PER_MS)
-    assert "LINK LOST, NOT LIVE" in status_words(session.state()).live
+    assert "LINK LOST, NOT LIVE" in status_words(watched.watch.state(1.0)).live
 
 
-def test_whom_the_robot_is_lost_to_is_told_what_to_let_go_in_the_words_of_their_hand(
-    endpoint: Endpoint, tmp_path: Path
-) -> None:
+def test_whom_the_robot_is_lost_to_is_told_what_to_let_go_in_the_words_of_their_hand() -> None:
     config = load_config(None, {"controller.device": "keyboard"})
-    session = OperatorSession(config, VirtualClock(), tmp_path, endpoint, lambda _text: None)
-    event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
-    link: Any = SimpleNamespace(state=None, event=event)
-    told: list[str] = []
-    log: Any = SimpleNamespace(note=lambda _level, text: told.append(text))
-    session._link, session._log, session._welcome = link, log, decode(welcome(), Welcome)
-    session._look_at(None)
-    assert "release Shift, and wait until the link is back" in told[-1]
+    watched = Watched(config, 350.0, state=None)
+    assert watched.watch.poll() == ""
+    assert "release Shift, and wait until the link is back" in watched.told[-1]
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_the_robots_side_ends_ours_with_its_reason(failed: bool) -> None:
+    message = msgspec.structs.replace(STATE, ended="the trial is over", failed=failed)
+    watched = Watched(simulated(), 350.0, state=message)
+    failure = watched.watch.poll()
+    if failed:
+        assert failure == "the robot's side failed: the trial is over"
+    else:
+        assert (failure, watched.ended) == ("", ["the robot's side: the trial is over"])
+
+
+def test_another_session_there_is_not_ours() -> None:
+    watched = Watched(simulated(), 360.0, state=None)
+    assert "has begun another session" in watched.watch.poll()
 
 
 def start(
     endpoint: Endpoint,
     tmp_path: Path,
     config: Config | None = None,
-    say: Callable[[OperatorSession, str], None] = lambda _session, _text: None,
+    say: Callable[[Session, str], None] = lambda _session, _text: None,
 ) -> str:
     """The sentence with which the session refuses to begin."""
     folder = tmp_path / "session"
     folder.mkdir()
-    session = OperatorSession(
+    session = operate(
         config or simulated(), MonotonicClock(), folder, endpoint, lambda text: say(session, text)
     )
     with pytest.raises(TamsError) as refusal:
@@ -239,7 +258,7 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, en
     other = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
     said: list[str] = []
 
-    def say(session: OperatorSession, text: str) -> None:
+    def say(session: Session, text: str) -> None:
         said.append(text)
         session.request_end("ended by SIGINT")
 
@@ -250,7 +269,7 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, en
 def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
     said: list[str] = []
 
-    def say(session: OperatorSession, text: str) -> None:
+    def say(session: Session, text: str) -> None:
         said.append(text)
         session.request_end("ended by SIGINT")
 
@@ -264,7 +283,12 @@ def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):
 
 
 def test_a_gateway_that_is_killed_while_it_calls_is_noticed(endpoint, tmp_path):
-    def kill(session: OperatorSession, text: str) -> None:
-        os.kill(session._gateway.process.pid, signal.SIGKILL)
+    def kill(session: Session, text: str) -> None:
+        (gateway,) = [
+            child
+            for child in psutil.Process().children()
+            if "tams_app.link" in str(child.cmdline())
+        ]
+        gateway.kill()
 
     assert "the gateway ended unasked" in start(endpoint, tmp_path, say=kill)

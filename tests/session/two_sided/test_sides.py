@@ -28,19 +28,21 @@ from tams_app.records import (
     Phase,
     Pose,
     StateHeard,
+    SteeredBy,
     StopRecord,
 )
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.control import Signals, SteadyVideo
-from tams_app.session.fresh_video import SteeredBy
+from tams_app.session.linked_operator import LinkedOperator
+from tams_app.session.operator_link import OperatorLink
+from tams_app.session.requests import Requests
 from tams_app.session.status import StatusBoard
-from tams_app.session.two_sided.operator_link import OperatorLink, Requests
-from tams_app.session.two_sided.robot_link import RobotLink
-from tams_app.session.two_sided.welcome import follow
+from tams_app.session.welcome import follow
 from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.frame_identity import SentFrame, SentFrames
 from tams_app.video.core.repair import RepairRule
 from tests.session.test_parts import output
 from tests.session.two_sided.exchange import MemoryGateway, MemoryLog
@@ -107,7 +109,7 @@ class Sides:
             self.welcome = welcome
             return self.there
 
-        self.robot = RobotLink(
+        self.robot = LinkedOperator(
             config,
             self.robot_clock,
             self.signals,
@@ -117,8 +119,9 @@ class Sides:
                 now_ns, 1.0, SteadyVideo(), UnlimitedCapacity(), {}, hand_of(config)
             ),
         )
-        self.robot.open(RepairRule(True, 60, 300.0), True, lambda _view: 17)
-        self.robot.controller.start()
+        self.sent = {view: SentFrames() for view in VIEWS}
+        self.robot.open(RepairRule(True, 60, 300.0), True, self.sent)
+        self.controller = self.robot.take_controller()
         self.operator = OperatorLink(
             self.operator_clock,
             self.here,
@@ -140,7 +143,7 @@ class Sides:
             if not robot:
                 continue
             now_ns = self.robot_clock.now_ns()
-            self.sample = self.robot.controller.sample(now_ns)
+            self.sample = self.controller.sample(now_ns)
             pending = self.signals.take()
             self.confirmed += pending.confirm
             self.stopped += pending.estop
@@ -335,9 +338,9 @@ def test_a_stop_that_was_not_acknowledged_is_asked_for_in_the_next_session_of_th
 def test_each_pulse_is_felt_once():
     sides = Sides()
     sides.run(1.0)
-    sides.robot.controller.pulse(Haptic.ENGAGE)
+    sides.controller.pulse(Haptic.ENGAGE)
     sides.run(0.5)
-    sides.robot.controller.pulse(Haptic.FAULT)
+    sides.controller.pulse(Haptic.FAULT)
     sides.run(0.5)
     assert sides.hand.pulses == [Haptic.ENGAGE, Haptic.FAULT]
 
@@ -389,15 +392,21 @@ def test_the_operators_side_knows_what_the_uplink_carries():
 
 def test_the_robots_side_knows_which_frames_are_shown():
     sides = Sides()
+    start_ns = sides.robot_clock.now_ns()
+    for index in range(2):
+        sides.sent[VIEWS[1]].add(SentFrame(index, start_ns + index * NS_PER_S, 0))
     sides.shown[VIEWS[1]] = SteeredBy(90_000, 1, is_damaged=True)
-    sides.run(1.0)
-    assert [sides.robot.shown_timestamp(view) for view in VIEWS] == [None, 90_000, None]
-    assert [sides.robot.shows_damage(view) for view in VIEWS] == [False, True, False]
+    sides.run(1.5)
+    seen = SteeredBy(90_000, start_ns + NS_PER_S, is_damaged=True)
+    assert [sides.robot.steered_by(view) for view in VIEWS] == [SteeredBy(), seen, SteeredBy()]
+    now_ns = sides.robot_clock.now_ns()
+    assert sides.robot.age_ns(VIEWS[1], now_ns) == now_ns - start_ns - NS_PER_S
     sides.shown[VIEWS[1]] = SteeredBy()
     sides.reconnect()
     sides.run(1.0)
-    assert sides.robot.shown_timestamp(VIEWS[1]) is None, "another operator sees other frames"
-    assert not sides.robot.shows_damage(VIEWS[1])
+    assert sides.robot.steered_by(VIEWS[1]).index is None, "another operator sees other frames"
+    assert not sides.robot.is_damaged(VIEWS[1])
+    assert sides.robot.age_ns(VIEWS[1], now_ns) == now_ns - start_ns - NS_PER_S, "it gets older"
 
 
 def test_the_operators_side_is_told_why_the_session_ended():
@@ -418,7 +427,7 @@ def test_bytes_that_are_no_message_change_nothing_but_a_count():
         sides.here.arrive(sides.operator_clock.now_ns(), 1, content)
     sides.run(0.1)
     assert sides.sample.status is ControllerStatus.OK
-    assert sides.robot.controller.refused["not understood"] == 4
+    assert sides.controller.refused["not understood"] == 4
 
 
 def test_numbers_beyond_all_clocks_and_counts_change_nothing_but_a_count():
@@ -436,7 +445,7 @@ def test_numbers_beyond_all_clocks_and_counts_change_nothing_but_a_count():
     sides.run(0.2)
     sides.operator._hand = told
     sides.run(0.3)
-    assert sides.robot.controller.refused["not understood"] >= 20
+    assert sides.controller.refused["not understood"] >= 20
     assert sides.sample.status is ControllerStatus.OK
     for record in sides.robot_log.records:
         if isinstance(record, HandHeard | LinkHealth):
@@ -472,10 +481,10 @@ def test_the_welcome_says_what_receivers_must_know():
 @pytest.mark.parametrize("simulated", [True, False])
 def test_the_robots_side_knows_whether_a_person_holds_the_controller(simulated: bool):
     sides = Sides()
-    assert sides.robot.operator_is_simulated, "until it is known"
+    assert sides.robot.is_simulated, "until it is known"
     sides.operator._driven_with = "sim" if simulated else "openvr"
     sides.run(0.5)
-    assert sides.robot.operator_is_simulated is simulated
+    assert sides.robot.is_simulated is simulated
 
 
 def test_each_side_knows_what_the_other_has_to_tell_the_operator():

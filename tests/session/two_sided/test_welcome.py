@@ -10,7 +10,7 @@ import pytest
 
 from tams_app.errors import TamsError
 from tams_app.link.messages import Welcome, decode, encode
-from tams_app.session.two_sided.welcome import repair_of
+from tams_app.session.welcome import repair_of
 from tams_app.video.core.repair import RepairRule
 from tests.link.test_messages import WELCOME
 

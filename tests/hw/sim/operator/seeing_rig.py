@@ -52,9 +52,10 @@ class SeeingRig:
         self._participant = SeeingParticipant(config, participant, self.images, self._note)
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
         controller = self._participant.controller
-        video = SteadyVideo(self._delay_ns)
+        delay_ns = self._delay_ns
+        video = SteadyVideo(delay_ns)
         self._loop = build.control_loop(
-            config, self._clock, controller, robot.arm, robot.gate, video, Signals()
+            config, self._clock, controller, robot.arm, robot.gate, video, delay_ns, Signals()
         )
         robot.arm.connect()
         controller.start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 
-class Faces:
+class Displays:
     """Window and headset of a session; from any thread."""
 
     def __init__(self) -> None:

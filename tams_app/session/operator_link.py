@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from hw.controller import Controller
+from tams_app.config import VideoConfig
 from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
-from tams_app.link.gateway import LinkEvent
+from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway, Received
 from tams_app.link.messages import (
     HAND_RATE_HZ,
@@ -24,13 +26,16 @@ from tams_app.records import (
     Haptic,
     LinkHealth,
     StateHeard,
+    SteeredBy,
 )
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
-from tams_app.session.faces import Faces
-from tams_app.session.fresh_video import SteeredBy
 from tams_app.session.recorders import SessionRecords
+from tams_app.session.requests import Requests
 from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.frame_identity import SentFrame, capture_of
+from tams_app.video.core.packets import stream_ssrcs
+from tams_app.video.live.udp import ViewPorts
 
 _HEALTH_NS = NS_PER_S // 10
 _HAPTICS = {haptic.value: haptic for haptic in Haptic}
@@ -40,32 +45,6 @@ _AWAY = ControllerSample(
 _ASLEEP = replace(_AWAY, status=ControllerStatus.LINK_LOST)
 _ASLEEP_NS = 200 * NS_PER_MS  # longer than any pose or button of before counts as fresh
 _SLEPT = "this computer was suspended: what the controller told before is not sent, the arm stops"
-
-
-class Requests:
-    """What the operator asks for by key or button; from any thread, also from a signal handler.
-
-    `faces`: what shows them the video.
-    """
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self.faces = Faces()
-        self.confirms = self.stops = 0
-        self.confirmed_ns = 0
-
-    def confirm(self, asked_ns: int | None = None) -> None:
-        """The operator agrees: arm, or clear a fault. `asked_ns`: when they did; None: now."""
-        self.confirmed_ns = self._clock.now_ns() if asked_ns is None else asked_ns
-        self.confirms += 1
-
-    def forget_confirmation(self) -> None:
-        """One that was not sent yet is too old."""
-        self.confirmed_ns = 0
-
-    def estop(self) -> None:
-        """Emergency stop."""
-        self.stops += 1
 
 
 class OperatorLink:
@@ -111,6 +90,25 @@ class OperatorLink:
         """How the link stands."""
         return self._gateway.event
 
+    def connect(self, video: VideoConfig, ports: Mapping[str, ViewPorts]) -> dict[str, ViewPorts]:
+        """Hand the robot's streams over to `ports`, by view; where their feedback is to go."""
+        rtp: dict[int, int] = {}
+        rtcp: dict[int, int] = {}
+        for view, one in ports.items():
+            for ssrc in stream_ssrcs(video, view):
+                rtp[ssrc], rtcp[ssrc] = one.rtp, one.reports
+        self._gateway.follow(Routes(rtp, rtcp))
+        entrance = ViewPorts(video.bind_host, 0, 0, self._gateway.entrance_port)
+        return dict.fromkeys(ports, entrance)
+
+    def identify(self, views: Sequence[str]) -> dict[str, Callable[[int], SentFrame | None]]:
+        """By view, which capture an RTP timestamp stands for: its index is the timestamp itself.
+
+        `capture_ns` is on the robot's clock, from what that side says of its first frame: None
+        until it has.
+        """
+        return {view: partial(self._identify, place) for place, view in enumerate(views)}
+
     @property
     def offset(self) -> ClockOffset | None:
         """The robot's clock minus ours; None before the first exchange."""
@@ -140,9 +138,17 @@ class OperatorLink:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))
 
+    def _identify(self, place: int, timestamp: int) -> SentFrame | None:
+        """In a receiver's thread."""
+        state = self.state
+        first_ns = None if state is None else dict(enumerate(state.first_capture_ns)).get(place)
+        if state is None or first_ns is None:
+            return None
+        return SentFrame(timestamp, capture_of(timestamp, first_ns, state.sent_ns), 0)
+
     def _sample_now(self, now_ns: int) -> ControllerSample:
         controller = self.controller
-        if controller is None:
+        if controller is None or self._requests.has_failed:
             return _AWAY
         sample = controller.sample(now_ns)
         if now_ns < self._asleep_until_ns:

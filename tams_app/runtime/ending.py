@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 
-from tams_app.config import Config
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 
@@ -12,14 +11,15 @@ from tams_app.units import NS_PER_S
 class Ending:
     """What every session has for its end; `ended` is set then, `failure` says if the job failed."""
 
-    def __init__(self, config: Config, clock: Clock) -> None:
-        self.config = config
+    def __init__(self, clock: Clock, limit_s: float | None = None) -> None:
+        """It ends by itself after `limit_s`."""
         self.ended = threading.Event()
         self.failure = ""  # why the job failed, in one sentence
         self._clock = clock
+        self.limit_s = limit_s
         self._started_ns = clock.now_ns()
-        self._end_reason = ""
-        self._requested_end = ""
+        self.end_reason = ""
+        self.requested_end = ""
 
     def elapsed_s(self) -> float:
         """Seconds since the session began."""
@@ -27,23 +27,22 @@ class Ending:
 
     @property
     def time_is_up(self) -> bool:
-        """Whether it has lasted for `seconds` of its configuration."""
-        limit_s = self.config.seconds
-        return limit_s is not None and self.elapsed_s() >= limit_s
+        """Whether it has lasted for as long as it may."""
+        return self.limit_s is not None and self.elapsed_s() >= self.limit_s
 
     def end(self, reason: str) -> None:
         """Let the session end; the first reason counts. From any thread."""
         if not self.ended.is_set():
-            self._end_reason = reason
+            self.end_reason = reason
             self.ended.set()
 
     def request_end(self, reason: str) -> None:
         """As `end`, for signal handlers: takes no lock, the next `poll` sees to it."""
-        self._requested_end = reason
+        self.requested_end = reason
 
-    def _end_if_due(self) -> None:
+    def end_if_due(self) -> None:
         """What was requested, and the time limit."""
-        if self._requested_end:
-            self.end(self._requested_end)
+        if self.requested_end:
+            self.end(self.requested_end)
         if self.time_is_up:
-            self.end(f"ended after {self.config.seconds:g} s")
+            self.end(f"ended after {self.limit_s:g} s")

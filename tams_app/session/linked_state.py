@@ -1,0 +1,99 @@
+"""What the robot's side tells an operator over the link: its state, pulses, sentences, its end."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import msgspec
+
+from tams_app.link.messages import HandMessage, StateMessage, encode
+from tams_app.link.sealing import LONGEST_MESSAGE_BYTES
+from tams_app.records import Haptic, SessionState
+from tams_app.runtime.clock import Clock
+
+_NOTES_KEPT = 3
+_NOTE_BYTES = 220
+
+
+class LinkedState:
+    """Makes the state messages of one session; all but `note` in one thread."""
+
+    def __init__(self, clock: Clock, state_at: Callable[[int], SessionState]) -> None:
+        """`state_at`: of this side at a time."""
+        self._clock, self._state_at = clock, state_at
+        self._haptics, self._haptic = 0, ""
+        self._notes: tuple[int, tuple[str, ...]] = (0, ())
+        self._notes_lock = threading.Lock()
+        self._last: StateMessage | None = None
+
+    def note(self, text: str) -> None:
+        """A sentence that the operator should read; from any thread."""
+        with self._notes_lock:
+            noted, notes = self._notes
+            self._notes = (noted + 1, (*notes, cut(text))[-_NOTES_KEPT:])
+
+    def pulse(self, haptic: Haptic) -> None:
+        """A pulse that they should feel."""
+        self._haptics += 1
+        self._haptic = haptic.value
+
+    def datagram(
+        self,
+        heard: HandMessage | None,
+        heard_ns: int,
+        acknowledged: tuple[int, int],
+        first_capture_ns: tuple[int | None, ...],
+    ) -> bytes:
+        """The state now. `heard`: the newest sample, at `heard_ns`; the others are fields of it."""
+        sent_ns = self._clock.now_ns()
+        noted, notes = self._notes
+        new = notes[-max(0, noted - heard.noted) :] if heard and heard.noted < noted else ()
+        state = self._state_at(sent_ns)
+        confirms, stops = acknowledged
+        self._last = StateMessage(
+            sent_ns=sent_ns,
+            echo_ns=0 if heard is None else heard.sent_ns,
+            echo_heard_ns=heard_ns,
+            state=msgspec.structs.replace(state, reason=cut(state.reason)),
+            first_capture_ns=first_capture_ns,
+            haptics=self._haptics,
+            haptic=self._haptic,
+            confirms=confirms,
+            stops=stops,
+            noted=noted,
+            notes=new,
+            ended="",
+            failed=False,
+        )
+        return _fitting(self._last)
+
+    def farewell(self, reason: str, failed: bool) -> bytes | None:
+        """The last state, with the end of the session and the last sentences; None: none yet."""
+        if self._last is None:
+            return None
+        noted, notes = self._notes
+        return _fitting(
+            msgspec.structs.replace(
+                self._last,
+                sent_ns=self._clock.now_ns(),
+                noted=noted,
+                notes=notes,
+                ended=cut(reason or "the session is over"),
+                failed=failed,
+            )
+        )
+
+
+def _fitting(state: StateMessage) -> bytes:
+    """The message, without the oldest of its sentences where it would be too long with them."""
+    content = encode(state)
+    while len(content) > LONGEST_MESSAGE_BYTES and state.notes:
+        state = msgspec.structs.replace(state, notes=state.notes[1:])
+        content = encode(state)
+    return content
+
+
+def cut(text: str) -> str:
+    """A sentence in at most 220 bytes."""
+    return text.encode()[:_NOTE_BYTES].decode(errors="ignore")

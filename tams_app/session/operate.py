@@ -1,0 +1,108 @@
+"""`operate`: the operator's side alone; it samples the controller, shows the video, and asks."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from tams_app.config import Config
+from tams_app.link.gateway_client import Endpoint
+from tams_app.records import SessionState
+from tams_app.runtime.clock import Clock
+from tams_app.session import build
+from tams_app.session.operator_link import OperatorLink
+from tams_app.session.requests import Requests
+from tams_app.session.robot_call import call_robot
+from tams_app.session.robot_watch import RobotWatch
+from tams_app.session.session import Session
+from tams_app.session.station import MakeHand, Station
+
+_STOP_TOLD_NS = 100_000_000
+
+
+def operate(
+    config: Config,
+    clock: Clock,
+    folder: Path,
+    endpoint: Endpoint,
+    say: Callable[[str], None],
+    make_hand: MakeHand | None = None,
+) -> Session:
+    """A session of the operator's side; it commands nothing, all that stops the arm is there.
+
+    `say` shows a sentence at once, while the start waits for the robot's side. `make_hand` makes
+    what the operator holds; None: the configured device.
+    """
+    requests = Requests(clock)
+
+    def compose(session: Session) -> OperatorSide:
+        parts = session.parts
+        call = call_robot(config, clock, endpoint, parts, session, say)
+        ours, views = call.config, call.config.video.views
+        log = session.open_log(ours, is_real=not call.welcome.simulated)
+        call.record(log)
+        station = Station(ours, clock, parts, log, session.displays, make_hand)
+        link = OperatorLink(
+            clock,
+            call.gateway,
+            requests,
+            log,
+            lambda: tuple(map(station.steered_by, views)),
+            call.identity,
+            call.hand,
+        )
+        decoder = build.codecs(ours, log.note, encodes=False).decoder
+        identify, feedback = link.identify(views), call.welcome.feedback
+        receivers = station.receive(call.rule, feedback, identify, decoder)
+        receivers.start(link.connect(ours.video, receivers.ports))
+
+        def send(stop: threading.Event) -> None:
+            parts.use_control_priority()
+            link.run(stop)
+
+        parts.run("hand", send)  # from now on the robot's side hears us
+        station.launch()
+        station.wait_ready()
+        link.controller = station.take_controller()
+        watch = RobotWatch(ours, clock, link, call.welcome, log.note, session.end)
+        side = OperatorSide(session, station, link, watch)
+        session.ready(side)
+        return side
+
+    return Session(config, clock, folder, requests, compose)
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorSide:
+    """What runs at the operator's computer; it commands nothing."""
+
+    session: Session
+    station: Station
+    link: OperatorLink
+    watch: RobotWatch
+
+    @property
+    def pids(self) -> dict[str, int]:
+        return {}
+
+    def poll(self) -> str:
+        return self.station.poll() or self.watch.poll()
+
+    def state(self) -> SessionState:
+        state, offset = self.watch.state(self.session.elapsed_s()), self.link.offset
+        offset_ns = None if offset is None else offset.offset_ns
+        return replace(state, views=self.station.views(state.views, state.now_ns, offset_ns))
+
+    def stop_arm(self, failed: bool) -> None:
+        """Let go: the robot's side hears of a controller that is put down, and stops the arm."""
+        if self.link.controller is not None:
+            self.link.controller = None
+            clock = self.session.clock
+            clock.sleep_until_ns(clock.now_ns() + _STOP_TOLD_NS)
+
+    def finish(self, reason: str, failed: bool) -> None:
+        """The robot's side hears of our end from the gateway."""

@@ -1,0 +1,32 @@
+"""What an operator asks of a robot elsewhere, until it has been told."""
+
+from __future__ import annotations
+
+from tams_app.runtime.clock import Clock
+
+
+class Requests:
+    """What the operator asks for by key or button; from any thread, also from a signal handler."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.confirms = self.stops = 0
+        self.confirmed_ns = 0
+        self.has_failed = False
+
+    def confirm(self, asked_ns: int | None = None) -> None:
+        """The operator agrees: arm, or clear a fault. `asked_ns`: when they did; None: now."""
+        self.confirmed_ns = self._clock.now_ns() if asked_ns is None else asked_ns
+        self.confirms += 1
+
+    def forget_confirmation(self) -> None:
+        """One that was not sent yet is too old."""
+        self.confirmed_ns = 0
+
+    def estop(self) -> None:
+        """Emergency stop."""
+        self.stops += 1
+
+    def fail(self) -> None:
+        """This side has failed: from now on the hand is one that was put down."""
+        self.has_failed = True

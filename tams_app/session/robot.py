@@ -1,0 +1,78 @@
+"""`robot`: the robot's side alone, with the operator at the end of a link."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tams_app.config import Config
+from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
+from tams_app.runtime.clock import Clock
+from tams_app.session import build
+from tams_app.session.control import Signals
+from tams_app.session.linked_operator import LinkedOperator
+from tams_app.session.robot_side import RobotSide
+from tams_app.session.session import Session
+
+# what is sent again is 2 bytes longer, a parity packet 7
+LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
+
+
+def robot(
+    config: Config,
+    clock: Clock,
+    folder: Path,
+    endpoint: Endpoint,
+    arm_at_once: bool = False,
+    dry_run: bool = False,
+) -> Session:
+    """A session of the robot's side; an operator calls, and may leave and call again.
+
+    `endpoint`: where to listen. `arm_at_once` and `dry_run`: see `RobotSide`.
+    """
+    config, signals = for_robot(config), Signals()
+
+    def compose(session: Session) -> RobotSide:
+        log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
+        side = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
+        side.launch()
+
+        def gateway(welcome: bytes) -> Gateway:
+            made = Gateway("robot", endpoint, welcome, parts.logs)
+            parts.watch("link", made.process)
+            return made
+
+        operator = LinkedOperator(config, clock, signals, log, gateway, side.state_at)
+        session.tell_too(operator.note)
+        side.stream(operator, build.codecs(config, log.note), link=config.link)
+        session.go_on()
+        side.wait_ready()
+        if config.rig.enabled:
+            log.fact("operator", "elsewhere")
+            log.note("info", "the operator is at another computer")
+        session.go_on()
+        side.connect()
+        session.ready(side)
+        side.begin()
+        return side
+
+    return Session(config, clock, folder, signals, compose)
+
+
+def for_robot(config: Config) -> Config:
+    """The configuration of a session whose operator is at the other end of the link.
+
+    A pose or a button is judged by its age at the operator's side; what the link may add until it
+    is lost comes on top. A datagram carries at most 1200 bytes, which every path lets through.
+    """
+    video = config.video
+    video = video.model_copy(update={"mtu_bytes": min(video.mtu_bytes, LONGEST_RTP_BYTES)})
+    fresh, link = config.freshness, config.link
+    freshness = fresh.model_copy(
+        update={
+            "hold_pose_ms": link.bridge_ms,
+            "pose_frozen_ms": fresh.pose_frozen_ms + link.lost_after_ms,
+            "buttons_ms": fresh.buttons_ms + link.lost_after_ms,
+        }
+    )
+    return config.model_copy(update={"freshness": freshness, "video": video})

@@ -1,0 +1,79 @@
+"""`run`: both sides in one process, joined without a link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from tams_app.config import Config
+from tams_app.records import SessionState
+from tams_app.runtime.clock import Clock
+from tams_app.session import build
+from tams_app.session.control import Signals
+from tams_app.session.local_operator import LocalOperator
+from tams_app.session.quality import LiveQuality
+from tams_app.session.robot_side import RobotSide
+from tams_app.session.session import Session
+from tams_app.session.station import Station
+
+
+def run(
+    config: Config, clock: Clock, folder: Path, arm_at_once: bool = False, dry_run: bool = False
+) -> Session:
+    """A session of both sides; `arm_at_once` and `dry_run`: see `RobotSide`."""
+    signals = Signals()
+
+    def compose(session: Session) -> BothSides:
+        log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
+        station = Station(config, clock, parts, log, session.displays)
+        robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
+        station.launch(confirms=not arm_at_once, world_memory=robot.launch())
+        quality = LiveQuality(config.video, station.screen, parts.logs, log.record, log.note)
+        parts.stack.callback(quality.close)
+        quality.start()  # takes a moment, of which a capacity trace must lose nothing
+        codecs = build.codecs(config, log.note)
+        robot.stream(LocalOperator(station, config, codecs.decoder), codecs, quality.captured)
+        session.go_on()
+        robot.wait_ready()
+        station.wait_ready()
+        session.go_on()
+        robot.connect()
+        both = BothSides(robot, station, quality)
+        session.ready(both)
+        robot.begin()
+        return both
+
+    return Session(config, clock, folder, signals, compose)
+
+
+@dataclass(frozen=True, slots=True)
+class BothSides:
+    """The two sides, and what compares the frames of the one with those of the other."""
+
+    robot: RobotSide
+    station: Station
+    quality: LiveQuality
+
+    @property
+    def pids(self) -> dict[str, int]:
+        quality = self.quality.pid
+        return {**self.robot.pids, **({} if quality is None else {"quality": quality})}
+
+    def poll(self) -> str:
+        return self.robot.poll()
+
+    def state(self) -> SessionState:
+        state = self.robot.state()
+        return replace(
+            state,
+            live_ssim=self.quality.recent_live(state.primary_view, state.now_ns),
+            views=self.station.views(state.views, state.now_ns, offset_ns=0),
+        )
+
+    def stop_arm(self, failed: bool) -> None:
+        self.robot.stop_arm(failed)
+
+    def finish(self, reason: str, failed: bool) -> None:
+        self.robot.finish(reason, failed)

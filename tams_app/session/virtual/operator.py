@@ -1,0 +1,80 @@
+"""The operator of a trial in virtual time: what they see at once, and what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from hw.controller import Controller
+from hw.sim.operator.seeing import SeeingParticipant
+from tams_app.config import Config
+from tams_app.records import Image, ShownFrame, SteeredBy
+from tams_app.session.displays import Displays
+from tams_app.session.fresh_video import FreshVideo
+from tams_app.session.operator import Operator
+from tams_app.session.recorded_hand import recorded_hand
+from tams_app.session.recorders import SessionRecords
+from tams_app.teleop.hands import hand_of
+
+
+class VirtualOperator(Operator):
+    """A seeing participant, or a recorded hand, which sees nothing.
+
+    `kind`: which of them. Each frame is on the screen as soon as it is decoded.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        participant_seed: int,
+        log: SessionRecords,
+        on_shown: Callable[[ShownFrame], None],
+    ) -> None:
+        """`on_shown` gets each frame too, after the captures that came before it.
+
+        LogError or ConfigError where the recorded hand cannot be read.
+        """
+        self._hand = hand_of(config)
+        self._log, self._on_shown = log, on_shown
+        self._fresh = FreshVideo(config.video.views, Displays())
+        self._screen: dict[str, Image | None] = dict.fromkeys(config.video.views)
+        self._participant: SeeingParticipant | None = None
+        trajectory = config.rig.hand_trajectory
+        if trajectory is not None:
+            self.kind = "recorded"
+            self._controller: Controller = recorded_hand(Path(trajectory))
+        else:
+            self.kind = "seeing"
+            self._participant = SeeingParticipant(config, participant_seed, self.screen, log.record)
+            self._controller = self._participant.controller
+
+    def take_controller(self) -> Controller:
+        self._controller.start()
+        return self._controller
+
+    @property
+    def hand(self) -> str:
+        return self._hand
+
+    @property
+    def is_simulated(self) -> bool:
+        return True
+
+    def steered_by(self, view: str) -> SteeredBy:
+        return self._fresh.of(view)
+
+    def screen(self) -> Mapping[str, Image | None]:
+        """What is on it, by view; None before the first frame."""
+        return self._screen
+
+    def see(self, shown: ShownFrame) -> None:
+        """A frame was decoded; each view's in order."""
+        self._fresh.shown(shown)
+        self._screen[shown.view] = shown.image
+        self._log.record(shown)
+        self._on_shown(shown)
+
+    def look(self, now_ns: int) -> None:
+        """Before each sample: look if it is time to."""
+        if self._participant is not None:
+            self._participant.watch(now_ns)
