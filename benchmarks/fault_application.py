@@ -25,17 +25,17 @@ from tams_app.records import (
     Pose,
     Vector,
 )
+from tams_app.robot import build
+from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.control import ControlLoop, Signals
+from tams_app.robot.guarding import Guarding
+from tams_app.robot.listener import Listener
+from tams_app.robot.video import video_delay_ns
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
-from tams_app.session import build
-from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import ControlLoop, Signals
-from tams_app.session.guarding import Guarding
-from tams_app.session.listener import Listener
-from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -13,8 +13,8 @@ import cv2
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.operator.task import Stage
-from tams_app.session.machine_speed import this_machine
-from tams_app.session.operator_choice import GLANCE_S
+from tams_app.runtime.machine_speed import this_machine
+from tams_app.station.operator_choice import GLANCE_S
 from tams_app.units import NS_PER_MS
 from tests.rig_views import stored_views
 

@@ -27,10 +27,11 @@ from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import load_config
 from tams_app.recording.writer import DirectRecorder
-from tams_app.session.control import ControlLoop
-from tams_app.session.observers import TRIAL_RATE_HZ, TrialObserver
+from tams_app.robot.control import ControlLoop
+from tams_app.robot.observers import TRIAL_RATE_HZ, TrialObserver
 from tams_app.session.virtual import trial as trial_module
-from tams_app.session.virtual.trial import VirtualTrial, run_virtual_trial
+from tams_app.session.virtual.runner import run_virtual_trial
+from tams_app.session.virtual.trial import VirtualTrial
 from tams_app.session.virtual.video import FrameScores
 from tams_app.study.runner import machine
 from tams_app.video.virtual.video import VirtualVideo

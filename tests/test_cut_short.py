@@ -23,7 +23,7 @@ HELPERS = {
     "renderer": "hw.sim.world.renderer",
     "relay": "tams_app.video.live.relay",
     "guard": "hw.guard.process",
-    "operator": "tams_app.session.operator_process",
+    "operator": "tams_app.station.operator_process",
     "ros2": "tams_app.session.ros2_process",
 }
 pytestmark = [

@@ -11,7 +11,7 @@ from hw.sim.layout import BLOCK_HEIGHT_M, draw_layout
 from hw.sim.operator.task import GRASP_ABOVE_CENTRE_M, RELEASE_HEIGHT_M, TRAVEL_HEIGHT_M
 from tams_app.config import CONFIG_DIRECTORY, dump_config, load_config
 from tams_app.errors import ConfigError
-from tams_app.session.build import check_ready_pose
+from tams_app.robot.build import check_ready_pose
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.workspace import Workspace
 

@@ -15,8 +15,8 @@ ROOT = Path(__file__).parent.parent
 def test_a_session_with_real_devices_loads_no_simulator():
     load = (
         "import sys; sys.modules['mujoco'] = None\n"  # importing it raises ImportError
-        "import tams_app.console.app, tams_app.session.build, tams_app.session.devices\n"
-        "import tams_app.console.home, tams_app.session.dry_run\n"
+        "import tams_app.console.app, tams_app.robot.build, tams_app.robot.devices\n"
+        "import tams_app.console.home, tams_app.robot.dry_run\n"
         "import hw.openvr.controller, hw.make_camera\n"
     )
     subprocess.run([sys.executable, "-c", load], cwd=ROOT, check=True, timeout=100)

@@ -21,11 +21,12 @@ from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ArmState, Outcome, Pose, SceneTruth
+from tams_app.robot import build
+from tams_app.robot.control import Signals, SteadyVideo
+from tams_app.robot.listener import Listener
+from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session import build
-from tams_app.session.control import Signals, SteadyVideo
-from tams_app.session.listener import Listener
-from tams_app.session.recorders import SessionRecords, session_header
+from tams_app.session.recorders import session_header
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.records import TeleopOutput

@@ -16,7 +16,7 @@ import numpy as np
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.records import Frame
-from tams_app.session.virtual.trial import run_virtual_trial
+from tams_app.session.virtual.runner import run_virtual_trial
 from tams_app.study.plan import PlannedTrial
 from tams_app.study.runner import SUMMARY_NAME
 from tams_app.study.trial_process import Job, LocalPool

@@ -13,12 +13,12 @@ import numpy as np
 from benchmarks.experiments.moving_frames import image
 from tams_app.config import Config, Network, load_config
 from tams_app.records import Frame, PacketArrival, UplinkReport
+from tams_app.robot.policy_loop import PolicyLoop
+from tams_app.robot.session_records import SessionRecords
+from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.worker import Worker
-from tams_app.session.policy_loop import PolicyLoop
-from tams_app.session.recorders import SessionRecords
-from tams_app.session.video import Video
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import repair_rule
 from tams_app.video.live.receiver import VideoReceiver

@@ -16,7 +16,7 @@ from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import LOG_NAME, SessionLog, read_log
-from tams_app.session.build import task_geometry
+from tams_app.robot.build import task_geometry
 
 Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
 _MARKED = " (marked)"

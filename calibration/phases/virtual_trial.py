@@ -15,13 +15,14 @@ from hw.sim.operator.demo import demo_controller
 from hw.sim.operator.participant import ParticipantProfile
 from tams_app.config import Config
 from tams_app.records import SceneTruth, Tick
+from tams_app.robot import build
+from tams_app.robot.control import ControlLoop, Signals, SteadyVideo
+from tams_app.robot.listener import Listener
+from tams_app.robot.observers import TRIAL_RATE_HZ, ArmingObserver, TrialObserver
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session import build
-from tams_app.session.control import ControlLoop, Signals, SteadyVideo
-from tams_app.session.listener import Listener
-from tams_app.session.observers import TRIAL_RATE_HZ, ArmingObserver, TrialObserver
 from tams_app.session.virtual.rig import VirtualRobot
-from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS, repeat
+from tams_app.session.virtual.side import repeat
+from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS
 from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_S
 from tams_app.video.virtual.event_queue import EventQueue

@@ -23,9 +23,9 @@ from tams_app.console.window.session_face import (
 from tams_app.console.wishes import Wish, actions_of, carry_out
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.printing import Console
+from tams_app.robot.build import check_names, check_ready_pose, check_views
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.session.build import check_names, check_ready_pose, check_views
 from tams_app.session.folder import create_session_folder
 from tams_app.session.run import run
 from tams_app.session.sentences import Sentences

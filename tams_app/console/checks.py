@@ -22,9 +22,9 @@ from tams_app.console.doctor import Check, Finding, tried
 from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
 from tams_app.policy.budget import BUDGETS
+from tams_app.robot.build import starts_at_capacity
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
-from tams_app.session.build import starts_at_capacity
 from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.udp import requested_ports
 
@@ -64,7 +64,7 @@ def configuration(config: Config) -> Iterator[Finding]:
     """What `run` refuses before it makes anything: names and a ready pose that cannot be."""
     try:  # these need the libraries looked at above
         from tams_app.console.faces import check_faces
-        from tams_app.session.build import check_names, check_ready_pose
+        from tams_app.robot.build import check_names, check_ready_pose
     except ImportError as error:
         yield Finding("Configuration", False, str(error), "install the Python libraries first")
         return

@@ -14,15 +14,15 @@ from tams_app.config import Config
 from tams_app.console.terminal import TerminalKeys, handled_signals
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
 from tams_app.printing import Console
+from tams_app.robot.build import check_ready_pose
+from tams_app.robot.guarding import SILENCE_NS
+from tams_app.robot.home_run import HomeRun
+from tams_app.robot.homing import HomingState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.worker import Worker
 from tams_app.session.awake import KeptAwake
-from tams_app.session.build import check_ready_pose
-from tams_app.session.guarding import SILENCE_NS
-from tams_app.session.home_run import HomeRun
-from tams_app.session.homing import HomingState
 
 _POLL_S = 0.02
 _LAST_WORDS_S = 1.0

@@ -17,10 +17,10 @@ from tams_app.console.faces import check_faces
 from tams_app.errors import SignalledError, TamsError
 from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, SessionLog, read_log
+from tams_app.robot.build import check_names, check_ready_pose
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.build import check_names, check_ready_pose
+from tams_app.runtime.machine_speed import this_machine
 from tams_app.session.folder import create_session_folder
-from tams_app.session.machine_speed import this_machine
 from tams_app.session.run import run
 from tams_app.summary.frame_rate import ENOUGH
 from tams_app.summary.summarise import LATE_NS

@@ -14,8 +14,8 @@ from tams_app.errors import ConfigError
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console
+from tams_app.robot.build import check_hand
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.build import check_hand
 from tams_app.session.operate import operate
 from tams_app.session.robot import robot
 from tams_app.session.session import Session

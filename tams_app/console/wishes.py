@@ -7,7 +7,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Protocol, TypeAlias
 
-from tams_app.session.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 
 Action: TypeAlias = Callable[[], None]
 

@@ -23,6 +23,9 @@ class ControllerStatus(StrEnum):
     LINK_GAPS = "link gaps"  # too many, beyond what is bridged
 
 
+GRIP_SHOWN_ABOVE = 0.5
+
+
 @dataclass(frozen=True, slots=True)
 class Presses:
     """How often each button has gone down since its device was read first."""
@@ -52,6 +55,17 @@ class ControllerSample:
     b: bool  # opens the gripper on its edge
     menu: bool  # held 1 s: confirm; clicked: emergency stop
     presses: Presses = Presses()
+
+    @property
+    def pressed(self) -> tuple[str, ...]:
+        """Names of the buttons that are down, other than the trigger."""
+        down = {
+            "grip": self.grip > GRIP_SHOWN_ABOVE,
+            "A": self.a,
+            "B": self.b,
+            "menu": self.menu,
+        }
+        return tuple(name for name, is_down in down.items() if is_down)
 
 
 class Haptic(StrEnum):

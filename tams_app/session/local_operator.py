@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from hw.controller import Controller
 from tams_app.config import Config
 from tams_app.records import SteeredBy
-from tams_app.session.operator import StreamedOperator
-from tams_app.session.receivers import Receivers
-from tams_app.session.station import Station
+from tams_app.robot.operator import StreamedOperator
+from tams_app.station.receivers import Receivers
+from tams_app.station.station import Station
 from tams_app.teleop.hands import hand_of
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrames

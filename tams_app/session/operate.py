@@ -12,14 +12,14 @@ from msgspec.structs import replace
 from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.records import SessionState
+from tams_app.robot import build
 from tams_app.runtime.clock import Clock
-from tams_app.session import build
-from tams_app.session.operator_link import OperatorLink
-from tams_app.session.requests import Requests
-from tams_app.session.robot_call import call_robot
-from tams_app.session.robot_watch import RobotWatch
 from tams_app.session.session import Session
-from tams_app.session.station import MakeHand, Station
+from tams_app.station.linked_robot import LinkedRobot
+from tams_app.station.requests import Requests
+from tams_app.station.robot_call import call_robot
+from tams_app.station.robot_watch import RobotWatch
+from tams_app.station.station import MakeHand, Station
 
 _STOP_TOLD_NS = 100_000_000
 
@@ -46,7 +46,7 @@ def operate(
         log = session.open_log(ours, is_real=not call.welcome.simulated)
         call.record(log)
         station = Station(ours, clock, parts, log, session.displays, make_hand)
-        link = OperatorLink(
+        link = LinkedRobot(
             clock,
             call.gateway,
             requests,
@@ -82,7 +82,7 @@ class OperatorSide:
 
     session: Session
     station: Station
-    link: OperatorLink
+    link: LinkedRobot
     watch: RobotWatch
 
     @property

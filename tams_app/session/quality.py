@@ -8,7 +8,7 @@ from pathlib import Path
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import Frame, FrameQuality
-from tams_app.session.devices import Note
+from tams_app.robot.devices import Note
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import FrameBlock
 from tams_app.video.live.quality_client import QualityClient

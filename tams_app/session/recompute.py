@@ -21,9 +21,9 @@ from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import make_inference
 from tams_app.recording import SessionLog
 from tams_app.records import Allocation, Tick, TickInputs, UplinkReport
-from tams_app.session import build
-from tams_app.session.control import tick_of
-from tams_app.session.engine import VIDEO_DELAY_FACT
+from tams_app.robot import build
+from tams_app.robot.control import tick_of
+from tams_app.robot.engine import VIDEO_DELAY_FACT
 from tams_app.teleop.records import TeleopInput
 from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_S

@@ -4,113 +4,24 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import Protocol
 
 import psutil
 
 from tams_app import __version__
-from tams_app.capacity import Capacity
 from tams_app.config import Config
-from tams_app.recording import LOG_NAME, Facts, Header, Recorder, ReferenceRecorder
-from tams_app.recording.topics import Recordable
-from tams_app.records import (
-    Allocation,
-    Frame,
-    LinkCapacity,
-    Note,
-    PacketRecord,
-    PhaseChange,
-    ServoMode,
-    StopRecord,
-    SystemSample,
-    Tick,
-    UplinkSummary,
-)
+from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
+from tams_app.recording.writer import DirectRecorder
+from tams_app.records import ServoMode, SystemSample
+from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import Clock
-from tams_app.session.listener import Listener
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import invite_viewers, viewers_of
 
 REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
-
-
-class Log(Protocol):
-    """Keeps records; a frame's pixels are let go."""
-
-    def record(self, item: Recordable) -> None:
-        """Keep one record."""
-
-    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
-        """Keep the fates of a batch of datagrams."""
-
-
-class SessionRecords(Listener):
-    """What a session tells its log: live (`Recorders`) and in virtual time."""
-
-    def __init__(
-        self,
-        clock: Clock,
-        log: Log,
-        reference: ReferenceRecorder | None = None,
-        show: Callable[[str], None] = lambda _text: None,
-    ) -> None:
-        """`show` gets the text of each note, too."""
-        self._clock = clock
-        self._log = log
-        self._reference = reference
-        self._show = show
-        self._last_capacity_kbps: float | None = None
-        self._capacity_ns = clock.now_ns()
-
-    def record(self, item: Recordable) -> None:
-        """Keep one record in the log."""
-        self._log.record(item)
-
-    def packets(self, packets: list[PacketRecord]) -> None:
-        """Keep the fates of a batch of datagrams."""
-        self._log.record_packets(packets)
-
-    def capture(self, frame: Frame) -> None:
-        """Keep a captured frame's time, and its pixels if that was asked for."""
-        self._log.record(frame)
-        if self._reference is not None:
-            self._reference.record(frame)
-
-    def on_phase(self, change: PhaseChange) -> None:
-        self._log.record(change)
-
-    def on_tick(self, tick: Tick) -> None:
-        self._log.record(tick)
-
-    def on_stop(self, stop: StopRecord) -> None:
-        self._log.record(stop)
-
-    def on_allocation(self, allocation: Allocation) -> None:
-        self._log.record(allocation)
-
-    def note(self, level: str, text: str) -> None:
-        """Keep a sentence for people; `level` is info, warning or error."""
-        self._show(text)
-        self._log.record(Note(self._clock.now_ns(), level, text))
-
-    def fact(self, name: str, value: str) -> None:
-        """Keep something that was learned after the start."""
-        self._log.record(Facts(self._clock.now_ns(), {name: value}))
-
-    def capacity(self, now_ns: int, capacity: Capacity) -> None:
-        """Keep what the link has truly carried since the last call, when that has changed."""
-        kbps = capacity.mean_kbps(self._capacity_ns, now_ns)
-        self._capacity_ns = now_ns
-        if kbps != self._last_capacity_kbps:
-            self._last_capacity_kbps = kbps
-            self._log.record(LinkCapacity(now_ns, kbps))
-
-    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        self._log.record(summary)
 
 
 class Recorders(SessionRecords):
@@ -184,6 +95,24 @@ def session_header(config: Config, started_ns: int, wall_offset_ns: int) -> Head
         wall_offset_ns=wall_offset_ns,
         config=config.model_dump(mode="json"),
     )
+
+
+@contextmanager
+def virtual_records(
+    config: Config, folder: Path, clock: Clock, wall_start_ns: int
+) -> Iterator[SessionRecords]:
+    """The log of a session in virtual time that begins now, at `wall_start_ns` by the wall's clock.
+
+    It is written by whoever records, and closed at the end of the context.
+    """
+    keeping, now_ns = config.recording, clock.now_ns()
+    header = session_header(config, now_ns, wall_start_ns - now_ns)
+    viewers = viewers_of(config, live=False)
+    log = DirectRecorder(
+        folder / LOG_NAME, header, clock, keeping.min_free_mb, keeping.bitstream, viewers
+    )
+    with closing(log):
+        yield SessionRecords(clock, log)
 
 
 class LoadMonitor:

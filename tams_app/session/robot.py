@@ -7,11 +7,11 @@ from pathlib import Path
 from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
+from tams_app.robot import build
+from tams_app.robot.control import Signals
+from tams_app.robot.linked_operator import LinkedOperator
+from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
-from tams_app.session import build
-from tams_app.session.control import Signals
-from tams_app.session.linked_operator import LinkedOperator
-from tams_app.session.robot_side import RobotSide
 from tams_app.session.session import Session
 
 # what is sent again is 2 bytes longer, a parity packet 7

@@ -15,12 +15,12 @@ from typing import Any
 
 from tams_app.errors import HelperError, SetupError
 from tams_app.recording import Header
+from tams_app.robot.devices import Note
 from tams_app.ros2.extra import require_extra
 from tams_app.ros2.wire import EMERGENCY_STOP, STOP, encode
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.worker import Worker
-from tams_app.session.devices import Note
 from tams_app.units import NS_PER_S
 
 _POLL_S = 0.2

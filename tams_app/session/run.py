@@ -9,14 +9,14 @@ from msgspec.structs import replace
 
 from tams_app.config import Config
 from tams_app.records import SessionState
+from tams_app.robot import build
+from tams_app.robot.control import Signals
+from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
-from tams_app.session import build
-from tams_app.session.control import Signals
 from tams_app.session.local_operator import LocalOperator
 from tams_app.session.quality import LiveQuality
-from tams_app.session.robot_side import RobotSide
 from tams_app.session.session import Session
-from tams_app.session.station import Station
+from tams_app.station.station import Station
 
 
 def run(

@@ -19,11 +19,11 @@ from tams_app.console import app
 from tams_app.console.status import Words
 from tams_app.console.terminal import TerminalKeys
 from tams_app.console.wishes import Wish
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.robot.control import Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
-from tams_app.session.control import Signals
-from tams_app.session.displays import Displays
 from tams_app.session.sentences import Sentences
+from tams_app.station.displays import Displays
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting

@@ -214,7 +214,7 @@ def test_codecs_that_are_asked_for_and_not_here_are_absent_with_what_stands_in(
 def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(sys.modules, "tams_app.session.build", None)
+    monkeypatch.setitem(sys.modules, "tams_app.robot.build", None)
     (finding,) = lacks()
     assert "Python libraries" in finding.fix
 

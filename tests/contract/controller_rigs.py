@@ -38,7 +38,7 @@ from tams_app.link.messages import HandMessage, decode, encode
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
-from tams_app.session.operator_process import publish
+from tams_app.station.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.desk.fake_mouse import LEFT, FakeMouse, axes_report, buttons_report
 from tests.hw.desk.fake_mouse import RIGHT as RIGHT_BUTTON

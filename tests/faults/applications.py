@@ -25,8 +25,8 @@ from hw.lite6.codes import Register, State
 from tams_app.config import CONFIG_DIRECTORY, Config, dump_config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector
+from tams_app.robot.control import ControlLoop
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.control import ControlLoop
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tests.spoken import spoken
@@ -43,7 +43,7 @@ _MODULES = {
     "relay": "tams_app.video.live.relay",
     "guard": "hw.guard.process",
     "quality": "tams_app.video.live.quality_process",
-    "operator": "tams_app.session.operator_process",
+    "operator": "tams_app.station.operator_process",
     "link": "tams_app.link.gateway",
 }
 

@@ -21,14 +21,14 @@ from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
+from tams_app.robot import build
+from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.control import Signals
+from tams_app.robot.listener import Listener
+from tams_app.robot.observers import StopWatch
+from tams_app.robot.video import video_delay_ns
 from tams_app.runtime.clock import Clock
-from tams_app.session import build
-from tams_app.session.arm_gate import ArmGate
-from tams_app.session.control import Signals
-from tams_app.session.listener import Listener
-from tams_app.session.observers import StopWatch
 from tams_app.session.recorders import Recorders
-from tams_app.session.video import video_delay_ns
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.safety import Request as ArmRequest

@@ -13,14 +13,14 @@ from hw.camera import Camera
 from tams_app.config import Network, load_config
 from tams_app.errors import TamsError
 from tams_app.records import Frame, Image, PacketRecord, ShownFrame
+from tams_app.robot.senders import Capture, Senders
+from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
-from tams_app.session.displays import Displays
 from tams_app.session.local_operator import LocalOperator
-from tams_app.session.recorders import SessionRecords
-from tams_app.session.senders import Capture, Senders
-from tams_app.session.station import Station
+from tams_app.station.displays import Displays
+from tams_app.station.station import Station
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import AVDEC

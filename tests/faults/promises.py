@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tams_app.records import Activity, Tick
-from tams_app.session.control import describe
+from tams_app.robot.control import describe
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.bench import Bench
 from tests.faults.wire import Request

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tams_app.session.guarding import SILENCE_NS
+from tams_app.robot.guarding import SILENCE_NS
 from tams_app.teleop.records import Refusal, TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.bench import PERIOD_NS

@@ -11,8 +11,8 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.records import Frame, Image, ShownFrame
+from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.recorders import SessionRecords
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.teleop.safety import ArmingState, Reason

@@ -19,8 +19,8 @@ from hw.lite6.uxbus import Frame
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import load_config
 from tams_app.records import ArmState
+from tams_app.robot.guarding import Guarding
 from tams_app.runtime.worker import Worker
-from tams_app.session.guarding import Guarding
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import Request as ArmRequest
 from tams_app.units import NS_PER_S

@@ -66,8 +66,8 @@ def test_a_session_has_hand_face_strategy_budget_inference_and_network_of_anothe
 def test_an_arm_of_another_distribution_works_in_virtual_time(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from tams_app.config import load_config; "
-        "from tams_app.session.build import check_ready_pose; "
-        "from tams_app.session.virtual.trial import run_virtual_trial; "
+        "from tams_app.robot.build import check_ready_pose; "
+        "from tams_app.session.virtual.runner import run_virtual_trial; "
         "from tams_app.study.plan import Participant, ParticipantState; "
         "from tests.session.virtual.runs import PARTICIPANT, WALL_NS; "
         "config = load_config(Path(sys.argv[1]), {'arm.model': 'outside', 'seconds': 3.0}); "

@@ -21,6 +21,7 @@ from tams_app.config import load_config
 from tams_app.errors import SetupError
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase, PhaseChange
+from tams_app.robot.control import Signals
 from tams_app.ros2 import extra
 from tams_app.ros2.messages import Empty, ros_name
 from tams_app.ros2.participant import Participant
@@ -35,7 +36,6 @@ from tams_app.ros2.topics import (
 )
 from tams_app.ros2.types import type_hash
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.control import Signals
 from tams_app.session.recorders import Recorders
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import check_viewers

@@ -10,8 +10,8 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.errors import TamsError
+from tams_app.robot.control import Signals
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.control import Signals
 from tams_app.session.run import run
 
 pytestmark = pytest.mark.waiting

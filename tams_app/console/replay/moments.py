@@ -11,8 +11,7 @@ from tams_app.capacity import finite
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import Note, PacketKind, SessionState, ViewState
-from tams_app.session.status import pressed_buttons
-from tams_app.session.uplink_meter import WINDOW_NS
+from tams_app.robot.uplink_meter import WINDOW_NS
 from tams_app.summary.tables import FrameTable, Integers, PacketTable, known_packets
 from tams_app.teleop.hands import HAND_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -57,7 +56,7 @@ class Moments:
             t_s=(t_ns - log.header.started_ns) / NS_PER_S,
             arming="starting" if tick is None else tick.arming,
             deadman=tick is not None and tick.deadman,
-            pressed=pressed_buttons(None if tick is None else tick.controller),
+            pressed=() if tick is None else tick.controller.pressed,
             orientation_mode=tick is not None and tick.orientation_mode,
             phase="" if change is None else change.phase.value,
             reason="" if tick is None else tick.reason,

@@ -21,8 +21,8 @@ from tams_app.errors import UnreadableLogError
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import Note, SessionState
-from tams_app.session.displays import Displays
 from tams_app.session.sentences import Sentences
+from tams_app.station.displays import Displays
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 

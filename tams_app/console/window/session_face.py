@@ -25,7 +25,7 @@ from tams_app.console.wishes import Action, AskedSession, Wish
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.session.displays import Displays
+from tams_app.station.displays import Displays
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S

@@ -1,4 +1,4 @@
-"""The second shell around the same parts: a trial in virtual time, in one thread of one process.
+"""The same two sides in virtual time: a trial in one thread of one process.
 
 Live, threads and processes hand things to each other; here one queue of events says what is due.
 What is modelled of the time that things take, besides network and jitter buffer (measured live on
@@ -17,6 +17,6 @@ No tick, frame or packet is ever late for want of a processor, there is no guard
 for it to watch), and load and memory of a machine are not recorded: null in summary.json.
 """
 
-from tams_app.session.virtual.trial import SimulatedTrialRunner
+from tams_app.session.virtual.runner import SimulatedTrialRunner
 
 __all__ = ["SimulatedTrialRunner"]

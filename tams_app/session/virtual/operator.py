@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 from hw.controller import Controller
 from hw.sim.operator.seeing import SeeingParticipant
 from tams_app.config import Config
+from tams_app.recording.journal import Journal
 from tams_app.records import Image, ShownFrame, SteeredBy
-from tams_app.session.displays import Displays
-from tams_app.session.fresh_video import FreshVideo
-from tams_app.session.operator import Operator
-from tams_app.session.recorded_hand import recorded_hand
-from tams_app.session.recorders import SessionRecords
+from tams_app.robot.operator import Operator
+from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import FreshVideo
+from tams_app.station.recorded_hand import recorded_hand
 from tams_app.teleop.hands import hand_of
+
+MakeOperator: TypeAlias = (
+    "Callable[[Config, int, Journal, Callable[[ShownFrame], None]], VirtualOperator]"
+)
 
 
 class VirtualOperator(Operator):
@@ -27,7 +32,7 @@ class VirtualOperator(Operator):
         self,
         config: Config,
         participant_seed: int,
-        log: SessionRecords,
+        log: Journal,
         on_shown: Callable[[ShownFrame], None],
     ) -> None:
         """`on_shown` gets each frame too, after the captures that came before it.

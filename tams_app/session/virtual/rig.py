@@ -16,9 +16,9 @@ from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, SceneTruth, Vector
+from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.devices import Note
 from tams_app.runtime.clock import Clock
-from tams_app.session.arm_gate import ArmGate
-from tams_app.session.devices import Note
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual.event_queue import EventQueue
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 
 from tams_app.config import Config
 from tams_app.records import Frame, FrameQuality, ShownFrame
+from tams_app.robot.session_records import SessionRecords
+from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
-from tams_app.session.recorders import SessionRecords
-from tams_app.session.video import Video
 from tams_app.video.core.quality import Fate, Scorer, ViewQuality
 from tams_app.video.core.ssim import luma_of
 from tams_app.video.live.networks import resolve_network

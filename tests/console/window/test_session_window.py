@@ -19,7 +19,7 @@ from tams_app.console.window.session_face import SILENT_NS, facts_of
 from tams_app.console.wishes import Wish
 from tams_app.errors import SetupError
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
-from tams_app.session.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.teleop.clutch import Clutch
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.console.played_session import STATE, PlayedSession, window_processes

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,7 +17,8 @@ from hw.desk.keyboard import CLOSE, DEADMAN, MODE, OPEN, HeldKeys, KeyboardContr
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import Pose, SceneTruth
-from tams_app.session.virtual.trial import VirtualTrial
+from tams_app.session.virtual.operator import VirtualOperator
+from tams_app.session.virtual.trial import START_NS, VirtualTrial
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.session.virtual.runs import PARTICIPANT, WALL_NS, short
@@ -116,29 +118,35 @@ def _holds_or_taps(errors: list[float], tolerance: float, near: float) -> Iterat
         yield from [NO_KEYS] * (LOOK_NS // TAP_NS)
 
 
-class KeyboardTrial(VirtualTrial):
-    """A trial in virtual time whose hand is the keyboard's."""
+class KeyboardOperator(VirtualOperator):
+    """An operator who holds the keyboard and knows where things are, once `told`."""
 
-    def _hand(self, participant_seed: int) -> tuple[Controller, Callable[[int], None]]:
-        keyboard = KeyboardController(self._config.controller.desk, self._config.hand.rotation)
-        work = Person(self._robot.truth).work()
-        began_ns = self._clock.now_ns()
-        keys, next_ns = NO_KEYS, began_ns + 2 * NS_PER_S
+    def __init__(self, config: Config, *arguments: Any) -> None:
+        super().__init__(config, *arguments)
+        self._keyboard = KeyboardController(config.controller.desk, config.hand.rotation)
+        self._keys, self._next_ns = NO_KEYS, START_NS + 2 * NS_PER_S
 
-        def look(now_ns: int) -> None:
-            nonlocal keys, next_ns
-            if now_ns - began_ns < NS_PER_S:
-                self._engine.control._signals.confirm()
-            elif now_ns >= next_ns:
-                keys = next(work) | {DEADMAN}
-                next_ns = now_ns + TAP_NS
-            keyboard.feed(HeldKeys(keys, True, now_ns))
+    def told(self, truth: Callable[[], SceneTruth], confirm: Callable[[], None]) -> None:
+        self._work, self._confirm = Person(truth).work(), confirm
 
-        return keyboard, look
+    def take_controller(self) -> Controller:
+        self._keyboard.start()
+        return self._keyboard
+
+    def look(self, now_ns: int) -> None:
+        if now_ns - START_NS < NS_PER_S:
+            self._confirm()
+        elif now_ns >= self._next_ns:
+            self._keys = next(self._work) | {DEADMAN}
+            self._next_ns = now_ns + TAP_NS
+        self._keyboard.feed(HeldKeys(self._keys, True, now_ns))
 
 
 def drive(config: Config, folder: Path) -> SessionLog:
-    trial = KeyboardTrial(config, PARTICIPANT, folder, WALL_NS)
+    trial = VirtualTrial(config, PARTICIPANT, folder, WALL_NS, make_operator=KeyboardOperator)
+    operator, robot = trial._operator, trial._robot
+    assert isinstance(operator, KeyboardOperator)
+    operator.told(robot._robot.truth, robot._engine.control._signals.confirm)
     try:
         trial.run()
     finally:

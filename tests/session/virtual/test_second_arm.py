@@ -13,8 +13,8 @@ from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Activity, ServoMode
-from tams_app.session import build
-from tams_app.session.virtual.trial import run_virtual_trial
+from tams_app.robot import build
+from tams_app.session.virtual.runner import run_virtual_trial
 from tests.session.virtual.runs import PARTICIPANT, WALL_NS, short
 
 pytestmark = [pytest.mark.untimed, pytest.mark.timeout(600)]

@@ -16,7 +16,8 @@ from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.virtual import trial as trial_module
 from tams_app.session.virtual.rig import DELIVERY_NS
-from tams_app.session.virtual.trial import START_NS, VirtualTrial, run_virtual_trial
+from tams_app.session.virtual.runner import run_virtual_trial
+from tams_app.session.virtual.trial import START_NS, VirtualTrial
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_interval import freeze_ns

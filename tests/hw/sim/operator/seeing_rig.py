@@ -11,9 +11,9 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Vector
+from tams_app.robot import build
+from tams_app.robot.control import Signals, SteadyVideo
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session import build
-from tams_app.session.control import Signals, SteadyVideo
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.units import NS_PER_MS, NS_PER_S
 

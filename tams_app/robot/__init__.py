@@ -1,0 +1,1 @@
+"""The robot's side of a session: everything that can stop the arm."""

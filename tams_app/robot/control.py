@@ -1,0 +1,284 @@
+"""The control loop: 120 times a second from hand to arm, and from the arm to the phase."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from hw.arm import Arm
+from hw.controller import Controller
+from tams_app.config import Config
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import (
+    ArmState,
+    CommandLink,
+    ControllerSample,
+    Tick,
+    TickInputs,
+    Twist,
+)
+from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.listener import Listener
+from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
+from tams_app.teleop.records import TeleopInput, TeleopOutput
+from tams_app.teleop.safety import Reason, Request
+from tams_app.units import NS_PER_MS
+
+if TYPE_CHECKING:
+    from tams_app.policy.inference import Inference
+
+ENDLESS_NS = 1 << 62  # the age of video that shows nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """What has come in since the last tick, and the faults that stay until the session ends."""
+
+    confirm: bool
+    estop: bool
+    faults: tuple[Reason, ...]
+
+
+class Signals:
+    """Confirmations, emergency stops and faults: set from any thread, taken once per tick.
+
+    What must not wait for a tick stops the arm as well, at once and over the driver's stop channel.
+    """
+
+    def __init__(self) -> None:
+        self._stop_arm: Callable[[], None] = lambda: None  # until there is a control loop
+        self._confirm = False
+        self._estop = False
+        self._faults: dict[Reason, None] = {}
+        self._trips: dict[Reason, None] = {}
+
+    def confirm(self, asked_ns: int | None = None) -> None:
+        """The operator agrees: arm, or clear a fault. Who calls has judged when (`asked_ns`)."""
+        self._confirm = True
+
+    def stop_with(self, stop_arm: Callable[[], None]) -> None:
+        """What stops the arm at once: from any thread, without blocking."""
+        self._stop_arm = stop_arm
+
+    def estop(self) -> None:
+        """Emergency stop: of the arm at once, and a fault of the next tick."""
+        self._estop = True  # first: a tick that sees the arm stopped knows why
+        self._stop_arm()
+
+    def fail(self) -> None:
+        """The session has failed: stop the arm at once, and for good."""
+        self.fault(Reason.SESSION_FAILED)
+        self._stop_arm()
+
+    def fault(self, reason: Reason) -> None:
+        """Something the arm must not move without is gone, until the session ends."""
+        self._faults[reason] = None  # one operation: two threads never lose one of two faults
+
+    def trip(self, reason: Reason) -> None:
+        """Something that stopped the arm once; the operator may confirm it away."""
+        self._trips[reason] = None
+
+    def take(self) -> Pending:
+        """Everything pending; confirmations and stops are used up by this."""
+        trips = tuple(self._trips)
+        pending = Pending(self._confirm, self._estop, (*self._faults, *trips))
+        # only what was seen is used up: a stop that comes in between is taken by the next tick
+        if pending.confirm:
+            self._confirm = False
+        if pending.estop:
+            self._estop = False
+        for reason in trips:
+            del self._trips[reason]
+        return pending
+
+
+class ShownVideo(Protocol):
+    """What the control loop must know of the video; what counts says `fresh_video`."""
+
+    def age_ns(self, view: str, now_ns: int) -> int | None:
+        """Age of the newest frame of `view` that counts; None before the first."""
+
+    def is_damaged(self, view: str) -> bool:
+        """Whether a newer frame of `view` is shown, which does not count: it is not whole."""
+
+
+class Teleoperation(Protocol):
+    """From what has come in to a command: `teleop.loop.Teleop`."""
+
+    def step(self, told: TeleopInput) -> TeleopOutput: ...
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyVideo:
+    """The video of a loop that has none: every frame is shown at the same age."""
+
+    delay_ns: int = 0
+
+    def age_ns(self, view: str, now_ns: int) -> int:
+        return self.delay_ns
+
+    def is_damaged(self, view: str) -> bool:
+        return False
+
+
+class ControlLoop:
+    """One tick: sample, step, send, infer the phase, record; the body of a Worker."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        controller: Controller,
+        arm: Arm,
+        gate: ArmGate,
+        video: ShownVideo,
+        signals: Signals,
+        teleop: Teleoperation,
+        inference: Inference,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
+        """`build.control_loop` makes one with the configured teleoperation and inference."""
+        self._clock = clock
+        self._sleep = SleepWatch(clock)
+        self._rate_hz = config.control.rate_hz
+        self._controller = controller
+        self._arm = arm
+        self._gate = gate
+        self._video = video
+        self._signals = signals
+        self._listeners = tuple(listeners)
+        signals.stop_with(gate.stop)
+        self._teleop, self._phases = teleop, inference
+        self._weights = WeightMatrix(config.policy.weights.matrix)
+        # from the light to the capture time stamp, as calibrated; the rig's own cameras have none
+        cameras = {} if config.rig.enabled else config.cameras
+        self._camera_delays_ns = {
+            view: round(camera.latency_ms * NS_PER_MS) for view, camera in cameras.items()
+        }
+
+    def run(self, stop: threading.Event) -> None:
+        rate = FixedRate(self._clock, self._rate_hz)
+        while not stop.is_set():
+            due_ns = rate.wait()
+            if stop.is_set():
+                return  # the session's end is about to stop the arm: that is no fault
+            self.tick(due_ns, rate.skipped)
+
+    def tick(self, due_ns: int, skipped: int = 0) -> TeleopOutput:
+        """One control period, due at `due_ns`."""
+        now_ns = self._clock.now_ns()
+        if self._sleep.slept():  # whatever lies in queues and memories is from before
+            self._signals.trip(Reason.COMPUTER_SLEPT)
+            for listener in self._listeners:
+                listener.on_wake(now_ns)
+        # heard first: that the guard stopped the arm is the reason, what the arm reports follows
+        for listener in self._listeners:
+            listener.before_tick(now_ns)
+        sample = self._controller.sample(now_ns)
+        ready, arm, link = self._gate.ready, self._arm.state(), self._arm.link()
+        told = self._input(now_ns, sample, ready, arm, link)
+        output = self._teleop.step(told)
+        self._act(output)
+        change = self._phases.step(now_ns, arm)
+        if change is not None:
+            for listener in self._listeners:
+                listener.on_phase(change)
+        for listener in self._listeners:
+            listener.on_output(now_ns, output, arm)
+        tick = tick_of(told, output, self._phases, due_ns, self._clock.now_ns(), skipped)
+        for listener in self._listeners:
+            listener.on_tick(tick)
+        return output
+
+    def _input(
+        self,
+        now_ns: int,
+        sample: ControllerSample,
+        ready: bool,
+        arm: ArmState | None,
+        link: CommandLink,
+    ) -> TeleopInput:
+        """`ready`, `arm` and `link` as they were before: who stops the arm signals it first."""
+        pending = self._signals.take()
+        view = self._weights.primary_view(self._phases.phase)
+        age_ns = self._video.age_ns(view, now_ns)
+        if age_ns is not None:
+            age_ns += self._camera_delays_ns.get(view, 0)
+        return TeleopInput(
+            now_ns=now_ns,
+            sample=sample,
+            arm=arm,
+            link=link,
+            arm_ready=ready,
+            video_age_ns=ENDLESS_NS if age_ns is None else age_ns,
+            confirm=pending.confirm,
+            estop=pending.estop,
+            faults=pending.faults,
+            video_damaged=self._video.is_damaged(view),
+        )
+
+    def _act(self, output: TeleopOutput) -> None:
+        if output.stop:  # ends every motion; a zero twist would only queue up behind it
+            self._gate.stop()
+        elif output.twist is not None:
+            self._arm.send_twist(output.twist)
+        if output.gripper is not None:
+            self._arm.set_gripper(output.gripper)
+        if output.haptic is not None:
+            self._controller.pulse(output.haptic)
+        if output.request is not Request.NONE:
+            self._gate.request(output.request)
+
+
+def tick_of(
+    told: TeleopInput,
+    output: TeleopOutput,
+    phases: Inference,
+    due_ns: int,
+    finished_ns: int,
+    skipped: int,
+) -> Tick:
+    """The tick as it is logged."""
+    return Tick(
+        due_ns=due_ns,
+        started_ns=told.now_ns,
+        finished_ns=finished_ns,
+        skipped=skipped,
+        arming=output.arming.value,
+        reason=describe(output),
+        deadman=output.deadman,
+        orientation_mode=output.orientation_mode,
+        phase=phases.phase,
+        speed=phases.speed,
+        vertical_speed=phases.vertical_speed,
+        speed_scale=output.speed_scale,
+        twist=output.twist or Twist.zero(),
+        controller=told.sample,
+        arm=told.arm,
+        link=told.link,
+        gripper=output.gripper,
+        stop=output.stop,
+        inputs=TickInputs(
+            told.arm_ready,
+            told.video_age_ns,
+            told.confirm,
+            told.estop,
+            tuple(fault.label for fault in told.faults),
+            told.video_damaged,
+        ),
+        lasting=lasting_label(output),
+    )
+
+
+def lasting_label(output: TeleopOutput) -> str:
+    """Of the reason whose cause is still there; "": it is gone."""
+    return "" if output.lasting is None else output.lasting.label
+
+
+def describe(output: TeleopOutput) -> str:
+    """Why the arm does not move, "" if nothing holds it: the reason's label and its detail."""
+    if output.reason is None:
+        return ""
+    return f"{output.reason.label}: {output.detail}" if output.detail else output.reason.label

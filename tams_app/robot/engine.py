@@ -1,0 +1,93 @@
+"""The parts between controller, arm and encoders, built once for both clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from tams_app.config import Config
+from tams_app.records import Phase, PhaseChange, StopRecord
+from tams_app.robot import build
+from tams_app.robot.control import Signals
+from tams_app.robot.devices import ConnectedDevices
+from tams_app.robot.listener import Listener
+from tams_app.robot.observers import ArmingObserver, StopWatch, TrialObserver
+from tams_app.robot.operator import Operator
+from tams_app.robot.policy_loop import PolicyLoop
+from tams_app.robot.session_records import SessionRecords
+from tams_app.robot.video import Video
+from tams_app.runtime.clock import Clock
+from tams_app.teleop.hands import HAND_FACT
+
+VIDEO_DELAY_FACT = "video_delay_ns"
+
+
+class Engine:
+    """Control, policy, observers and judge of one session; it makes no thread and no file.
+
+    Its owner runs the loops: `robot_side.RobotSide` gives each a thread, `virtual.VirtualTrial`
+    events. A phase change goes from the control loop through the
+    listeners straight to the policy loop, which sets the encoders' targets.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        devices: ConnectedDevices,
+        operator: Operator,
+        video: Video,
+        log: SessionRecords,
+        signals: Signals,
+        ended: Callable[[], None],
+        listeners: Sequence[Listener] = (),
+        arm_at_once: bool = False,
+        placed: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`ended` is told that the trial is over; `listeners` hear everything after the others,
+        and `operator` last. `placed`: see `TrialObserver`.
+        """
+        listeners = (*listeners, operator)
+        self._operator = operator
+        self._clock = clock
+        self._log = log
+        self._video = video
+        self._recorded = (log, *listeners)
+        self.stops = StopWatch(self._on_stop)
+        self.trial = TrialObserver(
+            config.trial,
+            clock,
+            devices.arm,
+            devices.truth,
+            log.record,
+            ended,
+            lambda: operator.is_simulated,  # a person takes their time
+            placed,
+        )
+        self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
+        arming = ArmingObserver(signals, log.note, lambda: operator.hand, arm_at_once)
+        guard = () if devices.guard is None else (devices.guard,)
+        self.control = build.control_loop(
+            config,
+            clock,
+            operator.take_controller(),
+            devices.arm,
+            devices.gate,
+            operator,
+            video.delay_ns,
+            signals,
+            # the guard first: its heartbeat before all else, armed and disarmed before it is told
+            (*guard, arming, self.trial, self.stops, log, self.policy, *listeners),
+        )
+
+    def _on_stop(self, stop: StopRecord) -> None:
+        for listener in self._recorded:
+            listener.on_stop(stop)
+
+    def begin(self, scheduler: str) -> None:
+        """Log the start; `scheduler` says what runs the control loop."""
+        self._log.fact("scheduler", scheduler)
+        self._log.fact(HAND_FACT, self._operator.hand)
+        self._log.fact("encoder", self._video.codecs.encoder.element)
+        self._log.fact("decoder", self._video.codecs.decoder.element)
+        self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))
+        self._log.on_phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))

@@ -1,0 +1,106 @@
+"""The guard process as the session sees it: armed with the arm, fed by the control loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from hw.guard.link import GuardLink, GuardMemory, guard_specification
+from hw.guard.motion import Cause, Motion
+from tams_app.config import ArmConfig, LimitsConfig
+from tams_app.records import ArmState
+from tams_app.robot.control import Signals
+from tams_app.robot.devices import Note
+from tams_app.robot.listener import Listener
+from tams_app.runtime.process import HelperProcess
+from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_MS
+
+SILENCE_NS = 200 * NS_PER_MS  # without an answer the arm has no guard
+
+_REASONS = {
+    Cause.NONE: Reason.GUARD_STOPPED,
+    Cause.SILENT: Reason.GUARD_STOPPED,
+    Cause.UNASKED: Reason.ARM_MOVED_UNASKED,
+    Cause.TOO_FAST: Reason.ARM_TOO_FAST,
+    Cause.OUTSIDE: Reason.ARM_OUTSIDE,
+    Cause.SLEPT: Reason.COMPUTER_SLEPT,
+}
+
+
+class Guarding(Listener):
+    """Starts the guard, beats it from the control loop, turns its silence and stops into faults."""
+
+    def __init__(
+        self,
+        arm: ArmConfig,
+        limits: LimitsConfig,
+        log_directory: Path,
+        signals: Signals,
+        note: Note,
+    ) -> None:
+        specification = guard_specification(arm, limits)
+        self.process = HelperProcess("guard", "hw.guard.process", specification, log_directory)
+        self._signals = signals
+        self._note = note
+        self._latched = False
+        self._silent = False  # while the arm was armed, and has not answered since
+        self._link: GuardLink | None = None
+        self._commanded = (Motion.REST, False, 0.0)  # in the last tick: motion, deadman, speed
+
+    def start(self) -> None:
+        """Start the process without waiting; see `wait_ready`."""
+        self.process.start()
+
+    def wait_ready(self) -> None:
+        """Connect to the guard; HelperError if it could not start."""
+        ready = self.process.wait_ready()
+        memory = GuardMemory(str(ready["memory"]))
+        self._link = GuardLink(memory, SILENCE_NS, lambda: self.process.exit_code is None)
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        """Arm and disarm the guard with the arm; it stays armed while the arm is being stopped.
+
+        What was commanded is in the next beat.
+        """
+        motion = Motion.FOLLOW if output.arming is ArmingState.ENGAGED else Motion.REST
+        speed = 0.0 if output.twist is None else float(np.linalg.norm(output.twist.linear))
+        self._commanded = (motion, output.deadman, speed)
+        link = self._link
+        wanted = output.arming.is_armed or (output.stop and link is not None and link.armed)
+        if link is None or link.armed == wanted:
+            return
+        if wanted:
+            link.arm()
+        else:
+            link.disarm()
+
+    def before_tick(self, now_ns: int) -> None:
+        """One heartbeat, and what the guard said becomes a fault of the tick that begins."""
+        link = self._link
+        if link is None:
+            return
+        link.beat(now_ns, *self._commanded)
+        if link.latched and not self._latched:
+            reason = _REASONS[link.cause]
+            self._note("warning", f"the guard process has stopped the arm: {reason.label}")
+            self._signals.trip(reason)
+        self._latched = link.latched
+        if not link.answers(now_ns):
+            self._silent = True
+        elif link.is_fresh(now_ns):
+            self._silent = False
+        if self._silent and link.ended:
+            self._signals.fault(Reason.GUARD_LOST)
+        elif self._silent:
+            self._signals.trip(Reason.GUARD_SILENT)  # in each tick, until it is back
+        elif link.arm_lost:
+            self._signals.trip(Reason.GUARD_BLIND)  # in each tick, until it is back
+
+    def close(self) -> None:
+        """Disarm and end the guard; the arm must have been stopped before."""
+        if self._link is not None:
+            self._link.close()
+        self.process.stop()

@@ -1,0 +1,162 @@
+"""What an operator's side says over the link: samples, what it shows, requests; on the robot's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from hw.link.controller import LinkController
+from tams_app.config import Config
+from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
+from tams_app.link.gateway_client import Received
+from tams_app.link.messages import HandMessage, MessageError, decode
+from tams_app.recording.journal import Journal
+from tams_app.records import HandHeard, Haptic, Presses, SteeredBy
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.robot.control import Signals
+from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
+from tams_app.video.core.frame_identity import SentFrames
+
+
+class LinkedHand:
+    """The newest sample, the frames that count there, and each request once; one thread's.
+
+    `controller`: the one in the operator's hand, which asks `receive` for what has come. `hand`:
+    what they drive with, of `HANDS`. `message`: the newest, whether it counted or not, heard at
+    `heard_ns`.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        signals: Signals,
+        log: Journal,
+        receive: Callable[[int], None],
+        pulse: Callable[[Haptic], None],
+    ) -> None:
+        self._config, self._signals, self._log = config, signals, log
+        self.controller = LinkController(config.link, receive, pulse)
+        self.hand = hand_of(config)
+        self.message: HandMessage | None = None
+        self.heard_ns = 0
+        self.is_armed = False
+        self._views = config.video.views
+        self._sent: Mapping[str, SentFrames] = {}
+        self._session = 0
+        self._operator: int | None = None
+        self._shown: dict[str, int | None] = dict.fromkeys(self._views)
+        self._captured_ns: dict[str, int] = {}  # of the frame that is shown, once it was found
+        self._damaged = dict.fromkeys(self._views, False)
+        self._confirms = self._stops = self._menu_presses = 0
+        self._awake_ns = 0  # since this computer was suspended last
+        self._offset = OffsetEstimate()
+        self._told: set[str] = set()
+
+    def follow(self, sent: Mapping[str, SentFrames]) -> None:
+        """What the RTP timestamps of shown frames stand for, by view."""
+        self._sent = sent
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether no person holds the controller, as far as is known."""
+        return self.message is None or self.message.simulated
+
+    @property
+    def offset(self) -> ClockOffset | None:
+        """The operator's clock against ours; None before the first exchange."""
+        return self._offset.now
+
+    def steered_by(self, view: str) -> SteeredBy:
+        """Of the frame that counts there; its age counts from its capture here until now.
+
+        So it is never taken for younger than it is.
+        """
+        timestamp = self._shown[view]
+        sent = None if timestamp is None else self._sent[view].find(timestamp)
+        if sent is not None:
+            self._captured_ns[view] = sent.capture_ns
+        return SteeredBy(timestamp, self._captured_ns.get(view), self._damaged[view])
+
+    def wake(self, now_ns: int) -> None:
+        """This computer was suspended: what is from before is too old."""
+        self._awake_ns = now_ns
+        self.controller.wake(now_ns)
+
+    def take(self, received: Received, key: str) -> None:
+        """Take in one message; `key`: whose it is, "" without keys."""
+        try:
+            message = decode(received.content, HandMessage)
+        except MessageError as error:
+            self.controller.refused["not understood"] += 1
+            self._tell_once(f"messages of the operator's side are left out: {error}")
+            return
+        if received.session != self._session:
+            self._begin(received.session, key)
+        if message.operator != self._operator:
+            self._operator = message.operator
+            self._confirms = self._stops = 0
+            self._menu_presses = Presses(*message.presses).menu
+        if message.simulated and not self._config.rig.enabled:
+            self._tell_once("a simulated operator moves no real arm: its samples are left out")
+            return
+        self._sample(message, received.heard_ns)
+        self._obey(message, received.heard_ns)
+
+    def _begin(self, session: int, key: str) -> None:
+        self._session = session
+        self.controller.let_go()
+        self._offset = OffsetEstimate()
+        self._shown = dict.fromkeys(self._views)
+        self._damaged = dict.fromkeys(self._views, False)
+        whose = f", with the key of {key}" if key else ""
+        self._log.note("info", f"an operator is connected{whose}")
+
+    def _sample(self, message: HandMessage, heard_ns: int) -> None:
+        if message.hand != self.hand and message.hand in HANDS:
+            self.hand = message.hand
+            self._log.fact(HAND_FACT, message.hand)
+        refusal = self.controller.take(message, heard_ns)
+        self._offset.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
+        self.message, self.heard_ns = message, heard_ns
+        for view, timestamp in zip(self._views, message.shown, strict=False):
+            self._shown[view] = timestamp
+        self._damaged.update(zip(self._views, message.damaged, strict=False))
+        self._log.record(
+            HandHeard(
+                t_ns=heard_ns,
+                sent_ns=message.sent_ns,
+                pose_ns=message.pose_ns,
+                echo_ns=message.echo_ns,
+                refusal=refusal,
+                operator=message.operator,
+            )
+        )
+
+    def _obey(self, message: HandMessage, heard_ns: int) -> None:
+        """Stops count however old they are; a confirmation only while it is fresh."""
+        if message.stops > self._stops:
+            self._stops = message.stops
+            self._signals.estop()
+        menu_presses = Presses(*message.presses).menu
+        if menu_presses > self._menu_presses:  # also one that no sample has shown
+            self._menu_presses = menu_presses
+            if self.is_armed:
+                self._signals.estop()
+        if message.confirms <= self._confirms:
+            return
+        self._confirms = message.confirms
+        bound_ns = age_bound_ns(heard_ns, message.echo_ns, self._awake_ns)
+        ago_ns = (bound_ns or 0) + message.sent_ns - message.confirmed_ns
+        if bound_ns is not None and 0 <= ago_ns <= CONFIRMED_AGO_NS:
+            self._signals.confirm()
+        else:
+            self._log.note("warning", TOO_LONG_AGO)
+
+    @property
+    def acknowledged(self) -> tuple[int, int]:
+        """Confirmations and stops that were taken in, of the operator who is there."""
+        return self._confirms, self._stops
+
+    def _tell_once(self, sentence: str) -> None:
+        if sentence not in self._told:
+            self._told.add(sentence)
+            self._log.note("warning", sentence)

@@ -1,0 +1,202 @@
+"""An operator at the other end of a link, as the robot's session knows them."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+
+from hw.controller import Controller
+from tams_app import __version__
+from tams_app.config import Config
+from tams_app.link.age import age_bound_ns
+from tams_app.link.gateway import LinkEvent, Routes
+from tams_app.link.gateway_client import Gateway
+from tams_app.link.messages import PROTOCOL, STATE_RATE_HZ, Welcome, encode
+from tams_app.recording.journal import Journal
+from tams_app.records import ArmState, LinkHealth, SessionState, SteeredBy, Tick
+from tams_app.robot.control import Signals
+from tams_app.robot.linked_hand import LinkedHand
+from tams_app.robot.linked_state import LinkedState
+from tams_app.robot.operator import StreamedOperator
+from tams_app.runtime.clock import Clock
+from tams_app.summary.joined import SESSION_FACT
+from tams_app.teleop.records import TeleopOutput
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.frame_identity import SentFrames
+from tams_app.video.core.packets import receiver_ssrc
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.udp import ViewPorts
+
+_STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
+_HEALTH_NS = NS_PER_S // 10
+_FAREWELLS = 5
+_WORKSPACE = {"box_min_mm", "box_max_mm", "radius_min_mm", "radius_max_mm", "floor_mm"}
+
+
+class LinkedOperator(StreamedOperator):
+    """Owner of the gateway; `open`, then all but `close` and `note` in the control thread."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        signals: Signals,
+        log: Journal,
+        make_gateway: Callable[[bytes], Gateway],
+        state_at: Callable[[int], SessionState],
+    ) -> None:
+        """`make_gateway`: of what an operator is told when they connect.
+
+        `state_at`: of this side at a time, asked for in the control thread.
+        """
+        self._config, self._clock, self._log = config, clock, log
+        self._make_gateway = make_gateway
+        self._gateway: Gateway | None = None
+        self._state = LinkedState(clock, state_at)
+        self._hand = LinkedHand(config, signals, log, self._receive, self._state.pulse)
+        self._sent: Mapping[str, SentFrames] = {}
+        self._revoked = False
+        self._state_due_ns = self._health_due_ns = 0
+
+    # --- start and end --------------------------------------------------------------------------
+
+    def open(
+        self, rule: RepairRule, feedback: bool, sent: Mapping[str, SentFrames]
+    ) -> dict[str, ViewPorts]:
+        """Listen for an operator; HelperError if the address cannot be used."""
+        config = self._config
+        self._sent = sent
+        self._hand.follow(sent)
+        welcome = Welcome(
+            protocol=PROTOCOL,
+            version=__version__,
+            session=secrets.token_hex(8),
+            name=config.name,
+            strategy=config.strategy,
+            network=config.network,
+            seed=config.seed,
+            feedback=feedback,
+            simulated=config.rig.enabled,
+            video=config.video.model_dump(mode="json"),
+            repair=asdict(rule),
+            hand_rotation=config.hand.rotation,
+            workspace=workspace_of(config),
+            stopped_after_ms=config.link.stopped_after_ms,
+        )
+        self._gateway = gateway = self._make_gateway(encode(welcome))
+        gateway.launch()
+        gateway.wait_ready()
+        self._log.fact(SESSION_FACT, welcome.session)
+        entrance = gateway.entrance_port
+        host = config.video.bind_host
+        return {view: ViewPorts(host, entrance, entrance, 0) for view in sent}
+
+    def connect(self, entrances: Mapping[str, ViewPorts]) -> None:
+        assert self._gateway is not None, "open it first"
+        video = self._config.video
+        ports = {receiver_ssrc(video, view): one.feedback for view, one in entrances.items()}
+        self._gateway.follow(Routes(rtp={}, rtcp=ports))
+
+    @property
+    def event(self) -> LinkEvent | None:
+        """How the link stands; None before it is open."""
+        return None if self._gateway is None else self._gateway.event
+
+    @property
+    def is_there(self) -> bool:
+        """Whether an operator is connected now."""
+        event = self.event
+        return event is not None and event.connected and not event.left
+
+    @property
+    def port(self) -> int:
+        """Where the operator's side must call."""
+        return 0 if self._gateway is None else self._gateway.port
+
+    def poll(self) -> str:
+        return ""  # the gateway is one of the helper processes that are watched
+
+    def end(self, reason: str, failed: bool) -> None:
+        gateway = self._gateway
+        if gateway is None:
+            return
+        if over := self._state.farewell(reason, failed):
+            for _ in range(_FAREWELLS):
+                gateway.send(over)
+                self._clock.sleep_until_ns(self._clock.now_ns() + 10 * NS_PER_MS)
+        gateway.say_goodbye()
+
+    def close(self) -> None:
+        if self._gateway is not None:
+            self._gateway.close()
+
+    # --- from the operator ----------------------------------------------------------------------
+
+    def take_controller(self) -> Controller:
+        self._hand.controller.start()
+        return self._hand.controller
+
+    @property
+    def hand(self) -> str:
+        return self._hand.hand
+
+    @property
+    def is_simulated(self) -> bool:
+        return self._hand.is_simulated
+
+    def steered_by(self, view: str) -> SteeredBy:
+        return self._hand.steered_by(view)
+
+    def _receive(self, now_ns: int) -> None:
+        gateway, hand = self._gateway, self._hand
+        if gateway is None:
+            return
+        for received in gateway.receive():
+            hand.take(received, gateway.event.operator)
+        event = gateway.event
+        if event.left:
+            hand.controller.let_go()
+        if event.revoked and not self._revoked:
+            name = event.operator
+            self._log.note("warning", f"the key of {name} was revoked: its operator is let go")
+        self._revoked = event.revoked
+
+    # --- to the operator ------------------------------------------------------------------------
+
+    def note(self, text: str) -> None:
+        self._state.note(text)
+
+    def on_wake(self, now_ns: int) -> None:
+        self._hand.wake(now_ns)
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        self._hand.is_armed = output.arming.is_armed
+
+    def on_tick(self, tick: Tick) -> None:
+        now_ns, hand = tick.started_ns, self._hand
+        if now_ns >= self._state_due_ns and self._gateway is not None:
+            self._state_due_ns = now_ns + _STATE_NS
+            first_ns = tuple(sent.first_ns for sent in self._sent.values())
+            told = self._state.datagram(hand.message, hand.heard_ns, hand.acknowledged, first_ns)
+            self._gateway.send(told)
+        if now_ns >= self._health_due_ns:
+            self._health_due_ns = now_ns + _HEALTH_NS
+            self._log.record(self._health(now_ns))
+
+    def _health(self, now_ns: int) -> LinkHealth:
+        clock, event, message = self._hand.offset, self.event, self._hand.message
+        return LinkHealth(
+            t_ns=now_ns,
+            connected=self.is_there,
+            age_bound_ns=None if message is None else age_bound_ns(now_ns, message.echo_ns),
+            offset_ns=None if clock is None else clock.offset_ns,
+            uncertainty_ns=None if clock is None else clock.uncertainty_ns,
+            refused=dict(self._hand.controller.refused),
+            ignored={} if event is None else dict(event.counts),
+        )
+
+
+def workspace_of(config: Config) -> dict[str, object]:
+    """`Welcome.workspace`."""
+    return config.limits.model_dump(mode="json", include=_WORKSPACE)

@@ -1,0 +1,185 @@
+"""What a session concludes from each tick: what to tell the operator, how stops went, the trial."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from hw.arm import Arm
+from tams_app.config import TrialConfig
+from tams_app.records import ArmState, Outcome, SceneTruth, StopRecord
+from tams_app.robot import build
+from tams_app.robot.control import Signals, describe, lasting_label
+from tams_app.robot.devices import Note
+from tams_app.robot.listener import Listener
+from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.task.judge import TrialJudge
+from tams_app.teleop.advice import advice, refusal
+from tams_app.teleop.hands import words_of_hand
+from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_S
+from tams_app.vectors import floats, norm
+
+CONFIRM_AGAIN_NS = NS_PER_S
+STANDING_M_S = 0.001
+TRIAL_RATE_HZ = 30.0
+_MIN_INTERVAL_S = 0.002
+_STOPPING = (ArmingState.HOLDING, ArmingState.FAULT)
+
+
+class ArmingObserver(Listener):
+    """Tells the operator of the arm's arming, and of confirmations that do not count.
+
+    `arm_at_once` confirms in the operator's place, once a second until the arm was armed once.
+    """
+
+    def __init__(
+        self, signals: Signals, note: Note, hand: Callable[[], str], arm_at_once: bool
+    ) -> None:
+        """`hand`: what drives the arm now, of `HANDS`."""
+        self._signals = signals
+        self._note = note
+        self._hand = hand
+        self._confirms = arm_at_once
+        self._confirmed_ns: int | None = None
+        self._arming = ArmingState.DISARMED
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        if output.arming is not self._arming:
+            self._arming = output.arming
+            self._note_arming(output)
+        if output.refusal is not None and not self._confirms:
+            why = refusal(output.refusal.in_the_way, words_of_hand(self._hand()))
+            self._note("warning", f"not confirmed: {why}")
+        self._confirm(now_ns)
+
+    def _confirm(self, now_ns: int) -> None:
+        self._confirms = self._confirms and self._arming is ArmingState.DISARMED
+        asked_ns = self._confirmed_ns
+        if self._confirms and (asked_ns is None or now_ns - asked_ns > CONFIRM_AGAIN_NS):
+            self._confirmed_ns = now_ns
+            self._signals.confirm()
+
+    def _note_arming(self, output: TeleopOutput) -> None:
+        if output.reason is None:
+            self._note("info", output.arming.value)
+        else:
+            told = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
+            self._note("warning", f"{output.arming.value}, {told}")
+
+
+class StopWatch(Listener):
+    """Measures how long the arm takes to stand still after a stop that was not the operator's own.
+
+    Hands out one `StopRecord` for each.
+    """
+
+    def __init__(self, record: Callable[[StopRecord], None]) -> None:
+        self._record = record
+        self._before = ArmingState.DISARMED
+        self._reason: Reason | None = None
+        self._visible_ns = 0
+        self._last: ArmState | None = None
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        speed = self._reported_speed(arm)
+        began = output.arming in _STOPPING and self._before not in _STOPPING
+        self._before = output.arming
+        if began and output.reason is not None:
+            self.finish()
+            self._reason, self._visible_ns = output.reason, now_ns
+            return
+        standing = speed is not None and speed < STANDING_M_S
+        if self._reason is not None and standing and arm and arm.received_ns > self._visible_ns:
+            self._record(StopRecord(self._reason.label, self._visible_ns, arm.received_ns))
+            self._reason = None
+
+    def finish(self) -> None:
+        """Record a stop whose end was not seen."""
+        if self._reason is not None:
+            self._record(StopRecord(self._reason.label, self._visible_ns, None))
+            self._reason = None
+
+    def _reported_speed(self, arm: ArmState | None) -> float | None:
+        """TCP speed [m/s] between this report and the last one; None without a new one."""
+        last = self._last
+        if arm is None or last is None:
+            self._last = arm
+            return None
+        interval_s = (arm.received_ns - last.received_ns) / NS_PER_S
+        if interval_s < _MIN_INTERVAL_S:
+            return None
+        self._last = arm
+        return norm(floats(arm.tcp.position - last.tcp.position)) / interval_s
+
+
+class TrialObserver(Listener):
+    """Asks the judge of a pick-and-place, 30 times a second until the trial has ended.
+
+    Without `truth` only a person can judge: then it knows nothing but why the session ended.
+    """
+
+    def __init__(
+        self,
+        config: TrialConfig,
+        clock: Clock,
+        arm: Arm,
+        truth: Callable[[], SceneTruth | None] | None,
+        record: Callable[[SceneTruth], None],
+        ended: Callable[[], None],
+        limited: Callable[[], bool] = lambda: True,
+        placed: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`limited`: whether it ends when the block is placed or its time is over. A person takes
+        their time and goes on for as long as they like; `placed` is told once, that they may end.
+        """
+        self._limited = limited
+        self._placed = placed
+        self._told_placed = False
+        self._judge = TrialJudge(config, build.task_geometry())
+        self._clock = clock
+        self._arm = arm
+        self._truth = truth
+        self._record = record
+        self._ended = ended
+
+    @property
+    def started(self) -> bool:
+        """The operator has engaged the arm."""
+        return self._judge.started
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        if output.arming is ArmingState.ENGAGED:
+            self._judge.engaged(now_ns)
+
+    def run(self, stop: threading.Event) -> None:
+        rate = FixedRate(self._clock, TRIAL_RATE_HZ)
+        while not stop.is_set():
+            rate.wait()
+            if self.look():
+                return
+
+    def look(self) -> bool:
+        """Record where things are and ask the judge; True once the trial has ended."""
+        scene = self._truth() if self._truth is not None else None
+        if scene is None:
+            return False
+        self._record(scene)
+        state = self._arm.state()
+        closed = state.gripper_closed if state is not None else None
+        if not self._judge.step(self._clock.now_ns(), scene, closed, self._limited()):
+            return False
+        if self._limited():
+            self._ended()
+            return True
+        if not self._told_placed:
+            self._told_placed = True
+            self._placed()
+        return False
+
+    def outcome(self, reason: str) -> Outcome:
+        """The verdict; `reason` says why the session ended."""
+        if self._truth is None:
+            return Outcome(None, None, None, None, reason)
+        return self._judge.outcome(reason)

@@ -1,0 +1,99 @@
+"""The policy loop: new targets 20 times a second, and at once when a phase begins; padding."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+from tams_app.config import Config
+from tams_app.policy.allocation import Policy
+from tams_app.policy.budget import BUDGETS
+from tams_app.records import Phase, PhaseChange, PolicyInputs
+from tams_app.robot.listener import Listener
+from tams_app.robot.session_records import SessionRecords
+from tams_app.robot.uplink_meter import summary_of
+from tams_app.robot.video import Video
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.told_packets import ToldPackets
+
+_PADDING_NS = 10 * NS_PER_MS  # trains shorter than the queue that a budget looks for
+_NEVER_NS = 1 << 62
+
+
+class PolicyLoop(Listener):
+    """Owner of the policy: turns the newest phase into targets of `video`; the body of a Worker."""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        video: Video,
+        log: SessionRecords,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
+        """`listeners` hear what was told of the uplink, and of each allocation once the encoders
+        have it.
+        """
+        self._policy = Policy.of(config, video.capacity)
+        self._period_ns = round(NS_PER_S / config.policy.rate_hz)
+        self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
+        budget = BUDGETS[config.policy.budget.mode]
+        self._keeps_inputs = budget.hears_reports
+        # when padding is due next
+        self._pad_ns = self._step_ns if budget.hears_packets else _NEVER_NS
+        self._clock = clock
+        self._video = video
+        self._log = log
+        self._listeners = tuple(listeners)
+        self._told = ToldPackets()
+        self._phase = Phase.REACH
+        self._woken = threading.Event()
+
+    @property
+    def due_ns(self) -> int:
+        """When there is something to do next, unless a phase begins before."""
+        return min(self._step_ns, self._pad_ns)
+
+    def on_phase(self, change: PhaseChange) -> None:
+        """Step at once for the phase that begins."""
+        self._phase = change.phase
+        self._woken.set()
+
+    def run(self, stop: threading.Event) -> None:
+        self._step_ns = self._clock.now_ns()
+        while not stop.is_set():
+            self.step_if_due()
+            self._woken.wait((self.due_ns - self._clock.now_ns()) / NS_PER_S)
+
+    def step_if_due(self) -> None:
+        """What is due: an allocation, at once where a phase has begun since the last; padding."""
+        now_ns = self._clock.now_ns()
+        if self._woken.is_set():
+            self._woken.clear()
+            self._step_ns = now_ns
+        if now_ns >= self._step_ns:
+            self._step_ns = max(self._step_ns + self._period_ns, now_ns)
+            self._step(now_ns)
+        if now_ns >= self._pad_ns:
+            self._pad_ns = now_ns + _PADDING_NS
+            if size_bytes := self._policy.padding_bytes(now_ns):
+                self._video.pad(size_bytes)
+
+    def _step(self, now_ns: int) -> None:
+        self._log.capacity(now_ns, self._video.capacity)
+        report = self._video.report(now_ns)
+        if report.arrivals or report.receptions:
+            told = self._told.step(report.arrivals)
+            summary = summary_of(report, told)
+            for listener in self._listeners:
+                listener.on_uplink(told, summary)
+        if self._keeps_inputs:
+            self._log.record(PolicyInputs.of(report))
+        allocation = self._policy.step(self._phase, report)
+        self._video.protect(report, allocation.target_kbps)
+        limit_bytes = self._policy.flight_limit_bytes(now_ns)
+        self._video.bound_flight(limit_bytes, allocation.target_kbps)
+        self._video.set_targets(allocation.target_kbps)
+        for listener in self._listeners:
+            listener.on_allocation(allocation)

@@ -1,0 +1,71 @@
+"""What the robot's side tells the log: each step, each frame captured, what the link carries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from tams_app.capacity import Capacity
+from tams_app.recording import ReferenceRecorder
+from tams_app.recording.journal import Journal, Log
+from tams_app.records import (
+    Allocation,
+    Frame,
+    LinkCapacity,
+    PacketRecord,
+    PhaseChange,
+    StopRecord,
+    Tick,
+    UplinkSummary,
+)
+from tams_app.robot.listener import Listener
+from tams_app.runtime.clock import Clock
+
+
+class SessionRecords(Journal, Listener):
+    """The journal of a session, which hears its steps; live (`Recorders`) and in virtual time."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        log: Log,
+        reference: ReferenceRecorder | None = None,
+        show: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        """`show` gets the text of each note, too."""
+        super().__init__(clock, log, show)
+        self._reference = reference
+        self._last_capacity_kbps: float | None = None
+        self._capacity_ns = clock.now_ns()
+
+    def packets(self, packets: list[PacketRecord]) -> None:
+        """Keep the fates of a batch of datagrams."""
+        self._log.record_packets(packets)
+
+    def capture(self, frame: Frame) -> None:
+        """Keep a captured frame's time, and its pixels if that was asked for."""
+        self._log.record(frame)
+        if self._reference is not None:
+            self._reference.record(frame)
+
+    def capacity(self, now_ns: int, capacity: Capacity) -> None:
+        """Keep what the link has truly carried since the last call, when that has changed."""
+        kbps = capacity.mean_kbps(self._capacity_ns, now_ns)
+        self._capacity_ns = now_ns
+        if kbps != self._last_capacity_kbps:
+            self._last_capacity_kbps = kbps
+            self._log.record(LinkCapacity(now_ns, kbps))
+
+    def on_phase(self, change: PhaseChange) -> None:
+        self._log.record(change)
+
+    def on_tick(self, tick: Tick) -> None:
+        self._log.record(tick)
+
+    def on_stop(self, stop: StopRecord) -> None:
+        self._log.record(stop)
+
+    def on_allocation(self, allocation: Allocation) -> None:
+        self._log.record(allocation)
+
+    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+        self._log.record(summary)

@@ -1,0 +1,138 @@
+"""The video that the robot's side sends, as its other parts know it: live, or in virtual time."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+
+from tams_app.config import Config, Network
+from tams_app.policy.allocation import Policy
+from tams_app.policy.budget import BUDGETS
+from tams_app.records import Frame, Phase, UplinkReport
+from tams_app.robot.session_records import SessionRecords
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS
+from tams_app.video.core.codecs import SOFTWARE, Codecs
+from tams_app.video.core.flight import FlightBound
+from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
+from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.protection import Protection
+from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.live.networks import network_capacity
+
+
+class Video(ABC):
+    """All views of one session, from the camera's frame to its packets."""
+
+    def __init__(
+        self,
+        config: Config,
+        network: Network,
+        clock: Clock,
+        epoch_ns: int,
+        log: SessionRecords,
+        on_captured: Callable[[Frame], None],
+        codecs: Codecs = SOFTWARE,
+    ) -> None:
+        """A capacity trace of `network` begins at `epoch_ns`.
+
+        `on_captured` gets each camera's frame before it is sent.
+        """
+        video = config.video
+        self.capacity = network_capacity(network, epoch_ns)
+        budget = BUDGETS[config.policy.budget.mode]
+        self._feedback = budget.hears_packets  # whether receivers tell of each packet
+        heard = video.views if budget.hears_reports else ()
+        self._heard = {view: HeardFeedback(view, media_ssrc(video, view)) for view in heard}
+        self._rule = repair_rule(
+            network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms
+        )
+        self.delay_ns = video_delay_ns(network, self._rule)
+        policy = Policy.of(config, self.capacity)
+        self._start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
+        self._source_drop_below_kbps = policy.source_drop_below_kbps
+        self.codecs = codecs
+        protected = video.views if self._rule.parity else ()
+        self._parity = {
+            view: ViewParity(parity_ssrc(video, view), self._feedback) for view in protected
+        }
+        always = video.repair.parity == "on"
+        self._protection = Protection(protected, network, self._rule, video.fps, always)
+        self._flight = FlightBound(video.views) if self._feedback else None
+        self._flight_lock = threading.Lock()  # cameras, policy and senders ask
+        self._clock = clock
+        self._log = log
+        self._on_captured = on_captured
+
+    def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
+        """Choose the parity of each view for what was told and for the targets that come now."""
+        if not self._parity:
+            return
+        self._protection.observe(report)
+        total_kbps = sum(target_kbps.values())
+        for view, parity in self._parity.items():
+            share = target_kbps[view] / total_kbps if total_kbps else 0.0
+            parity.groups = self._protection.groups(
+                view, share, parity.packets_per_frame, parity.changed_share
+            )
+
+    def push(self, frame: Frame) -> None:
+        """Send a captured frame; each view from one thread."""
+        self._log.capture(frame)
+        self._on_captured(frame)
+        self._send(frame, self._exceeds_flight(frame.view))
+
+    @abstractmethod
+    def set_targets(self, target_kbps: dict[str, int]) -> None:
+        """The wire rate each view is to meet from now on."""
+
+    def bound_flight(self, limit_bytes: float, target_kbps: Mapping[str, float]) -> None:
+        """So much may be under way from now on; where it is exceeded, frames are left out."""
+        if self._flight is not None:
+            with self._flight_lock:
+                self._flight.set(limit_bytes, target_kbps)
+
+    def may_resend(self, size_bytes: int) -> bool:
+        """Whether a packet may be sent again without exceeding what may be under way."""
+        if self._flight is None:
+            return True
+        with self._flight_lock:
+            return self._flight.admits_resend(size_bytes)
+
+    @abstractmethod
+    def pad(self, size_bytes: int) -> None:
+        """Send so much padding now, which no view's target pays for."""
+
+    def report(self, now_ns: int) -> UplinkReport:
+        """What the senders know of the uplink; each packet's arrival is told once."""
+        return uplink_report(now_ns, self._wire_bytes(), tuple(self._heard.values()))
+
+    @abstractmethod
+    def poll(self) -> str:
+        """The first failure of any stream in one sentence, "" while all work."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Stop everything that was started; may be called twice."""
+
+    def _exceeds_flight(self, view: str) -> bool:
+        if self._flight is None:
+            return False
+        told_ns = max(heard.newest_sent_ns for heard in self._heard.values())
+        sent_bytes = self._wire_bytes()
+        with self._flight_lock:
+            return self._flight.exceeded(view, self._clock.now_ns(), sent_bytes, told_ns)
+
+    @abstractmethod
+    def _send(self, frame: Frame, left_out: bool) -> None: ...
+
+    @abstractmethod
+    def _wire_bytes(self) -> int:
+        """IP datagram bytes sent so far, all views together."""
+
+
+def video_delay_ns(network: Network, rule: RepairRule) -> int:
+    """One-way latency plus jitter buffer: no frame is ever shown younger."""
+    return round((network.latency_ms + rule.latency_ms) * NS_PER_MS)

@@ -1,0 +1,58 @@
+"""Which frame of each view the operator can steer by: the age of the video counts from it."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from tams_app.records import ShownFrame, SteeredBy
+from tams_app.station.displays import Displays
+
+_WAITING = 64  # frames decoded since the last sign of life of a display: a second or two
+
+
+@dataclass(frozen=True, slots=True)
+class _Decoded:
+    shown_ns: int
+    index: int
+    capture_ns: int
+    whole: bool
+
+
+class FreshVideo:
+    """The frames shown of all views, of which one counts on two conditions; from any thread.
+
+    It is whole (`tams_app.video.core.whole_chain`), and each display that shows it has given a sign
+    of life since it was decoded: one that stands still shows what it showed before. Without
+    displays a frame counts at once.
+    """
+
+    def __init__(self, views: Iterable[str], displays: Displays) -> None:
+        self._displays = displays
+        self._lock = threading.Lock()
+        self._steered_by = dict.fromkeys(views, SteeredBy())
+        self._waiting: dict[str, deque[_Decoded]] = {
+            view: deque(maxlen=_WAITING) for view in self._steered_by
+        }
+
+    def shown(self, frame: ShownFrame) -> None:
+        """A frame was decoded; each view's in order."""
+        decoded = _Decoded(frame.shown_ns, frame.index, frame.capture_ns, frame.whole)
+        with self._lock:
+            self._waiting[frame.view].append(decoded)
+
+    def of(self, view: str) -> SteeredBy:
+        """What the operator can steer by in this view now."""
+        seen_ns = self._displays.heard_ns()
+        with self._lock:
+            now, waiting = self._steered_by[view], self._waiting[view]
+            while waiting and (seen_ns is None or waiting[0].shown_ns <= seen_ns):
+                one = waiting.popleft()
+                if one.whole:
+                    now = SteeredBy(one.index, one.capture_ns)
+                else:
+                    now = replace(now, is_damaged=True)
+            self._steered_by[view] = now
+            return now

@@ -1,0 +1,236 @@
+"""The robot's side as the operator's session knows it: samples out, state in."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+from hw.controller import Controller
+from tams_app.config import VideoConfig
+from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
+from tams_app.link.gateway import LinkEvent, Routes
+from tams_app.link.gateway_client import Gateway, Received
+from tams_app.link.messages import (
+    HAND_RATE_HZ,
+    HandMessage,
+    MessageError,
+    StateMessage,
+    decode,
+    encode,
+)
+from tams_app.recording.journal import Journal
+from tams_app.records import (
+    ControllerSample,
+    ControllerStatus,
+    Haptic,
+    LinkHealth,
+    StateHeard,
+    SteeredBy,
+)
+from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
+from tams_app.station.requests import Requests
+from tams_app.teleop.hands import SIMULATED
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.frame_identity import SentFrame, capture_of
+from tams_app.video.core.packets import stream_ssrcs
+from tams_app.video.live.udp import ViewPorts
+
+_HEALTH_NS = NS_PER_S // 10
+_HAPTICS = {haptic.value: haptic for haptic in Haptic}
+_AWAY = ControllerSample(
+    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
+)
+_ASLEEP = replace(_AWAY, status=ControllerStatus.LINK_LOST)
+_ASLEEP_NS = 200 * NS_PER_MS  # longer than any pose or button of before counts as fresh
+_SLEPT = "this computer was suspended: what the controller told before is not sent, the arm stops"
+
+
+class LinkedRobot:
+    """Uses a gateway that has been answered; all but `event` is for the hand's thread.
+
+    `run` is that thread's body. `state`: what the robot's side told last, None before it. `sample`:
+    what was sent last.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        gateway: Gateway,
+        requests: Requests,
+        log: Journal,
+        steered_by: Callable[[], tuple[SteeredBy, ...]],
+        identity: int,
+        hand: str,
+    ) -> None:
+        """`steered_by`: what the operator can steer by, in the order of the views.
+
+        `identity`: a random number, another one for each application. `hand`: what the operator
+        drives with, of `HANDS`.
+        """
+        self._clock, self._requests, self._log = clock, requests, log
+        self._steered_by = steered_by
+        self.controller: Controller | None = None  # once it is started
+        self.state: StateMessage | None = None
+        self.sample = _AWAY
+        self.state_heard_ns = 0
+        self._session = 0
+        self._identity, self._driven_with = identity, hand
+        self._haptics: int | None = None
+        self._noted: int | None = None
+        self._offset = OffsetEstimate()
+        self._health_due_ns = 0
+        self._sleep = SleepWatch(clock)
+        self._asleep_until_ns = 0  # no sample is sent that may be from before we were suspended
+        self._gateway = gateway
+
+    @property
+    def event(self) -> LinkEvent:
+        """How the link stands."""
+        return self._gateway.event
+
+    def connect(self, video: VideoConfig, ports: Mapping[str, ViewPorts]) -> dict[str, ViewPorts]:
+        """Hand the robot's streams over to `ports`, by view; where their feedback is to go."""
+        rtp: dict[int, int] = {}
+        rtcp: dict[int, int] = {}
+        for view, one in ports.items():
+            for ssrc in stream_ssrcs(video, view):
+                rtp[ssrc], rtcp[ssrc] = one.rtp, one.reports
+        self._gateway.follow(Routes(rtp, rtcp))
+        entrance = ViewPorts(video.bind_host, 0, 0, self._gateway.entrance_port)
+        return dict.fromkeys(ports, entrance)
+
+    def identify(self, views: Sequence[str]) -> dict[str, Callable[[int], SentFrame | None]]:
+        """By view, which capture an RTP timestamp stands for: its index is the timestamp itself.
+
+        `capture_ns` is on the robot's clock, from what that side says of its first frame: None
+        until it has.
+        """
+        return {view: partial(self._identify, place) for place, view in enumerate(views)}
+
+    @property
+    def offset(self) -> ClockOffset | None:
+        """The robot's clock minus ours; None before the first exchange."""
+        return self._offset.now
+
+    # --- in the hand's thread -------------------------------------------------------------------
+
+    def run(self, stop: threading.Event) -> None:
+        """Send a sample and take in what came, 120 times a second."""
+        rate = FixedRate(self._clock, HAND_RATE_HZ)
+        while not stop.is_set():
+            rate.wait()
+            self.step()
+
+    def step(self) -> None:
+        """Once."""
+        for received in self._gateway.receive():
+            self._take(received)
+        now_ns = self._clock.now_ns()
+        if self._sleep.slept():
+            self._asleep_until_ns = now_ns + _ASLEEP_NS
+            self._requests.forget_confirmation()
+            self._log.note("warning", _SLEPT)
+        self.sample = self._sample_now(now_ns)
+        self._gateway.send(encode(self._hand(self.sample)))
+        if now_ns >= self._health_due_ns:
+            self._health_due_ns = now_ns + _HEALTH_NS
+            self._log.record(self._health(now_ns))
+
+    def _identify(self, place: int, timestamp: int) -> SentFrame | None:
+        """In a receiver's thread."""
+        state = self.state
+        first_ns = None if state is None else dict(enumerate(state.first_capture_ns)).get(place)
+        if state is None or first_ns is None:
+            return None
+        return SentFrame(timestamp, capture_of(timestamp, first_ns, state.sent_ns), 0)
+
+    def _sample_now(self, now_ns: int) -> ControllerSample:
+        controller = self.controller
+        if controller is None or self._requests.has_failed:
+            return _AWAY
+        sample = controller.sample(now_ns)
+        if now_ns < self._asleep_until_ns:
+            return replace(_ASLEEP, presses=sample.presses)
+        return sample
+
+    def _take(self, received: Received) -> None:
+        try:
+            state = decode(received.content, StateMessage)
+        except MessageError as error:
+            self._log.note("warning", f"a message of the robot's side was left out: {error}")
+            return
+        if received.session != self._session:
+            self._begin(received.session)
+        before, self.state = self.state, state
+        self.state_heard_ns = received.heard_ns
+        if before is not None:
+            self._offset.step(state.echo_ns, state.echo_heard_ns, state.sent_ns, received.heard_ns)
+        self._log.record(StateHeard(received.heard_ns, state.sent_ns, state.echo_ns))
+        self._feel(state)
+        self._tell(state)
+
+    def _begin(self, session: int) -> None:
+        self._session = session
+        self._offset = OffsetEstimate()
+        self.state = None
+        self._log.note("info", "connected to the robot")
+
+    def _feel(self, state: StateMessage) -> None:
+        """Play the last pulse, if there has been one since the last message."""
+        felt, self._haptics = self._haptics, state.haptics
+        controller = self.controller
+        if felt is not None and state.haptics > felt and controller is not None:
+            controller.pulse(_HAPTICS.get(state.haptic, Haptic.LIMIT))
+
+    def _tell(self, state: StateMessage) -> None:
+        """Pass on the sentences that are new; the last few are repeated, older ones are lost."""
+        noted, self._noted = self._noted, state.noted
+        new = len(state.notes) if noted is None else state.noted - noted
+        for text in state.notes[-new:] if new > 0 else ():
+            self._log.note("info", text)
+
+    def _hand(self, sample: ControllerSample) -> HandMessage:
+        state, requests, pose = self.state, self._requests, sample.pose
+        views, presses = self._steered_by(), sample.presses
+        numbers = None
+        if pose is not None:
+            x, y, z = pose.position.tolist()
+            numbers = (x, y, z, *pose.rotation)
+        return HandMessage(
+            operator=self._identity,
+            simulated=self._driven_with == SIMULATED,
+            sent_ns=self._clock.now_ns(),
+            echo_ns=0 if state is None else state.sent_ns,
+            echo_heard_ns=self.state_heard_ns,
+            status=sample.status.value,
+            pose=numbers,
+            pose_ns=sample.pose_ns,
+            buttons_ns=sample.buttons_ns,
+            trigger=sample.trigger,
+            grip=sample.grip,
+            a=sample.a,
+            b=sample.b,
+            menu=sample.menu,
+            shown=tuple(view.index for view in views),
+            confirms=requests.confirms,
+            confirmed_ns=requests.confirmed_ns,
+            stops=requests.stops,
+            noted=self._noted or 0,
+            presses=(presses.grip, presses.a, presses.b, presses.menu),
+            hand=self._driven_with,
+            damaged=tuple(view.is_damaged for view in views),
+        )
+
+    def _health(self, now_ns: int) -> LinkHealth:
+        state, event, clock = self.state, self.event, self._offset.now
+        return LinkHealth(
+            t_ns=now_ns,
+            connected=event.connected and not event.left,
+            age_bound_ns=None if state is None else age_bound_ns(now_ns, state.echo_ns),
+            offset_ns=None if clock is None else clock.offset_ns,
+            uncertainty_ns=None if clock is None else clock.uncertainty_ns,
+            refused={},
+            ignored=dict(event.counts),
+        )

@@ -1,0 +1,93 @@
+"""The video on the operator's side: a receiver for each view, and which frame counts of each."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+
+from tams_app.config import VideoConfig
+from tams_app.records import ShownFrame, SteeredBy
+from tams_app.runtime.clock import Clock
+from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import FreshVideo
+from tams_app.units import NS_PER_S
+from tams_app.video.core.codecs import Decoder
+from tams_app.video.core.frame_identity import SentFrame
+from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.receiver import VideoReceiver
+from tams_app.video.live.udp import ViewPorts
+
+_RATE_NS = NS_PER_S
+
+
+class Receivers:
+    """The newest frame of each view. Bound when made; `start`, `poll`, in the end `close`."""
+
+    def __init__(
+        self,
+        config: VideoConfig,
+        rule: RepairRule,
+        feedback: bool,
+        clock: Clock,
+        identify: Mapping[str, Callable[[int], SentFrame | None]],
+        on_shown: Callable[[ShownFrame], None],
+        decoder: Decoder,
+        displays: Displays,
+    ) -> None:
+        """`identify`: by view, which capture an RTP timestamp stands for; None: not shown.
+
+        `on_shown` is called in a thread for each view. `displays`: what shows the frames.
+        """
+        self._clock = clock
+        self._on_shown = on_shown
+        self._fresh = FreshVideo(config.views, displays)
+        self._times: dict[str, deque[int]] = {view: deque(maxlen=200) for view in config.views}
+        self._host = config.bind_host
+        self._stack = ExitStack()
+        self._receivers: dict[str, VideoReceiver] = {}
+        for view in config.views:
+            receiver = VideoReceiver(
+                view, config, rule, clock, identify[view], self._shown, feedback, decoder
+            )
+            self._stack.callback(receiver.close)
+            self._receivers[view] = receiver
+
+    @property
+    def ports(self) -> dict[str, ViewPorts]:
+        """By view, where its packets must arrive."""
+        return {
+            view: ViewPorts(self._host, one.rtp_port, one.reports_port, 0)
+            for view, one in self._receivers.items()
+        }
+
+    def start(self, entrances: Mapping[str, ViewPorts]) -> None:
+        """Begin to receive; feedback goes to `entrances`, by view."""
+        for view, receiver in self._receivers.items():
+            receiver.start(entrances[view])
+
+    def shown(self, view: str) -> ShownFrame | None:
+        """The newest frame of `view`; None before the first."""
+        return self._receivers[view].mailbox.latest()
+
+    def steered_by(self, view: str) -> SteeredBy:
+        """What the operator can steer by in this view now."""
+        return self._fresh.of(view)
+
+    def shown_fps(self, view: str) -> float:
+        """Frames of `view` shown over the last second."""
+        since_ns = self._clock.now_ns() - _RATE_NS
+        return float(sum(t_ns > since_ns for t_ns in tuple(self._times[view])))
+
+    def poll(self) -> str:
+        """The first failure of any stream in one sentence, "" while all work."""
+        return next(filter(None, (one.poll() for one in self._receivers.values())), "")
+
+    def close(self) -> None:
+        """Stop all; may be called twice."""
+        self._stack.close()
+
+    def _shown(self, shown: ShownFrame) -> None:
+        self._fresh.shown(shown)
+        self._times[shown.view].append(shown.shown_ns)
+        self._on_shown(shown)

@@ -1,0 +1,105 @@
+"""The operator's side calls the robot's: until it is answered, and what follows from the answer."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tams_app.config import Config
+from tams_app.errors import ConfigError, HelperError, TamsError
+from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
+from tams_app.link.messages import Welcome
+from tams_app.recording.journal import Journal
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.ending import Ending
+from tams_app.runtime.parts import Parts
+from tams_app.station.welcome import follow, repair_of, welcome_of
+from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
+from tams_app.teleop.hands import HAND_FACT, hand_of
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.repair import RepairRule
+
+_CALL_POLL_NS = 50 * NS_PER_MS
+_TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
+# the robot's side waits for one who fell silent, who may be the one who calls again
+BUSY = "another operator is connected, or was a moment ago: waiting until they leave"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotCall:
+    """A call that was answered. `config`: ours, for the session that the robot's side runs.
+
+    `identity`: a random number, another one for each application that calls.
+    """
+
+    gateway: Gateway
+    welcome: Welcome
+    config: Config
+    identity: int
+
+    @property
+    def hand(self) -> str:
+        """What the operator drives with, of `HANDS`."""
+        return hand_of(self.config)
+
+    @property
+    def rule(self) -> RepairRule:
+        """How the robot's side repairs its video; TamsError if that is no rule here."""
+        return repair_of(self.welcome)
+
+    def record(self, log: Journal) -> None:
+        """What a reader needs to join this log with that of the robot's side."""
+        log.fact(SESSION_FACT, self.welcome.session)
+        log.fact(OPERATOR_FACT, str(self.identity))
+        log.fact(HAND_FACT, self.hand)
+
+
+def call_robot(
+    config: Config,
+    clock: Clock,
+    endpoint: Endpoint,
+    parts: Parts,
+    ending: Ending,
+    say: Callable[[str], None],
+) -> RobotCall:
+    """Wait for the robot's side to answer; TamsError if we are ended before, or cannot follow it.
+
+    `say` shows a sentence at once.
+    """
+    gateway = Gateway("operator", endpoint, b"", parts.logs)
+    parts.stack.callback(gateway.close)
+    gateway.launch()
+    gateway.wait_ready()
+    welcome = _answer(gateway, clock, endpoint, parts, ending, say)
+    parts.watch("link", gateway.process)
+    if config.operator_is_simulated and not welcome.simulated:
+        raise ConfigError("--sim: the robot there is real, and moves for a person only")
+    return RobotCall(gateway, welcome, follow(welcome, config), secrets.randbits(62))
+
+
+def _answer(
+    gateway: Gateway,
+    clock: Clock,
+    endpoint: Endpoint,
+    parts: Parts,
+    ending: Ending,
+    say: Callable[[str], None],
+) -> Welcome:
+    told_ns, busy = clock.now_ns(), False
+    where = f"{endpoint.host}:{endpoint.port}"
+    while (welcome := welcome_of(gateway.event)) is None:
+        gateway.receive()
+        now_ns, event = clock.now_ns(), gateway.event
+        if gateway.process.exit_code is not None:
+            raise HelperError(f"the gateway ended unasked; see {parts.logs}")
+        if ending.requested_end:
+            raise TamsError(f"{ending.requested_end} before the robot's side had answered")
+        if ending.time_is_up:
+            what = "another operator was connected" if busy else NO_ANSWER
+            raise TamsError(f"{what} (called {where} for {ending.limit_s:g} s)")
+        if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
+            told_ns, busy = now_ns, event.busy
+            say(BUSY if busy else f"calling {where}: {NO_ANSWER}")
+        clock.sleep_until_ns(now_ns + _CALL_POLL_NS)
+    return welcome

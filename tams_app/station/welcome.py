@@ -1,0 +1,89 @@
+"""What the operator's side makes of what the robot's says of its session."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TypeVar
+
+import msgspec
+
+from tams_app import __version__
+from tams_app.config import Config, LimitsConfig, VideoConfig
+from tams_app.errors import ConfigError, TamsError
+from tams_app.link.gateway import LinkEvent
+from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
+from tams_app.video.core.repair import RepairRule
+
+Part = TypeVar("Part", VideoConfig, LimitsConfig)
+_NOT_KNOWN = (
+    "the robot's side has a configuration that this version of TAMS does not know: "
+    "install the same version on both computers"
+)
+
+
+def welcome_of(event: LinkEvent) -> Welcome | None:
+    """What the robot's side says of its session; None until it has answered.
+
+    TamsError if it speaks another version of the protocol.
+    """
+    if event.welcome is None:
+        return None
+    try:
+        welcome = decode(event.welcome, Welcome)
+    except MessageError as error:
+        raise TamsError(
+            "the robot's side runs a version of TAMS that this one does not understand: "
+            "install the same on both computers"
+        ) from error
+    if welcome.protocol != PROTOCOL:
+        raise TamsError(
+            f"the robot's side runs TAMS {welcome.version}, which this one ({__version__}) "
+            "does not understand: install the same on both computers"
+        )
+    return welcome
+
+
+def follow(welcome: Welcome, ours: Config) -> Config:
+    """Our configuration for the session that the robot's side runs, with its video.
+
+    ConfigError if it has other views.
+    """
+    video = video_of(welcome, ours)
+    if video.views != ours.video.views:
+        raise ConfigError(
+            f"the robot's side has the views {', '.join(video.views)}, this configuration "
+            f"{', '.join(ours.video.views)}: give both the same"
+        )
+    hand = ours.hand.model_copy(update={"rotation": welcome.hand_rotation})
+    limits = understood(LimitsConfig, {**ours.limits.model_dump(), **welcome.workspace})
+    update = {
+        "strategy": welcome.strategy,
+        "network": welcome.network,
+        "video": video,
+        "hand": hand,
+        "limits": limits,
+    }
+    return ours.model_copy(update=update)
+
+
+def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
+    """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
+    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264"}
+    return understood(VideoConfig, {**video, "decoder": ours.video.decoder})
+
+
+def repair_of(welcome: Welcome) -> RepairRule:
+    """How the robot's side repairs its video; TamsError if that is no rule here."""
+    try:
+        rule = RepairRule(**welcome.repair)  # type: ignore[arg-type]
+        return msgspec.convert(asdict(rule), RepairRule)
+    except (TypeError, msgspec.MsgspecError) as error:
+        raise TamsError(_NOT_KNOWN) from error
+
+
+def understood(kind: type[Part], values: dict[str, object]) -> Part:
+    """A section of the configuration as the robot's side told it; TamsError if it is none here."""
+    try:
+        return kind.model_validate(values)
+    except ValueError as error:
+        raise TamsError(_NOT_KNOWN) from error

@@ -1,0 +1,176 @@
+"""Enabling and clearing outside the control loop, and the stops that outdate them."""
+
+import numpy as np
+import pytest
+
+from hw.arm import TcpBoundary
+from tams_app.errors import DeviceError
+from tams_app.records import Activity, ArmState, Pose, ServoMode
+from tams_app.robot.arm_gate import ArmGate
+from tams_app.rotation import Rotation
+from tams_app.runtime.mailbox import BoundedQueue
+from tams_app.teleop.safety import Request
+
+pytestmark = pytest.mark.waiting
+
+BOUNDARY = TcpBoundary((240, -220, 0), (460, 220, 400))
+
+
+class NotedArm:
+    """Notes what it is asked; `during` runs in the middle of `enable`."""
+
+    def __init__(self):
+        self.calls = []
+        self.tcp_m = (0.3, 0.0, 0.2)
+        self.during = lambda: None
+
+    def enable(self):
+        self.calls.append("enable")
+        self.during()
+
+    def state(self):
+        if self.tcp_m is None:
+            return None
+        pose = Pose(np.array(self.tcp_m), Rotation.identity())
+        return ArmState(0, np.zeros(6), pose, Activity.IDLE, ServoMode.VELOCITY, None, None)
+
+    def clear_errors(self):
+        self.calls.append("clear")
+
+    def stop(self):
+        self.calls.append("stop")
+
+
+@pytest.fixture
+def arm():
+    return NotedArm()
+
+
+@pytest.fixture
+def notes():
+    return []
+
+
+@pytest.fixture
+def gate(arm, notes):
+    return ArmGate(arm, BOUNDARY, lambda level, text: notes.append(text))
+
+
+def test_enabling_makes_the_arm_ready_until_it_is_stopped(gate, arm):
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert gate.ready
+    gate.stop()
+    assert not gate.ready
+    assert arm.calls == ["enable", "stop"]
+
+
+def test_a_stop_outdates_an_enable_that_was_queued_before_it(gate, arm):
+    gate.request(Request.ENABLE)
+    gate.stop()
+    gate.serve()
+    assert arm.calls == ["stop"]
+    assert not gate.ready
+
+
+def test_a_stop_while_enabling_is_repeated_and_leaves_the_arm_not_ready(gate, arm):
+    arm.during = gate.stop
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert arm.calls == ["enable", "stop", "stop"]
+    assert not gate.ready
+
+
+def test_a_second_enable_is_left_out_while_the_first_waits(gate, arm):
+    gate.request(Request.ENABLE)
+    gate.request(Request.ENABLE)
+    gate.serve()
+    gate.serve()
+    assert arm.calls == ["enable"]
+
+
+def test_after_a_stop_the_arm_can_be_enabled_again(gate, arm):
+    gate.request(Request.ENABLE)
+    gate.stop()
+    gate.serve()
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert gate.ready
+
+
+def test_an_arm_that_refuses_is_noted_and_not_ready(gate, arm, notes):
+    def refuse():
+        raise DeviceError("the brakes stay on")
+
+    arm.during = refuse
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert notes == ["the brakes stay on"]
+    assert not gate.ready
+    arm.during = lambda: None
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert gate.ready
+
+
+def test_clearing_errors_is_carried_out(gate, arm):
+    gate.request(Request.CLEAR_ERRORS)
+    gate.serve()
+    assert arm.calls == ["clear"]
+    gate.request(Request.CLEAR_ERRORS)
+    gate.serve()
+    assert arm.calls == ["clear", "clear"]
+
+
+def test_clearing_that_hangs_is_asked_for_once_and_keeps_no_enable_out(gate, arm):
+    for _ in range(10):
+        gate.request(Request.CLEAR_ERRORS)
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert arm.calls == ["clear", "enable"]
+    assert gate.ready
+
+
+def test_a_request_that_found_no_room_can_be_made_again(gate, arm, monkeypatch):
+    with monkeypatch.context() as full:
+        full.setattr(BoundedQueue, "put", lambda queue, item: False)
+        gate.request(Request.ENABLE)
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert gate.ready
+
+
+def test_clearing_that_failed_can_be_asked_for_again(gate, arm, notes):
+    def refuse():
+        arm.calls.append("refused")
+        raise DeviceError("the emergency stop is pressed")
+
+    clear, arm.clear_errors = arm.clear_errors, refuse
+    gate.request(Request.CLEAR_ERRORS)
+    gate.serve()
+    arm.clear_errors = clear
+    gate.request(Request.CLEAR_ERRORS)
+    gate.serve()
+    assert arm.calls == ["refused", "clear"]
+    assert notes[0] == "the emergency stop is pressed"
+
+
+def test_an_arm_outside_the_workspace_is_not_enabled_until_it_is_inside(gate, arm, notes):
+    arm.tcp_m = (0.2, 0.0, 0.118)
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert (arm.calls, gate.ready) == ([], False)
+    assert notes == [
+        "the TCP is at (200, 0, 118) mm, outside the workspace: run `run_tams.py home` first"
+    ]
+    arm.tcp_m = (0.3, 0.0, 0.118)
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert (arm.calls, gate.ready) == (["enable"], True)
+
+
+def test_an_arm_without_a_report_is_enabled_and_held_by_the_loop(gate, arm):
+    arm.tcp_m = None
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert arm.calls == ["enable"]

@@ -1,0 +1,177 @@
+"""The guard follows the arm's arming."""
+
+from dataclasses import replace
+
+import pytest
+
+from hw.guard.link import GuardLink, GuardMemory
+from hw.guard.motion import Cause, Motion
+from tams_app.config import load_config
+from tams_app.records import Twist
+from tams_app.robot.control import Signals
+from tams_app.robot.guarding import Guarding
+from tams_app.runtime.shared_ring import new_block_name
+from tams_app.teleop.safety import ArmingState, Reason
+from tests.robot.test_parts import output
+
+pytestmark = pytest.mark.waiting
+
+SILENCE_NS = 200_000_000
+CONFIG = load_config()
+ARM_AND_LIMITS = (CONFIG.arm, CONFIG.limits)
+
+
+class ScriptedLink:
+    """A guard that lives and says what it is told to."""
+
+    latched = False
+    cause = Cause.NONE
+    arm_lost = False
+    ended = False
+    armed = True
+    fresh = True
+
+    def __init__(self):
+        self.beats = []
+
+    def beat(self, now_ns, motion, deadman, speed):
+        self.beats.append((motion, deadman, speed))
+
+    def answers(self, now_ns):
+        return not self.armed or (self.fresh and not self.ended)
+
+    def is_fresh(self, now_ns):
+        return self.fresh
+
+
+def guarding(tmp_path, signals):
+    made = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
+    made._link = GuardLink(GuardMemory(new_block_name()), SILENCE_NS, lambda: True)  # it is silent
+    return made
+
+
+def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
+    guard = guarding(tmp_path, Signals())
+    armed = []
+    for arming, stopping in (
+        (ArmingState.DISARMED, True),
+        (ArmingState.READY, False),
+        (ArmingState.FAULT, True),
+        (ArmingState.FAULT, False),
+    ):
+        guard.on_output(0, replace(output(arming), stop=stopping), None)
+        armed.append(guard._link.armed)
+    guard.close()
+    assert armed == [False, True, True, False]
+
+
+def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
+    signals, notes = Signals(), []
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
+    guard._link = ScriptedLink()
+    taken = []
+    for latched in (False, True, True, False, True):
+        guard._link.latched = latched
+        guard.before_tick(0)
+        taken.append(signals.take().faults)
+    stopped = (Reason.GUARD_STOPPED,)
+    assert taken == [(), stopped, (), (), stopped]
+    assert len(notes) == 2
+
+
+def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
+    signals = Signals()
+    guard = guarding(tmp_path, signals)
+    guard.on_output(0, output(ArmingState.READY), None)
+    guard.before_tick(0)
+    assert signals.take().faults == ()
+    guard.before_tick(SILENCE_NS + 1)
+    guard.close()
+    assert signals.take().faults == (Reason.GUARD_SILENT,)
+
+
+def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_not(tmp_path):
+    signals = Signals()
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    taken = []
+    for armed, fresh in ((True, False), (True, False), (False, False), (False, True), (True, True)):
+        link.armed, link.fresh = armed, fresh
+        guard.before_tick(0)
+        taken.append(signals.take().faults)
+    silent = (Reason.GUARD_SILENT,)
+    assert taken == [silent, silent, silent, (), ()]
+
+
+def test_silence_while_disarmed_is_none(tmp_path):
+    signals = Signals()
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    link.armed = link.fresh = False
+    guard.before_tick(0)
+    assert signals.take().faults == ()
+
+
+def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
+    signals = Signals()
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    link.ended = True
+    for armed in (True, False):
+        link.armed = armed
+        guard.before_tick(0)
+        assert signals.take().faults == (Reason.GUARD_LOST,)
+
+
+def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tmp_path):
+    signals = Signals()
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
+    guard._link = ScriptedLink()
+    taken = []
+    for lost in (False, True, True, False):
+        guard._link.arm_lost = lost
+        guard.before_tick(0)
+        taken.append(signals.take().faults)
+    blind = (Reason.GUARD_BLIND,)
+    assert taken == [(), blind, blind, ()]
+
+
+@pytest.mark.parametrize(
+    ("cause", "reason"),
+    [
+        (Cause.SILENT, Reason.GUARD_STOPPED),
+        (Cause.UNASKED, Reason.ARM_MOVED_UNASKED),
+        (Cause.TOO_FAST, Reason.ARM_TOO_FAST),
+        (Cause.OUTSIDE, Reason.ARM_OUTSIDE),
+    ],
+)
+def test_the_cause_of_the_guards_stop_is_a_reason_of_its_own(tmp_path, cause, reason):
+    signals, notes = Signals(), []
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
+    guard._link = ScriptedLink()
+    guard._link.latched, guard._link.cause = True, cause
+    guard.before_tick(0)
+    assert signals.take().faults == (reason,)
+    assert notes == [f"the guard process has stopped the arm: {reason.label}"]
+
+
+def test_each_beat_says_what_the_tick_before_commanded(tmp_path):
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, Signals(), lambda level, text: None)
+    guard._link = link = ScriptedLink()
+    ready = replace(output(ArmingState.READY), deadman=False, twist=None)
+    engaged = output(ArmingState.ENGAGED)
+    moving = Twist((0.03, 0.0, -0.04), (0.0, 0.0, 0.0))
+    for now_ns, each in enumerate(
+        (
+            replace(ready, twist=Twist.zero()),
+            replace(engaged, twist=moving, deadman=True),
+            ready,
+        )
+    ):
+        guard.on_output(now_ns * 10_000_000, each, None)
+        guard.before_tick(now_ns)
+    motions, deadmen, speeds = zip(*link.beats, strict=True)
+    follow, rest = Motion.FOLLOW, Motion.REST
+    assert motions == (rest, follow, rest)
+    assert deadmen == (False, True, False)
+    assert speeds == pytest.approx((0.0, 0.05, 0.0))

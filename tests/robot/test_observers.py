@@ -1,0 +1,166 @@
+"""What the operator reads when the arming changes, and who judges a trial."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tams_app.config import TrialConfig
+from tams_app.records import Outcome, Pose, SceneTruth
+from tams_app.robot import build
+from tams_app.robot.control import Signals
+from tams_app.robot.observers import ArmingObserver, TrialObserver
+from tams_app.rotation import Rotation
+from tams_app.runtime.clock import VirtualClock
+from tams_app.teleop.hands import HANDS
+from tams_app.teleop.records import Refusal
+from tams_app.teleop.safety import ArmingState, Reason
+from tams_app.units import NS_PER_S
+from tests.robot.test_parts import output
+
+pytestmark = pytest.mark.untimed
+
+WORDS = HANDS["openvr"]
+
+
+@pytest.fixture
+def notes():
+    return []
+
+
+def observer(notes, arm_at_once=False, hand="openvr"):
+    def note(level, text):
+        notes.append(text)
+
+    return ArmingObserver(Signals(), note, lambda: hand, arm_at_once)
+
+
+@pytest.mark.parametrize(
+    ("reason", "detail", "told"),
+    [
+        (
+            Reason.ARM_ERROR,
+            "C31 (collision)",
+            f"fault, arm error: C31 (collision). {Reason.ARM_ERROR.sentence(WORDS)}",
+        ),
+        (Reason.GUARD_LOST, "", f"fault, guard lost. {Reason.GUARD_LOST.sentence(WORDS)}"),
+        (
+            Reason.ARM_LINK_LOST,
+            "The reports ended; check power and cable, then confirm.",
+            "fault, arm link lost: The reports ended; check power and cable, then confirm.",
+        ),
+        (
+            Reason.GRIPPER_FAILED,
+            "The outputs are not what was commanded; check its plug.",
+            "fault, gripper failed: The outputs are not what was commanded; check its plug. "
+            "Release the trigger, then confirm.",
+        ),
+    ],
+)
+def test_a_fault_says_once_what_happened_and_what_to_do(notes, reason, detail, told):
+    fault = replace(output(ArmingState.FAULT, reason), detail=detail, lasting=reason)
+    watching = observer(notes)
+    for tick in range(3):
+        watching.on_output(tick, fault, None)
+    assert notes == [told]
+
+
+def test_a_confirmation_that_does_not_count_is_answered_every_time(notes):
+    refused = replace(output(ArmingState.DISARMED), refusal=Refusal(None))
+    watching = observer(notes)
+    for tick in (refused, replace(refused, refusal=None), refused):
+        watching.on_output(0, tick, None)
+    assert notes == ["not confirmed: release the trigger first."] * 2
+
+
+@pytest.mark.parametrize(
+    ("hand", "deadman"), [("keyboard", "Shift"), ("gamepad", "the right trigger")]
+)
+def test_what_is_noted_has_the_words_of_the_hand_in_use(notes, hand, deadman):
+    held = replace(output(ArmingState.HOLDING, Reason.STALE_VIDEO), lasting=Reason.STALE_VIDEO)
+    watching = observer(notes, hand=hand)
+    watching.on_output(0, held, None)
+    watching.on_output(1, replace(held, arming=ArmingState.FAULT, refusal=Refusal(None)), None)
+    assert notes[0].endswith(f"wait until it is back, then release {deadman}.")
+    assert notes[2] == f"not confirmed: release {deadman} first."
+
+
+def test_a_confirmation_names_what_is_in_its_way(notes):
+    refused = replace(output(ArmingState.DISARMED), refusal=Refusal(Reason.CONTROLLER_STANDBY))
+    observer(notes, hand="keyboard").on_output(0, refused, None)
+    assert notes == [
+        "not confirmed: controller standby. Click into the window that takes the keys, "
+        "then release Shift."
+    ]
+
+
+def test_a_refusal_without_a_confirmation_is_not_noted(notes):
+    refused = replace(output(ArmingState.DISARMED), refusal=Refusal(None))
+    observer(notes, arm_at_once=True).on_output(0, refused, None)
+    assert notes == []
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_only_a_limited_trial_ends_when_its_time_is_over(limited):
+    clock, ended = VirtualClock(), []
+    here = Pose(np.zeros(3), Rotation.identity())
+    scene = SceneTruth(0, here, here, here, 0.0, 0.016)
+    arm = SimpleNamespace(state=lambda: None)
+    trial = TrialObserver(
+        TrialConfig(),
+        clock,
+        arm,
+        lambda: scene,
+        lambda _scene: None,
+        lambda: ended.append(True),
+        lambda: limited,
+    )
+    trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
+    clock.advance_ns(round(TrialConfig().limit_s * 1e9) + 1)
+    assert trial.look() is limited
+    assert ended == [True] * limited
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_only_a_limited_trial_ends_when_the_block_is_placed(limited):
+    clock, told, records = VirtualClock(), [], []
+    geometry = build.task_geometry()
+    here = Pose(np.zeros(3), Rotation.identity())
+    inside = Pose(np.array([0.0, 0.0, geometry.block_rest_height]), Rotation.identity())
+    scene = SceneTruth(0, inside, here, here, 0.0, 0.016)
+    closed = [True]
+    arm = SimpleNamespace(state=lambda: SimpleNamespace(gripper_closed=closed[0]))
+    trial = TrialObserver(
+        TrialConfig(),
+        clock,
+        arm,
+        lambda: scene,
+        records.append,
+        lambda: told.append("ended"),
+        lambda: limited,
+        lambda: told.append("placed"),
+    )
+    trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
+    assert not trial.look()
+    closed[0] = False
+    assert not trial.look()
+    for _ in range(3):
+        clock.advance_ns(NS_PER_S)
+        assert trial.look() is limited
+        if limited:
+            break
+    assert told == ["ended" if limited else "placed"]
+    assert len(records) == (3 if limited else 5)
+    assert trial.outcome("ended by q").completion_time_s == 0.0
+
+
+def test_where_the_truth_is_not_known_the_trial_is_not_judged():
+    records, ended = [], []
+    trial = TrialObserver(
+        TrialConfig(), VirtualClock(), None, None, records.append, lambda: ended.append(True)
+    )
+    trial.on_output(0, output(ArmingState.ENGAGED), None)
+    assert not trial.look()
+    assert trial.outcome("ended by q") == Outcome(None, None, None, None, "ended by q")
+    assert records == ended == []

@@ -1,0 +1,294 @@
+"""How the operator's session begins, or does not: with real gateways on loopback."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import msgspec
+import numpy as np
+import psutil
+import pytest
+
+from tams_app.config import Config, load_config
+from tams_app.console.status import status_words
+from tams_app.console.window.session_face import facts_of
+from tams_app.console.window.silence import as_known, silence_of
+from tams_app.errors import TamsError
+from tams_app.link.gateway import LinkEvent
+from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.keys import new_key
+from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
+from tams_app.records import SessionState, ShownFrame, SteeredBy
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.session.operate import operate
+from tams_app.session.session import Session
+from tams_app.station.displays import Displays
+from tams_app.station.receivers import Receivers
+from tams_app.station.robot_watch import RobotWatch
+from tams_app.units import NS_PER_MS
+from tams_app.video.core.codecs import AVDEC
+from tams_app.video.core.repair import RepairRule
+
+pytestmark = pytest.mark.waiting
+
+STATE = StateMessage(
+    sent_ns=1,
+    echo_ns=0,
+    echo_heard_ns=0,
+    state=SessionState(t_s=0.0, arming="ready", phase="REACH", primary_view="eih"),
+    first_capture_ns=(),
+    haptics=0,
+    haptic="",
+    confirms=0,
+    stops=0,
+    noted=0,
+    notes=(),
+    ended="",
+    failed=False,
+)
+
+
+def simulated(**changes: object) -> Config:
+    return load_config(None, {"headless": True, "rig.operator.kind": "seeing", **changes})
+
+
+def welcome(**changes: object) -> bytes:
+    config = load_config()
+    fields: dict[str, object] = {
+        "protocol": PROTOCOL,
+        "version": "9.9",
+        "session": "a",
+        "name": "robot",
+        "strategy": "tams",
+        "network": "none",
+        "seed": 0,
+        "feedback": True,
+        "simulated": True,
+        "video": config.video.model_dump(mode="json"),
+        "repair": asdict(RepairRule(True, 60, 300.0)),
+        "hand_rotation": config.hand.rotation,
+        "workspace": {},
+        "stopped_after_ms": 350.0,
+    }
+    return encode(Welcome(**{**fields, **changes}))
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> Path:
+    new_key(tmp_path / "key")
+    return tmp_path / "key"
+
+
+@pytest.fixture
+def endpoint(key: Path) -> Endpoint:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return Endpoint("127.0.0.1", int(one.getsockname()[1]), key)
+
+
+@pytest.fixture
+def robot(endpoint: Endpoint, tmp_path: Path) -> Iterator[Callable[[bytes], None]]:
+    gateways: list[Gateway] = []
+
+    def answer(content: bytes) -> None:
+        gateway = Gateway("robot", endpoint, content, tmp_path)
+        gateways.append(gateway)
+        gateway.launch()
+        gateway.wait_ready()
+
+    yield answer
+    for gateway in gateways:
+        gateway.close()
+
+
+def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still() -> None:
+    clock, displays, config = VirtualClock(), Displays(), simulated()
+    receivers = Receivers(
+        config.video,
+        RepairRule(True, 60, 300.0),
+        True,
+        clock,
+        dict.fromkeys(config.video.views, lambda _timestamp: None),
+        lambda _shown: None,
+        AVDEC,
+        displays,
+    )
+    heard_ns = clock.now_ns()
+    displays.add(lambda: heard_ns)
+    image = np.zeros((2, 2, 3), np.uint8)
+
+    def show(timestamp: int, whole: bool = True) -> SteeredBy:
+        clock.advance_ns(NS_PER_MS)
+        receivers._shown(ShownFrame("gt", timestamp, clock.now_ns(), image, timestamp, whole))
+        return receivers.steered_by("gt")
+
+    try:
+        assert show(100) == SteeredBy(), "not before the window has told once more that it works"
+        heard_ns = clock.now_ns()
+        assert show(101) == SteeredBy(100, 100)
+        assert show(102) == SteeredBy(100, 100)
+        heard_ns = clock.now_ns()
+        assert show(103, whole=False) == SteeredBy(102, 102)
+        heard_ns = clock.now_ns()
+        assert show(104) == SteeredBy(102, 102, is_damaged=True)
+    finally:
+        receivers.close()
+
+
+class Watched:
+    """The operator's watch of a robot, whose link is told what to say."""
+
+    def __init__(self, config: Config, stopped_after_ms: float, **link: Any) -> None:
+        self.clock = VirtualClock()
+        self.told: list[str] = []
+        self.ended: list[str] = []
+        event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
+        nothing = {"sample": None, "offset": None, "event": event}
+        self.link: Any = SimpleNamespace(state_heard_ns=self.clock.now_ns(), **{**nothing, **link})
+        self.watch = RobotWatch(
+            config,
+            self.clock,
+            self.link,
+            decode(welcome(stopped_after_ms=stopped_after_ms), Welcome),
+            lambda _level, text: self.told.append(text),
+            self.ended.append,
+        )
+
+
+def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm() -> None:
+    watched = Watched(simulated(), 350.0, state=object())
+    watched.clock.advance_ns(340 * NS_PER_MS)
+    assert not watched.watch.hears_nothing()
+    watched.clock.advance_ns(20 * NS_PER_MS)
+    assert watched.watch.hears_nothing()
+
+
+def test_what_the_operator_sees_of_a_silent_robot_is_not_live() -> None:
+    state = msgspec.structs.replace(STATE.state, arming="engaged", deadman=True)
+    message = msgspec.structs.replace(STATE, state=state)
+    watched = Watched(simulated(), 900.0, state=message)
+    clock = watched.clock
+    clock.advance_ns(290 * NS_PER_MS)
+    assert silence_of(watched.watch.state(0.3)) is None
+    clock.advance_ns(110 * NS_PER_MS)
+    shown = watched.watch.state(0.4)
+    assert silence_of(shown) == pytest.approx(0.4)
+    assert "NOT LIVE for 0.4 s" in status_words(shown).live
+    facts = msgspec.structs.replace(facts_of(shown, ()), told_ns=clock.now_ns())
+    known = as_known(facts, clock.now_ns())
+    assert (known.state.arming, known.state.deadman) == ("not live", None)
+    clock.advance_ns(600 * NS_PER_MS)
+    assert "LINK LOST, NOT LIVE" in status_words(watched.watch.state(1.0)).live
+
+
+def test_whom_the_robot_is_lost_to_is_told_what_to_let_go_in_the_words_of_their_hand() -> None:
+    config = load_config(None, {"controller.device": "keyboard"})
+    watched = Watched(config, 350.0, state=None)
+    assert watched.watch.poll() == ""
+    assert "release Shift, and wait until the link is back" in watched.told[-1]
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_the_robots_side_ends_ours_with_its_reason(failed: bool) -> None:
+    message = msgspec.structs.replace(STATE, ended="the trial is over", failed=failed)
+    watched = Watched(simulated(), 350.0, state=message)
+    failure = watched.watch.poll()
+    if failed:
+        assert failure == "the robot's side failed: the trial is over"
+    else:
+        assert (failure, watched.ended) == ("", ["the robot's side: the trial is over"])
+
+
+def test_another_session_there_is_not_ours() -> None:
+    watched = Watched(simulated(), 360.0, state=None)
+    assert "has begun another session" in watched.watch.poll()
+
+
+def start(
+    endpoint: Endpoint,
+    tmp_path: Path,
+    config: Config | None = None,
+    say: Callable[[Session, str], None] = lambda _session, _text: None,
+) -> str:
+    """The sentence with which the session refuses to begin."""
+    folder = tmp_path / "session"
+    folder.mkdir()
+    session = operate(
+        config or simulated(), MonotonicClock(), folder, endpoint, lambda text: say(session, text)
+    )
+    with pytest.raises(TamsError) as refusal:
+        session.start()
+    return str(refusal.value)
+
+
+def test_a_simulated_operator_refuses_a_real_robot(robot, endpoint, tmp_path):
+    robot(welcome(simulated=False))
+    assert "the robot there is real" in start(endpoint, tmp_path)
+
+
+def test_a_robot_with_other_views_is_refused_in_a_sentence(robot, endpoint, tmp_path):
+    video = {**load_config().video.model_dump(mode="json"), "views": ["left", "right"]}
+    robot(welcome(video=video))
+    assert "the robot's side has the views left, right" in start(endpoint, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        welcome(protocol=PROTOCOL + 1),
+        b"\x91\x01",
+        welcome(video={"width": "wide"}),
+        welcome(workspace={"floor_mm": "low"}),
+    ],
+    ids=["protocol", "message", "video", "workspace"],
+)
+def test_a_robot_of_another_version_is_refused_in_a_sentence(robot, endpoint, tmp_path, content):
+    robot(content)
+    assert "install the same" in start(endpoint, tmp_path)
+
+
+def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, endpoint, tmp_path):
+    robot(welcome())
+    new_key(tmp_path / "other")
+    other = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
+    said: list[str] = []
+
+    def say(session: Session, text: str) -> None:
+        said.append(text)
+        session.request_end("ended by SIGINT")
+
+    start(other, tmp_path, say=say)
+    assert "a key that the robot's side does not accept" in said[0]
+
+
+def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
+    said: list[str] = []
+
+    def say(session: Session, text: str) -> None:
+        said.append(text)
+        session.request_end("ended by SIGINT")
+
+    assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, say=say)
+    assert "no answer: a wrong address" in said[0]
+
+
+def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):
+    config = simulated(seconds=1.0)
+    assert "for 1 s" in start(endpoint, tmp_path, config)
+
+
+def test_a_gateway_that_is_killed_while_it_calls_is_noticed(endpoint, tmp_path):
+    def kill(session: Session, text: str) -> None:
+        (gateway,) = [
+            child
+            for child in psutil.Process().children()
+            if "tams_app.link" in str(child.cmdline())
+        ]
+        gateway.kill()
+
+    assert "the gateway ended unasked" in start(endpoint, tmp_path, say=kill)
