@@ -15,7 +15,7 @@ def advice(told: str, lasting: str | None, hand: HandWords) -> str:
 
 
 def what_to_do(told: str, lasting: str | None, hand: HandWords) -> str:
-    """For a reason's label and its detail (`session.control.describe`); "" for no reason.
+    """For a reason's label and its detail (`robot.control.describe`); "" for no reason.
 
     `lasting`: label of the reason whose cause is still there, the same or one that came besides;
     "": it is gone; None: not known, as in a log of an older version. A detail that is a sentence
