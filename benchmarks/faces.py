@@ -27,7 +27,7 @@ from websockets.sync.client import connect
 
 from benchmarks.runs import run_session
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tests.console.window.xvfb import virtual_screen
+from tests.faces.window.xvfb import virtual_screen
 
 HEADLESS = "headless"
 FACES = {HEADLESS: (), "window": (), "foxglove": ("--foxglove",), "ros2": ("--ros2",)}

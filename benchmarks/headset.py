@@ -25,19 +25,19 @@ import pytest
 
 from benchmarks.window import DOCS, SETTLING_S, picture_of, play, processor_s
 from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
-from tams_app.console.headset.layout import OTHERS_SHARE
-from tams_app.console.window.client import FaceClient
-from tams_app.console.window.messages import Beat, Event, Said
+from tams_app.faces.client import FaceClient
+from tams_app.faces.headset.layout import OTHERS_SHARE
+from tams_app.faces.messages import Beat, Event, Said
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import HANDS
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
-from tests.console.headset.faked_process import BLIND
-from tests.console.headset.steamvr import FAKED, SteamVr, steamvr
-from tests.console.window.facts import FACTS, changed
-from tests.console.window.feeding import feeding
-from tests.console.window.xvfb import virtual_screen, wait_for
+from tests.faces.headset.faked_process import BLIND
+from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
+from tests.faces.window.facts import FACTS, changed
+from tests.faces.window.feeding import feeding
+from tests.faces.window.xvfb import virtual_screen, wait_for
 
 
 @dataclass

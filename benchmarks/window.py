@@ -25,13 +25,13 @@ import psutil
 import pytest
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.console.window.client import WINDOW, FaceClient
+from tams_app.faces.client import WINDOW, FaceClient
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.realtime import WINDOW_NICE
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
-from tests.console.window.facts import FACTS
-from tests.console.window.xvfb import virtual_screen, wait_for
+from tests.faces.window.facts import FACTS
+from tests.faces.window.xvfb import virtual_screen, wait_for
 
 DOCS = Path(__file__).parent.parent / "docs"
 VIEWS = Path(__file__).parent.parent / "tests" / "data" / "views"
@@ -147,7 +147,7 @@ def _window_of(pid: int) -> psutil.Process:
     (found,) = (
         child
         for child in psutil.Process(pid).children()
-        if "tams_app.console.window.process" in child.cmdline()
+        if "tams_app.faces.window.process" in child.cmdline()
     )
     return found
 

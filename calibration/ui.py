@@ -12,9 +12,9 @@ from rich.prompt import Confirm, Prompt, PromptBase
 from rich.table import Table
 from rich.text import Text
 
-from tams_app.console.terminal import TerminalKeys
-from tams_app.console.wishes import Wish
 from tams_app.errors import ConfigError
+from tams_app.faces.commands import Command
+from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 
 T = TypeVar("T")
@@ -102,7 +102,7 @@ class WizardUI:
         """Whether Enter was pressed since the last call; False without a terminal."""
         if not self._keys.active:
             self._keys.open()
-        return self._keys.active and Wish.CONFIRM in self._keys.read(0.0)
+        return self._keys.active and Command.CONFIRM in self._keys.read(0.0)
 
     def _ask(self, prompt: type[PromptBase[T]], question: str, **how: Any) -> T:
         self._restore()

@@ -14,8 +14,8 @@ from calibration.store import write_text
 from tams_app import gst
 from tams_app.config.problems import describe_validation_error
 from tams_app.config.yaml_file import read_yaml
-from tams_app.console.display import require_display
 from tams_app.errors import ConfigError, SetupError
+from tams_app.faces.display import require_display
 from tams_app.outputs import is_plain_name
 from tams_app.records import Image, Phase
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -27,8 +27,8 @@ from calibration.weights.report import (
 )
 from calibration.weights.sources import RecordedSession, Segment, open_session
 from calibration.wizard import Wizard
-from tams_app.console.display import require_display
 from tams_app.errors import ConfigError, SetupError
+from tams_app.faces.display import require_display
 from tams_app.records import Phase
 from tams_app.session.folder import recording_directory
 

@@ -10,18 +10,18 @@ from pathlib import Path
 from typing import Protocol
 
 from tams_app.config import Config
-from tams_app.console.display import has_display
-from tams_app.console.faces import FACES, Shown, check_faces
 from tams_app.console.report import report_session
-from tams_app.console.status import StatusLine, WordsOf, status_words
-from tams_app.console.terminal import Presses, TerminalKeys, handled_signals
-from tams_app.console.window.session_face import (
+from tams_app.errors import SetupError, SignalledError, TamsError
+from tams_app.faces.commands import Command, actions_of, carry_out
+from tams_app.faces.display import has_display
+from tams_app.faces.registry import FACES, Shown, check_faces
+from tams_app.faces.session_face import (
     FacedSession,
     ShownReplay,
     ShownTrial,
 )
-from tams_app.console.wishes import Wish, actions_of, carry_out
-from tams_app.errors import SetupError, SignalledError, TamsError
+from tams_app.faces.terminal.keys import Presses, TerminalKeys, handled_signals
+from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
 from tams_app.printing import Console
 from tams_app.robot.build import check_names, check_ready_pose, check_views
 from tams_app.runtime.clock import MonotonicClock
@@ -225,12 +225,12 @@ def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
 def _read_keys(session: ShownSession, stack: ExitStack, trial: ShownTrial | None) -> bool:
     """Act on the terminal's keys from now on; False if there is no terminal to read."""
     actions = actions_of(session, trial.actions) if trial else actions_of(session)
-    presses, clock = defaultdict[Wish, Presses](Presses), MonotonicClock()
+    presses, clock = defaultdict[Command, Presses](Presses), MonotonicClock()
 
-    def act(wish: Wish, asked_ns: int) -> None:
+    def act(command: Command, asked_ns: int) -> None:
         now_ns = clock.now_ns()
-        if presses[wish].counts(now_ns) or wish is Wish.EMERGENCY_STOP:
-            carry_out(session, actions, wish, asked_ns, now_ns)
+        if presses[command].counts(now_ns) or command is Command.EMERGENCY_STOP:
+            carry_out(session, actions, command, asked_ns, now_ns)
 
     keys = TerminalKeys()
     stack.callback(keys.close)

@@ -19,8 +19,8 @@ from tams_app import gst
 from tams_app.config import Config
 from tams_app.console.device_checks import arm, cameras, controller, headset
 from tams_app.console.doctor import Check, Finding, tried
-from tams_app.console.window import toolkit
 from tams_app.errors import SetupError, TamsError
+from tams_app.faces.window import toolkit
 from tams_app.policy.budget import BUDGETS
 from tams_app.robot.build import starts_at_capacity
 from tams_app.runtime.realtime import use_fifo
@@ -33,7 +33,7 @@ _RENDER = (
     "from hw.sim.layout import draw_layout; from hw.sim.world.scene_renderer import SceneRenderer; "
     "SceneRenderer(draw_layout(0)).close()"
 )
-_WINDOW = "from tams_app.console.window.toolkit import load; load()"
+_WINDOW = "from tams_app.faces.window.toolkit import load; load()"
 _PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 
@@ -63,7 +63,7 @@ def gstreamer(_: Config) -> Iterator[Finding]:
 def configuration(config: Config) -> Iterator[Finding]:
     """What `run` refuses before it makes anything: names and a ready pose that cannot be."""
     try:  # these need the libraries looked at above
-        from tams_app.console.faces import check_faces
+        from tams_app.faces.registry import check_faces
         from tams_app.robot.build import check_names, check_ready_pose
     except ImportError as error:
         yield Finding("Configuration", False, str(error), "install the Python libraries first")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tams_app.config import CameraConfig, Config
-from tams_app.console.display import has_display
 from tams_app.console.doctor import Finding, tried
-from tams_app.console.headset.session_headset import headset_is_wanted
 from tams_app.errors import TamsError
+from tams_app.faces.display import has_display
+from tams_app.faces.headset.session_headset import headset_is_wanted
 
-_TEXTURE = "from tams_app.console.headset.texture import AtlasTexture; AtlasTexture().close()"
+_TEXTURE = "from tams_app.faces.headset.texture import AtlasTexture; AtlasTexture().close()"
 
 
 def arm(config: Config) -> Iterator[Finding]:

@@ -11,8 +11,8 @@ from hw.arms import arm_kind
 from hw.boundary import reach_boundary
 from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from tams_app.config import Config
-from tams_app.console.terminal import TerminalKeys, handled_signals
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
+from tams_app.faces.terminal.keys import TerminalKeys, handled_signals
 from tams_app.printing import Console
 from tams_app.robot.build import check_ready_pose
 from tams_app.robot.guarding import SILENCE_NS

@@ -12,9 +12,9 @@ import numpy as np
 
 from tams_app.config import Config
 from tams_app.console.app import show_session
-from tams_app.console.display import has_display
-from tams_app.console.faces import check_faces
 from tams_app.errors import SignalledError, TamsError
+from tams_app.faces.display import has_display
+from tams_app.faces.registry import check_faces
 from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.robot.build import check_names, check_ready_pose

@@ -10,7 +10,11 @@ from typing import Protocol
 from tams_app.config import Config
 from tams_app.console.app import check_session, show_session
 from tams_app.console.report import write_summary
-from tams_app.console.status import (
+from tams_app.errors import TamsError
+from tams_app.faces.commands import Action, Command
+from tams_app.faces.messages import TrialFacts
+from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.faces.terminal.line import (
     SEPARATOR,
     Words,
     arm_line,
@@ -19,10 +23,6 @@ from tams_app.console.status import (
     minutes,
     reason_parts,
 )
-from tams_app.console.terminal import TerminalKeys
-from tams_app.console.window.messages import TrialFacts
-from tams_app.console.wishes import Action, Wish
-from tams_app.errors import TamsError
 from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.records import SessionState
@@ -106,12 +106,12 @@ class LiveTrial:
         self._lock = threading.Lock()  # window and terminal have threads of their own
 
     @property
-    def actions(self) -> Mapping[Wish, Action]:
-        """For wishes that are for a trial only."""
+    def actions(self) -> Mapping[Command, Action]:
+        """For commands that are for a trial only."""
         return {
-            Wish.DROP: lambda: self._count(1),
-            Wish.NO_DROP: lambda: self._count(-1),
-            Wish.PLACED: self._place,
+            Command.DROP: lambda: self._count(1),
+            Command.NO_DROP: lambda: self._count(-1),
+            Command.PLACED: self._place,
         }
 
     def words(self, state: SessionState) -> Words:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import check_session, run_and_report
-from tams_app.console.faces import check_faces
 from tams_app.errors import ConfigError
+from tams_app.faces.registry import check_faces
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console

@@ -16,9 +16,9 @@ from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
-from tams_app.console.status import Words
-from tams_app.console.terminal import TerminalKeys
-from tams_app.console.wishes import Wish
+from tams_app.faces.commands import Command
+from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.faces.terminal.line import Words
 from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.robot.control import Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
@@ -255,7 +255,7 @@ def test_in_a_trial_the_terminal_counts_drops_too(monkeypatch):
     operator, program = pty.openpty()
     monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
     session, drops = NotedSession(), []
-    trial = SimpleNamespace(actions={Wish.DROP: lambda: drops.append(True)})
+    trial = SimpleNamespace(actions={Command.DROP: lambda: drops.append(True)})
     try:
         with ExitStack() as stack:
             assert app._read_keys(session, stack, trial)

@@ -12,8 +12,8 @@ import pytest
 from rich.console import Console
 
 from tams_app.console.home import Dialogue
-from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import DeviceError
+from tams_app.faces.terminal.keys import TerminalKeys
 
 pytestmark = pytest.mark.waiting
 

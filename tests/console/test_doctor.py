@@ -21,7 +21,7 @@ from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import checks, device_checks
 from tams_app.console.checks import Finding
 from tams_app.console.doctor import run_doctor
-from tams_app.console.window import toolkit
+from tams_app.faces.window import toolkit
 from tams_app.video.core.codecs import ENCODERS
 
 pytestmark = pytest.mark.waiting

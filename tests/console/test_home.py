@@ -27,8 +27,8 @@ from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import home
 from tams_app.console.home import run_home
-from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
+from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session import homing
 from tams_app.units import NS_PER_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.console.terminal import Presses
+from tams_app.faces.terminal.keys import Presses
 from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed

@@ -15,15 +15,15 @@ from rich.console import Console
 
 import tams_app.console.trial
 from tams_app.config import Config, load_config
-from tams_app.console.status import COLUMNS
 from tams_app.console.trial import LiveTrial, LiveTrialRunner
-from tams_app.console.window.figures import trial_texts
-from tams_app.console.wishes import Wish
 from tams_app.errors import ConfigError, HelperError, TamsError
+from tams_app.faces.commands import Command
+from tams_app.faces.figures import trial_texts
+from tams_app.faces.terminal.line import COLUMNS
 from tams_app.recording import read_log
 from tams_app.session.session import Session
 from tams_app.task.marks import DROPS_FACT, PLACED_FACT
-from tests.console.test_status import STATE
+from tests.faces.terminal.test_line import STATE
 from tests.study.synthetic_study import planned_trial
 
 pytestmark = pytest.mark.timed
@@ -173,17 +173,17 @@ def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_plac
     session = Marked()
     trial = LiveTrial(TRIAL, 120.0, session)
     actions = trial.actions
-    actions[Wish.NO_DROP]()
+    actions[Command.NO_DROP]()
     assert session.facts == {}, "fewer than none"
-    for wish in (Wish.DROP, Wish.DROP, Wish.NO_DROP):
-        actions[wish]()
+    for command in (Command.DROP, Command.DROP, Command.NO_DROP):
+        actions[command]()
     assert session.facts == {DROPS_FACT: "1"}
     assert session.notes == ["drops: 1", "drops: 2", "drops: 1"]
     assert trial.facts_of(replace(STATE, arming="ready")).drops == 1
-    actions[Wish.PLACED]()
+    actions[Command.PLACED]()
     assert session.reason == "", "before it has begun"
     trial.facts_of(replace(STATE, arming="engaged"))
-    actions[Wish.PLACED]()
+    actions[Command.PLACED]()
     assert session.facts == {DROPS_FACT: "1", PLACED_FACT: "yes"}
     assert session.reason == "the block is placed, says the experimenter"
 

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from tams_app.console.terminal import handled_signals
+from tams_app.faces.terminal.keys import handled_signals
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.promises import is_logged, moving_connections, recovers_from_fault, stands
 from tests.faults.wired_bench import WiredBench

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from tams_app.config import load_config
-from tams_app.console.status import status_words
+from tams_app.faces.terminal.line import status_words
 from tams_app.link.keys import new_key, revoke_key
 from tams_app.records import Activity
 from tams_app.teleop.safety import ArmingState, Reason

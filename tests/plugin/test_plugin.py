@@ -15,7 +15,7 @@ import pytest
 
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
-from tests.console.window.xvfb import virtual_screen
+from tests.faces.window.xvfb import virtual_screen
 
 pytestmark = [pytest.mark.waiting, pytest.mark.timeout(600)]
 

@@ -15,10 +15,10 @@ import psutil
 import pytest
 
 from tams_app.config import Config, load_config
-from tams_app.console.status import status_words
-from tams_app.console.window.session_face import facts_of
-from tams_app.console.window.silence import as_known, silence_of
 from tams_app.errors import TamsError
+from tams_app.faces.session_face import facts_of
+from tams_app.faces.silence import as_known, silence_of
+from tams_app.faces.terminal.line import status_words
 from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key

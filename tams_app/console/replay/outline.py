@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from tams_app.console.window.messages import Outline, Stretch
+from tams_app.faces.messages import Outline, Stretch
 from tams_app.recording import SessionLog
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import show_session
-from tams_app.console.display import has_display
 from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
-from tams_app.console.terminal import TerminalKeys
 from tams_app.errors import ConfigError, SignalledError, TamsError
+from tams_app.faces.display import has_display
+from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.recording import read_log

@@ -16,8 +16,8 @@ from tams_app.config import Config
 from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.outline import outline_of
 from tams_app.console.replay.playback import STEP_NS, Playback
-from tams_app.console.window.messages import Keys, ReplayFacts
 from tams_app.errors import UnreadableLogError
+from tams_app.faces.messages import Keys, ReplayFacts
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import Note, SessionState

@@ -9,11 +9,11 @@ import msgspec
 import pytest
 
 from tams_app.console.replay.outline import CELLS, outline_of
-from tams_app.console.window.messages import LONGEST, Stretch
+from tams_app.faces.messages import LONGEST, Stretch
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.units import NS_PER_S
-from tests.console.window.facts import OPENING
+from tests.faces.window.facts import OPENING
 from tests.golden_logs import golden_log
 from tests.synthetic_session import START_NS, header, tick
 

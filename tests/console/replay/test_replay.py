@@ -16,8 +16,8 @@ from tams_app.config import load_config
 from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.run import _shown_config
 from tams_app.console.replay.session import ReplaySession
-from tams_app.console.terminal import TerminalKeys
-from tams_app.console.window.messages import Keys
+from tams_app.faces.messages import Keys
+from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.recording.writer import DirectRecorder

@@ -14,11 +14,11 @@ import pytest
 from tams_app.cli import _main
 from tams_app.console.replay import run
 from tams_app.console.replay.session import ReplaySession
-from tams_app.console.window.canvas import INK
+from tams_app.faces.canvas import INK
 from tams_app.recording import LOG_NAME
-from tests.console.played_session import window_processes
-from tests.console.window.photographs import banner_is, is_colour
-from tests.console.window.xvfb import Screen, virtual_screen, wait_for
+from tests.faces.played_session import window_processes
+from tests.faces.window.photographs import banner_is, is_colour
+from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 from tests.golden_logs import golden_log
 
 pytestmark = pytest.mark.waiting

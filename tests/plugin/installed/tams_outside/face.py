@@ -1,6 +1,6 @@
 """A display: a file with the states of arming that the session went through."""
 
-from tams_app.console.window.session_face import FacedSession, ShownReplay, ShownTrial
+from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
 
 
 class Lamp:

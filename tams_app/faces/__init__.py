@@ -1,0 +1,1 @@
+"""What the operator looks at and answers with; what all faces share, and each of them."""

@@ -1,0 +1,79 @@
+"""A face's side of its application: what it is opened with, and telling what happens."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+from dataclasses import dataclass
+
+import msgspec
+
+from tams_app.faces.commands import Command
+from tams_app.faces.facts_memory import FactsReader
+from tams_app.faces.messages import LONGEST, Asked, Event, Opening
+from tams_app.runtime.process import HelperSide
+from tams_app.runtime.shared_ring import map_descriptor
+from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
+
+_POLL_S = 0.05
+_KEPT = frozenset({Command.EMERGENCY_STOP, Command.QUIT, Command.CLOSE})  # as good once and late
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """What a face shows."""
+
+    opening: Opening
+    frames: dict[str, FrameReader]
+    facts: FactsReader
+
+
+class Application:
+    """The socket to the application, which never waits for a face, nor that for it."""
+
+    def __init__(self, side: HelperSide) -> None:
+        """`side`: its specification names the socket's descriptor."""
+        self._side = side
+        self._socket = socket.socket(fileno=int(side.specification["socket"]))
+        self._untold: dict[Command, Asked] = {}
+
+    def await_opening(self) -> Opened | None:
+        """What to show; None to end before."""
+        while not self._side.stop_requested.is_set():
+            if select.select([self._socket], [], [], _POLL_S)[0]:
+                content, descriptors, _, _ = socket.recv_fds(self._socket, LONGEST, 2)
+                if not content:
+                    return None
+                self._socket.setblocking(False)
+                return _opened(msgspec.msgpack.decode(content, type=Opening), *descriptors)
+        return None
+
+    def tell(self, event: Event) -> None:
+        """Send it, if the application takes anything; what stops the arm is sent with a later one.
+
+        Of all else the next event has what counts, but for a confirmation: that is not to be late.
+        """
+        # it takes nothing for a moment, or has ended
+        with contextlib.suppress(BlockingIOError, ConnectionError):
+            if is_kept := isinstance(event, Asked) and event.command in _KEPT:
+                self._untold[event.command] = event
+            for command, asked in tuple(self._untold.items()):
+                self._send(asked)
+                del self._untold[command]
+            if not is_kept:
+                self._send(event)
+
+    def _send(self, event: Event) -> None:
+        self._socket.send(msgspec.msgpack.encode(event))
+
+    def close(self) -> None:
+        """Nothing is told any more."""
+        self._socket.close()
+
+
+def _opened(opening: Opening, frames: int, facts: int) -> Opened:
+    layout = RingLayout(SHOWN, opening.views, opening.width, opening.height)
+    block = map_descriptor(frames)
+    readers = {view: FrameReader(block, layout, view) for view in opening.views}
+    return Opened(opening, readers, FactsReader(facts))

@@ -1,0 +1,139 @@
+"""What the banner says in each state of the arming table; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from tams_app import palette
+from tams_app.faces.messages import Facts
+from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received
+from tams_app.teleop.hands import SIMULATED, HandWords, words_of_hand
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a state is told: word and sign, border and colour; no two states share any of them.
+
+    border: as CSS has it. colour: of border and banner; ink: of what is written on it.
+    """
+
+    word: str
+    sign: str
+    border: str
+    colour: str
+    ink: str
+
+
+@dataclass(frozen=True, slots=True)
+class Banner:
+    """The banner of one moment."""
+
+    look: Look
+    sentence: str
+    key: str  # what helps
+    button: str = "STOP"  # what a click on it does
+
+
+_DARK, _LIGHT = "#101418", "#FFFFFF"
+LOOKS = {
+    "disarmed": Look("DISARMED", "○", "groove", "#8A939C", _DARK),
+    "ready": Look("READY", "◉", "ridge", palette.SKY, _DARK),
+    "engaged": Look("ENGAGED", "▶", "solid", "#1B8A3A", _LIGHT),
+    "holding": Look("HOLDING", "❚❚", "dashed", palette.YELLOW, _DARK),
+    "fault": Look("FAULT", "✖", "double", "#C73E00", _LIGHT),
+    "link lost": Look("LINK LOST", "⚠", "dotted", palette.PURPLE, _DARK),
+    NOT_LIVE: Look("NOT LIVE", "□", "outset", "#C3C7CB", _DARK),
+}
+_OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
+
+_QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.told` takes them
+    "disarmed": ("The arm does not move.", "{release}, then press Enter to arm it"),
+    "ready": ("The arm waits.", "Press and hold {deadman} to move it"),
+    "engaged": (
+        "The arm follows your hand.",
+        "{release} to stop · Space: emergency stop",
+    ),
+    "link lost": (
+        "The robot stops by itself.",
+        "Wait until the link is back, {release}, then Enter",
+    ),
+}
+_SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
+_STARTING = ("The session starts.", "F1 lists all keys")
+
+
+def look_of(arming: str) -> Look:
+    """How a state looks; what is no state is a start."""
+    return LOOKS.get(arming, _OTHER)
+
+
+_SIMULATED_KEYS = {  # by state, and whether something has stopped the arm before
+    ("fault", True): "Enter: first clears, then arms",
+    ("disarmed", True): "Enter arms it: the simulated operator does so only once",
+    ("holding", True): "The simulated operator goes on · Space: emergency stop",
+}
+_SIMULATED = {  # who watches can do that much
+    "disarmed": ("The arm does not move.", "The simulated operator arms it soon"),
+    "ready": ("The arm waits.", "The simulated operator moves it · Space: emergency stop"),
+    "engaged": (
+        "The simulated operator drives.",
+        "Space: emergency stop · to drive yourself: --hand keyboard",
+    ),
+    "link lost": (_QUIET["link lost"][0], "Wait until the link is back, then Enter"),
+}
+
+
+def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -> Banner:
+    """The state, why the arm does not move, and the key that helps; of a replay that it is one.
+
+    hand: what drives the arm, of `HANDS`. shift_is_dead: `Keyboard.shift_is_dead`.
+    """
+    words, state = words_of_hand(hand), facts.state
+    if state.arming == NOT_LIVE and facts.silent_s is not None:
+        key = f"{STILL_STOPS} still stops it"
+        return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)
+    if facts.replay is not None:
+        banner = _banner_of(facts, _QUIET, words)
+        return replace(
+            banner,
+            look=replace(banner.look, word=f"REPLAY: {banner.look.word}"),
+            key="Nothing moves · F1: keys",
+            button="PLAY" if facts.replay.paused else "PAUSE",
+        )
+    if hand == SIMULATED:
+        banner = _banner_of(facts, _QUIET | _SIMULATED, words)
+        has_stopped = bool(state.reason or state.last_stop)
+        return replace(banner, key=_SIMULATED_KEYS.get((state.arming, has_stopped), banner.key))
+    banner = _banner_of(facts, _QUIET, words)
+    if shift_is_dead and hand == "keyboard" and state.arming == "ready":
+        return replace(banner, key=_SHIFT_IS_DEAD)
+    moves = words.moves if state.arming == "ready" else ""
+    return replace(banner, key=banner.key + moves)
+
+
+def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWords) -> Banner:
+    state = facts.state
+    look = look_of(state.arming)
+    if state.arming == "holding":
+        return Banner(look, _told(facts), words.told("{release} · Space: emergency stop"))
+    if state.arming == "fault":
+        key = words.told("Enter, with {deadman} released: first clears, then arms")
+        return Banner(look, _told(facts), key)
+    sentence, key = map(words.told, quiet.get(state.arming, _STARTING))
+    if state.arming in ("ready", "engaged", "disarmed"):
+        if state.reason:  # nothing has stopped: it is in the way of going on
+            sentence = f"{sentence} {_told(facts)}"
+        elif state.last_stop:
+            sentence = f"{sentence} Last stop: {state.last_stop}."
+    elif facts.silent_s is not None:
+        sentence = f"{sentence} {not_received(facts.silent_s)} {STILL_STOPS} still stops it."
+    return Banner(look, sentence, key)
+
+
+def _told(facts: Facts) -> str:
+    reason = facts.state.reason
+    reason = reason[:1].upper() + reason[1:]
+    if reason and not reason.endswith("."):
+        reason += "."
+    return f"{reason} {facts.advice}".strip() or "The arm has stopped."

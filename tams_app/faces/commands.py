@@ -1,0 +1,79 @@
+"""What people ask of a session by key or button, and what is done then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Protocol, TypeAlias
+
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+
+Action: TypeAlias = Callable[[], None]
+
+
+class Command(StrEnum):
+    """What is asked for; the last three by the experimenter, in a trial of a study."""
+
+    CONFIRM = "confirm"
+    EMERGENCY_STOP = "emergency stop"
+    QUIT = "quit"
+    CLOSE = "close"
+    DROP = "a drop more"
+    NO_DROP = "a drop less"
+    PLACED = "placed"
+
+
+class Signals(Protocol):
+    """What the operator asks of the arm."""
+
+    def confirm(self, asked_ns: int | None = None) -> None: ...
+
+    def estop(self) -> None: ...
+
+
+class AskedSession(Protocol):
+    """A session of which something is asked."""
+
+    @property
+    def signals(self) -> Signals: ...
+
+    def end(self, reason: str) -> None: ...
+
+    def note(self, level: str, text: str) -> None: ...
+
+
+_NONE: Mapping[Command, Action] = MappingProxyType({})
+
+
+def actions_of(
+    session: AskedSession, more: Mapping[Command, Action] = _NONE
+) -> Mapping[Command, Action]:
+    """What to do for each command but a confirmation, in any thread; `more`: in a trial."""
+    return {
+        Command.EMERGENCY_STOP: session.signals.estop,
+        Command.QUIT: lambda: session.end("ended by the operator"),
+        Command.CLOSE: lambda: session.end("the operator closed the window"),
+        **more,
+    }
+
+
+def carry_out(
+    session: AskedSession,
+    actions: Mapping[Command, Action],
+    command: Command,
+    asked_ns: int,
+    now_ns: int,
+) -> None:
+    """Carry out a command; what `actions` lacks changes nothing.
+
+    A confirmation counts for a while only: `asked_ns` is when the operator gave it at the earliest,
+    however long it waited for an application that stood still.
+    """
+    if command is not Command.CONFIRM:
+        if action := actions.get(command):
+            action()
+    elif now_ns - asked_ns > CONFIRMED_AGO_NS:
+        session.note("warning", TOO_LONG_AGO)
+    else:
+        session.signals.confirm(asked_ns)

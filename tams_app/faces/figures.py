@@ -1,0 +1,95 @@
+"""The numbers beside the views, as they are written; pure."""
+
+from __future__ import annotations
+
+from tams_app.faces.messages import Opening, ReplayFacts, TrialFacts
+from tams_app.records import SessionState, ViewState
+
+HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
+
+
+def whole(value: float | None) -> str:
+    """A number without decimals, a dash for what is not known."""
+    return "–" if value is None else f"{value:.0f}"
+
+
+def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, ...]:
+    """The cells below HEADINGS."""
+    return (
+        name.upper(),
+        f"{whole(view.sent_kbps)} / {whole(view.target_kbps)}",
+        f"{whole(view.fps)} / {whole(asked_fps)}",
+        f"{whole(view.latency_ms)} ms",
+        f"{whole(view.age_ms)} ms",
+    )
+
+
+def uplink_texts(state: SessionState) -> tuple[str, str]:
+    """What the uplink carries, and how it fares."""
+    loss = "–" if state.loss is None else f"{100 * state.loss:.1f}"
+    return (
+        f"uplink {whole(state.link_kbps)} kbit/s of budget {whole(state.budget_kbps)}, "
+        f"capacity {whole(state.capacity_kbps)}, estimated {whole(state.estimate_kbps)}",
+        f"queue {whole(state.queue_ms)} ms, loss {loss} %",
+    )
+
+
+def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
+    """What the operator's hand does: name and word."""
+    gripper = {None: "not known", True: "closed", False: "open"}[state.gripper_closed]
+    return (
+        ("deadman", {None: "not known", True: "HELD", False: "released"}[state.deadman]),
+        ("mode", "orientation" if state.orientation_mode else "translation"),
+        ("gripper", gripper),
+        ("buttons", ", ".join(state.pressed) or "none"),
+        ("TCP", _tcp(state.tcp_mm)),
+    )
+
+
+def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
+    """Who does which trial, and how much of its time has passed."""
+    limit = minutes(trial.limit_s)
+    if trial.passed_s is None:
+        time = f"Not begun: it begins when the arm first follows. {limit} allowed"
+    elif trial.passed_s < trial.limit_s:
+        time = f"{minutes(trial.passed_s)} of {limit}"
+    else:
+        time = f"The time is over ({limit}): Q ends the trial"
+    drops = f"Drops: {trial.drops} (X: more, Backspace: less)"
+    return trial.participant, trial.title, time, drops, "P ends it when the block is placed"
+
+
+def minutes(t_s: float) -> str:
+    """Seconds as minutes and seconds."""
+    whole_minutes, seconds = divmod(int(t_s), 60)
+    return f"{whole_minutes}:{seconds:02}"
+
+
+def replay_texts(t_s: float, end_s: float, replay: ReplayFacts) -> tuple[str, str]:
+    """Where a replay is in a log of `end_s`, and how it goes."""
+    position, length = (f"{minutes(one)}.{int(10 * one) % 10}" for one in (t_s, end_s))
+    state = ", at the end" if t_s >= end_s else ", paused" if replay.paused else ""
+    return f"{position} / {length}", f"×{replay.speed:g}{state}"
+
+
+def is_old(view: ViewState | None, old_ms: float) -> bool:
+    """Whether the view's frame has this age [ms] or more (`teleop` watches the age itself)."""
+    return view is not None and view.age_ms is not None and view.age_ms >= old_ms
+
+
+def view_title(name: str, view: ViewState | None, is_primary: bool, opening: Opening) -> str:
+    """What is written in a view's picture: its name, and if its frame is old, that."""
+    title = f"{name.upper()} · primary" if is_primary else name.upper()
+    age_ms = None if view is None else view.age_ms
+    if view is None or (age_ms is None and not opening.blind):
+        return f"{title} · no frame yet"
+    if age_ms is not None and is_old(view, opening.old_ms):
+        return f"{title} · OLD: {age_ms / 1000:.1f} s"
+    return title
+
+
+def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
+    if tcp_mm is None:
+        return "not known"
+    x, y, z = (round(part) for part in tcp_mm)  # whole numbers, of which 0 has no sign
+    return f"{x}, {y}, {z} mm"

@@ -1,0 +1,149 @@
+"""What the headset shows, step by step: facts and frames in, changed parts of the atlas out."""
+
+from __future__ import annotations
+
+import time
+
+from hw.openvr.overlays import Overlays
+from tams_app import palette
+from tams_app.config import HeadsetConfig
+from tams_app.faces.application import Opened
+from tams_app.faces.figures import is_old, view_title
+from tams_app.faces.headset.layout import Atlas, Crop, panel_place, view_places
+from tams_app.faces.headset.painting import ViewCell, paint_panel
+from tams_app.faces.headset.texture import AtlasTexture
+from tams_app.faces.headset.wording import PanelWords, panel_words
+from tams_app.faces.messages import Facts
+from tams_app.faces.pacing import Pacer
+from tams_app.faces.places import Places
+from tams_app.faces.silence import as_known
+from tams_app.units import NS_PER_MS
+
+PANEL = "panel"
+_SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
+
+
+def overlay_names(views: tuple[str, ...]) -> tuple[str, ...]:
+    """One for each place of a view, the one in front first, and the panel's."""
+    return *(f"view {number}" for number, _ in enumerate(views)), PANEL
+
+
+class HeadsetDisplay:
+    """Draws what has changed, and no more often than frames come.
+
+    An overlay is a place, not a view: where views exchange their places, only the part of the
+    atlas that each overlay shows is another one. Nothing moves, nothing is hidden, so nothing
+    flickers.
+    """
+
+    def __init__(
+        self,
+        opened: Opened,
+        config: HeadsetConfig,
+        overlays: Overlays,
+        texture: AtlasTexture,
+        now_ns: int,
+    ) -> None:
+        """`overlays`: of `overlay_names`. SetupError if there is no texture for all of it."""
+        self._opening, self._frames, self._facts = opened.opening, opened.frames, opened.facts
+        self._overlays, self._texture = overlays, texture
+        views = self._opening.views
+        self._atlas = Atlas(views, self._opening.width, self._opening.height)
+        texture.create(self._atlas.width, self._atlas.height)
+        self._cells = {
+            view: ViewCell(self._atlas, palette.view_colour(number))
+            for number, view in enumerate(views)
+        }
+        self._seen = dict.fromkeys(views, 0)
+        self._places = Places(views)
+        self._words: PanelWords | None = None
+        self._newest: Facts | None = None
+        self._silence_ns = 0  # when to tell the time of a silence anew
+        self._dirty = set(views)
+        self._pacer = Pacer(now_ns, time.process_time_ns())
+        self.drawings = 0
+        for view in views:
+            self._cells[view].tell(view_title(view, None, False, self._opening), False)
+        self._arrange(config)
+
+    def step(self, now_ns: int) -> None:
+        """Take in what is new, and show it if it is time to."""
+        newer = self._facts.newer()
+        self._newest = newer or self._newest
+        if self._newest is not None:
+            known = as_known(self._newest, now_ns)
+            if newer is not None or (known.silent_s is not None and now_ns >= self._silence_ns):
+                self._silence_ns = now_ns + _SILENCE_NS
+                self._take_in(known, now_ns)
+        if self._pacer.may_draw(now_ns):
+            self._take_frames()
+            if self._dirty:
+                self._draw()
+                self._pacer.drawn(now_ns, time.process_time_ns())
+
+    def _arrange(self, config: HeadsetConfig) -> None:
+        places = [*view_places(config, len(self._cells)), panel_place(config, self._atlas)]
+        for number, place in enumerate(places):
+            self._overlays.arrange(number, place.pose, place.width_m)
+        for number, view in enumerate(self._places.views):
+            self._crop(number, self._atlas.cells[view])
+        self._crop(len(self._cells), self._atlas.panel)
+
+    def _crop(self, number: int, part: Crop) -> None:
+        width, height = self._atlas.width, self._atlas.height
+        self._overlays.crop(
+            number,
+            part.left / width,
+            part.top / height,
+            (part.left + part.width) / width,
+            (part.top + part.height) / height,
+        )
+
+    def _take_in(self, facts: Facts, now_ns: int) -> None:
+        opening = self._opening
+        for view, cell in self._cells.items():
+            view_facts = facts.state.views.get(view)
+            title = view_title(view, view_facts, view == facts.state.primary_view, opening)
+            silent = facts.silent_s is not None
+            if cell.tell(title, silent or is_old(view_facts, opening.old_ms), silent):
+                self._dirty.add(view)
+        words = panel_words(facts, opening.hand)
+        if words != self._words:
+            self._words = words
+            self._texture.put(
+                self._atlas.panel.left, self._atlas.panel.top, paint_panel(self._atlas.panel, words)
+            )
+            self._dirty.add(PANEL)
+        before = self._places.views
+        if self._places.step(facts.state.primary_view, now_ns):
+            self._exchange(before)
+
+    def _exchange(self, before: tuple[str, ...]) -> None:
+        for number, view in enumerate(self._places.views):
+            if view != before[number]:
+                # its copy of the atlas has what this view was when the overlay was submitted last
+                self._overlays.submit(number, self._texture.handle)
+                self._crop(number, self._atlas.cells[view])
+        self._texture.flush()
+
+    def _take_frames(self) -> None:
+        for view, reader in self._frames.items():
+            written = reader.written()
+            if written == self._seen[view]:
+                continue
+            if reader.newest_image(self._cells[view].show) is None:
+                self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
+                continue
+            self._seen[view] = written
+            self._dirty.add(view)
+
+    def _draw(self) -> None:
+        for view in self._dirty - {PANEL}:
+            cell = self._atlas.cells[view]
+            self._texture.put(cell.left, cell.top, self._cells[view].pixels)
+        for number, shown in enumerate((*self._places.views, PANEL)):
+            if shown in self._dirty:
+                self._overlays.submit(number, self._texture.handle)
+        self._texture.flush()
+        self._dirty.clear()
+        self.drawings += 1

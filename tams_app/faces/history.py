@@ -1,0 +1,65 @@
+"""What the window remembers of the last minute, to draw it; pure."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+
+from tams_app.faces.messages import Facts, Stretch
+from tams_app.records import SessionState
+
+SPAN_S = 60.0
+
+
+class History:
+    """The states of the last SPAN_S seconds."""
+
+    def __init__(self) -> None:
+        self.states: deque[SessionState] = deque()
+        self._jumps = 0
+
+    def add(self, facts: Facts) -> None:
+        """Take in a newer state; one of the same moment changes nothing.
+
+        Where a replay goes back, what came later is forgotten; where it jumps ahead, all is: of
+        the time between nothing is known.
+        """
+        states, state, jumps = self.states, facts.state, _jumps(facts)
+        jumped, self._jumps = jumps != self._jumps, jumps
+        if states and state.t_s == states[-1].t_s:
+            return
+        if states and state.t_s > states[-1].t_s and jumped:
+            states.clear()
+        while states and states[-1].t_s >= state.t_s:
+            states.pop()
+        states.append(state)
+        while states[0].t_s < state.t_s - SPAN_S:
+            states.popleft()
+
+    def phases(self) -> list[Stretch]:
+        """The phases, one after the other."""
+        return list(self._stretches(lambda state: state.phase))
+
+    def armings(self) -> list[Stretch]:
+        """The states of the arming table, one after the other."""
+        return list(self._stretches(lambda state: state.arming))
+
+    def curve(self, value: Callable[[SessionState], float | None]) -> list[tuple[float, float]]:
+        """A value over time [s], where it is known."""
+        points = ((state.t_s, value(state)) for state in self.states)
+        return [(t_s, known) for t_s, known in points if known is not None]
+
+    def _stretches(self, what: Callable[[SessionState], str]) -> Iterator[Stretch]:
+        begin: SessionState | None = None
+        for state in self.states:
+            if begin is None:
+                begin = state
+            elif what(state) != what(begin):
+                yield Stretch(begin.t_s, state.t_s, what(begin))
+                begin = state
+        if begin is not None:
+            yield Stretch(begin.t_s, self.states[-1].t_s, what(begin))
+
+
+def _jumps(facts: Facts) -> int:
+    return 0 if facts.replay is None else facts.replay.jumps

@@ -1,0 +1,151 @@
+"""What the application and a face of it, window or headset, tell each other.
+
+The application's `Facts` lie in shared memory, where the newest wins; the face's messages come
+over a socket, each whole in one packet. Stamps are of the monotonic clock of this computer.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import msgspec
+
+from tams_app.faces.commands import Command
+from tams_app.records import SessionState
+
+BEAT_S = 0.02  # a face tells of itself at least so often
+LONGEST = 64 * 1024  # bytes of an `Opening` or an `Event`
+
+
+class Workspace(msgspec.Struct, frozen=True):
+    """The space that the TCP does not leave [mm], in the arm's base frame."""
+
+    box_min_mm: tuple[float, float, float]
+    box_max_mm: tuple[float, float, float]
+    radius_min_mm: float
+    radius_max_mm: float
+
+
+class Stretch(msgspec.Struct, frozen=True, array_like=True):
+    """A time [s] in which something stayed the same."""
+
+    begin_s: float
+    end_s: float
+    what: str
+
+
+class Outline(msgspec.Struct, frozen=True):
+    """A whole log: its length, its phases, and its states of the arming table."""
+
+    end_s: float
+    phases: tuple[Stretch, ...]
+    states: tuple[Stretch, ...]
+
+
+class Opening(msgspec.Struct, frozen=True):
+    """What a face is opened with: fixed as long as it is open.
+
+    The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
+    may be shown that tells the strategy or the network of a trial. hand: of `HANDS`. replay: the
+    log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
+    which a frame is called old.
+    """
+
+    views: tuple[str, ...]
+    width: int
+    height: int
+    workspace: Workspace
+    blind: bool
+    hand: str
+    old_ms: float
+    replay: Outline | None = None
+
+
+class TrialFacts(msgspec.Struct, frozen=True):
+    """The trial of a study, as far as its participant may know of it."""
+
+    participant: str
+    title: str
+    passed_s: float | None  # None: not begun
+    limit_s: float
+    drops: int = 0  # that were counted
+
+
+class ReplayFacts(msgspec.Struct, frozen=True):
+    """How a replay goes; where it is, is the time of its facts."""
+
+    speed: float  # times the real one
+    paused: bool  # or at the end
+    jumps: int = 0  # how often it went elsewhere than on
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A sentence for the operator, and when it was said."""
+
+    t_s: float
+    text: str
+
+
+class Facts(msgspec.Struct, frozen=True):
+    """The session's state at one moment as a face shows it, and what was said last.
+
+    advice: what to do about `state.reason` now. told_ns: when they were put (`FaceClient`).
+    silent_s: for how long nothing has been received, None while that is short; only a face knows it
+    (`faces.silence`).
+    """
+
+    state: SessionState
+    advice: str = ""
+    trial: TrialFacts | None = None
+    replay: ReplayFacts | None = None
+    said: tuple[Said, ...] = ()
+    told_ns: int = 0
+    silent_s: float | None = None
+
+
+class Asked(msgspec.Struct, frozen=True, tag="asked"):
+    """The operator asks for something; once for each press, however long the key is held."""
+
+    t_ns: int
+    command: Command
+
+
+class Sought(msgspec.Struct, frozen=True, tag="sought"):
+    """The moment of the log [s] that was clicked or dragged to in a replay."""
+
+    t_ns: int
+    t_s: float
+
+
+class Keys(msgspec.Struct, frozen=True, tag="keys"):
+    """Which keys are down: sent with every press, release and change of focus, and as a beat.
+
+    held: their names as GDK has them (`w`, also with Shift, `Left`, `Shift_L`), in the order of
+    pressing. A key that repeats itself stays in it, one whose release the window cannot see (it has
+    no focus) leaves it.
+    drawings: how often the window has drawn new pictures so far.
+    presses: how often each key has gone down, by name: one may go down and up between two looks.
+    """
+
+    t_ns: int
+    focused: bool
+    held: tuple[str, ...]
+    drawings: int = 0
+    presses: dict[str, int] = {}
+
+
+class Beat(msgspec.Struct, frozen=True, tag="beat"):
+    """A face without keys works; `drawings` as in `Keys`."""
+
+    t_ns: int
+    drawings: int
+
+
+class Gone(msgspec.Struct, frozen=True, tag="gone"):
+    """A face shows nothing any more; `why` in a few words."""
+
+    t_ns: int
+    why: str
+
+
+Event: TypeAlias = Asked | Sought | Keys | Beat | Gone

@@ -1,0 +1,214 @@
+"""A face of a session: what it is told of the session, and what becomes of a session without it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Protocol
+
+from hw.desk.keyboard import KeyboardController
+from tams_app.config import Config
+from tams_app.faces.client import Face, FaceClient
+from tams_app.faces.commands import Action, AskedSession, Command
+from tams_app.faces.messages import (
+    Event,
+    Facts,
+    Gone,
+    Keys,
+    Outline,
+    ReplayFacts,
+    Said,
+    TrialFacts,
+)
+from tams_app.records import SessionState, without_figures
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.worker import Worker
+from tams_app.station.displays import Displays
+from tams_app.teleop.advice import what_to_do
+from tams_app.teleop.hands import words_of_hand
+from tams_app.units import NS_PER_S
+from tams_app.video.live.frame_ring import FrameBlock
+
+EVERY_NS = NS_PER_S // 10  # facts for the face
+SILENT_NS = 2 * NS_PER_S  # of a face that tells of itself 50 times a second
+OPENING_NS = 10 * NS_PER_S  # until it tells the first time
+_SAID, _LONGEST_SENTENCE = 3, 500
+
+
+class FacedSession(AskedSession, Protocol):
+    """What a face needs of a session."""
+
+    config: Config
+    folder: Path
+
+    @property
+    def displays(self) -> Displays:
+        """What shows the frames to the person who steers."""
+
+    @property
+    def screen(self) -> FrameBlock: ...
+
+    @property
+    def keyboard(self) -> KeyboardController | None: ...
+
+    def fail(self, sentence: str) -> None: ...
+
+    def note(self, level: str, text: str) -> None: ...
+
+    def elapsed_s(self) -> float: ...
+
+    def state(self) -> SessionState: ...
+
+
+class ShownTrial(Protocol):
+    """A trial of a study, of whose session nothing else may be told."""
+
+    @property
+    def actions(self) -> Mapping[Command, Action]:
+        """For commands that are for a trial only."""
+
+    def facts_of(self, state: SessionState) -> TrialFacts:
+        """The trial as it stands."""
+
+
+class ShownReplay(Protocol):
+    """A session that is a replay: what is shown of that, and what is asked of it."""
+
+    @property
+    def outline(self) -> Outline:
+        """Its log."""
+
+    def facts(self) -> ReplayFacts:
+        """How it goes."""
+
+    def on_keys(self, keys: Keys) -> None:
+        """All keys that are down, in a thread of the window's."""
+
+    def seek(self, t_s: float) -> None:
+        """Go to that moment of the log [s], in the same thread."""
+
+
+class SessionFace:
+    """Launched and opened, it follows the session until it is closed; `refresh` it often.
+
+    What the operator steers by must be alive: where its process ends, or shows nothing any more,
+    the session fails; where it stands still, its pictures count as old, and a person's arm gets
+    an emergency stop.
+    """
+
+    def __init__(
+        self,
+        session: FacedSession,
+        face: Face,
+        trial: ShownTrial | None = None,
+        replay: ShownReplay | None = None,
+    ) -> None:
+        self._session, self._trial, self._replay = session, trial, replay
+        self._clock = MonotonicClock()
+        self._client = FaceClient(self._clock, face)
+        self._name = face.name
+        self._said: deque[Said] = deque(maxlen=_SAID)
+        self._stack = ExitStack()
+        self._next_ns = 0
+        self._opened_ns = 0
+        self._silent = False
+        self._gone = False
+
+    def launch(self) -> None:
+        """Start its process, before the session has the processor; SetupError if it cannot show."""
+        logs = self._session.folder / "helpers"
+        logs.mkdir(exist_ok=True)
+        self._client.launch(logs, **self._specification())
+        self._stack.callback(self._client.close)
+
+    def open(self) -> None:
+        """Show it, once the session has started."""
+        session = self._session
+        outline = None if self._replay is None else self._replay.outline
+        self._client.open(session.config, session.screen, self._trial is not None, outline)
+        self._opened_ns = self._clock.now_ns()
+        if not session.config.operator_is_simulated:
+            session.displays.add(lambda: self._client.heard_ns or self._opened_ns)
+        worker = Worker(self._name, self._client.body(self._on_event), self._on_failure)
+        self._stack.callback(worker.stop)
+        worker.start()
+
+    @property
+    def pid(self) -> int | None:
+        """Of its process."""
+        return self._client.pid
+
+    def say(self, text: str) -> None:
+        """A sentence for the operator."""
+        self._said.append(Said(self._session.elapsed_s(), text[:_LONGEST_SENTENCE]))
+
+    def refresh(self) -> None:
+        """Tell it what is new, if it is time to, and look after it."""
+        if self._client.ended and not self._gone:
+            self._gone = True
+            self._session.fail(
+                f"the {self._name}'s process ended unasked, so the operator sees nothing"
+            )
+        self._watch_silence()
+        now_ns = self._clock.now_ns()
+        if now_ns >= self._next_ns:
+            self._next_ns = now_ns + EVERY_NS
+            self._client.show(self._facts(self._session.state()))
+
+    def close(self) -> None:
+        """Close it; may be called twice."""
+        self._stack.close()
+
+    def _specification(self) -> dict[str, Any]:
+        """What its process is started with, besides its socket."""
+        return {}
+
+    def _watch_silence(self) -> None:
+        """A face that stands still shows old frames, by which the operator must not steer."""
+        heard_ns = self._client.heard_ns
+        since_ns, patience_ns = (
+            (self._opened_ns, OPENING_NS) if heard_ns is None else (heard_ns, SILENT_NS)
+        )
+        silent = self._clock.now_ns() - since_ns > patience_ns
+        if silent and not self._silent:
+            if not self._session.config.operator_is_simulated:
+                self._session.signals.estop()
+            self._session.note(
+                "warning",
+                f"the {self._name} does not answer, its pictures may be old: do not steer by it",
+            )
+        self._silent = silent
+
+    def _facts(self, state: SessionState) -> Facts:
+        trial = None if self._trial is None else self._trial.facts_of(state)
+        replay = None if self._replay is None else self._replay.facts()
+        return facts_of(state, tuple(self._said), trial, replay)
+
+    def _on_event(self, event: Event) -> None:
+        """In a thread of the face's own."""
+        if isinstance(event, Gone):
+            self._session.fail(
+                f"the {self._name} shows nothing any more, so the operator sees nothing: "
+                f"{event.why}"
+            )
+
+    def _on_failure(self, name: str, failure: BaseException) -> None:
+        self._session.fail(f"{name}: {failure!r}")
+
+
+def facts_of(
+    state: SessionState,
+    said: tuple[Said, ...],
+    trial: TrialFacts | None = None,
+    replay: ReplayFacts | None = None,
+) -> Facts:
+    """The state as a face gets it; in a trial without all that tells what is compared."""
+    return Facts(
+        state=state if trial is None else without_figures(state),
+        advice=what_to_do(state.reason, state.lasting, words_of_hand(state.hand)),
+        trial=trial,
+        replay=replay,
+        said=said,
+    )

@@ -1,0 +1,1 @@
+"""The terminal: one line that lives, and the keys of an experimenter."""

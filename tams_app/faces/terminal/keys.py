@@ -1,0 +1,212 @@
+"""The terminal: Enter confirms, space or Esc stops the arm, q ends; and the signals that end it."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import select
+import signal
+import termios
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from tams_app.errors import DeviceError
+from tams_app.faces.commands import Command
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_MS
+
+POLL_S = 0.2
+REPEAT_NS = 700 * NS_PER_MS  # a held key repeats after up to 0.66 s (X11's default), then faster
+_ESCAPE = 0x1B
+
+
+_KEYS = {
+    ord("\r"): Command.CONFIRM,
+    ord("\n"): Command.CONFIRM,
+    ord(" "): Command.EMERGENCY_STOP,
+    _ESCAPE: Command.EMERGENCY_STOP,
+    ord("q"): Command.QUIT,
+    ord("Q"): Command.QUIT,
+    ord("x"): Command.DROP,
+    ord("X"): Command.DROP,
+    0x08: Command.NO_DROP,  # Backspace
+    0x7F: Command.NO_DROP,  # Backspace of most terminals
+    ord("p"): Command.PLACED,
+    ord("P"): Command.PLACED,
+}
+
+
+def decode_keys(data: bytes) -> list[Command]:
+    """The keys in what was read at once; others mean nothing.
+
+    Arrow and function keys send Esc and more in one go: `ESC [` and `ESC O` are no emergency stop.
+    A sequence torn apart by a slow line reads as one: better a stop too many.
+    """
+    keys = []
+    at = 0
+    while at < len(data):
+        if data[at] == _ESCAPE and data[at + 1 : at + 2] in (b"[", b"O"):
+            at = _after_sequence(data, at + 2)
+            continue
+        key = _KEYS.get(data[at])
+        if key is not None:
+            keys.append(key)
+        at += 1
+    return keys
+
+
+def _after_sequence(data: bytes, at: int) -> int:
+    """Where a control sequence ends: parameters (0x20–0x3F), then one final byte (ECMA-48)."""
+    while at < len(data) and 0x20 <= data[at] <= 0x3F:
+        at += 1
+    return at + 1
+
+
+class TerminalKeys:
+    """Reads single keys from a terminal; where there is none, it does nothing.
+
+    The terminal is put back as it was by `close`, and at the end of the process in any case.
+    Ctrl-C keeps working, Ctrl-S is a key as any other: it stops no output.
+    """
+
+    def __init__(self, fd: int = 0) -> None:
+        self._fd = fd
+        self._before: list[int | list[bytes | int]] | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether keys are read."""
+        return self._before is not None
+
+    @property
+    def readable(self) -> bool:
+        """Whether there is a terminal that `open` could read from."""
+        return os.isatty(self._fd) and not _in_background(self._fd)
+
+    def open(self) -> None:
+        """Take keys one by one, without echo; what was typed before does not count."""
+        if self.active or not self.readable:
+            return
+        self._before = termios.tcgetattr(self._fd)
+        atexit.register(self.close)
+        tty.setcbreak(self._fd, termios.TCSANOW)  # not after output that may be stuck
+        modes = termios.tcgetattr(self._fd)
+        modes[0] &= ~termios.IXON
+        termios.tcsetattr(self._fd, termios.TCSANOW, modes)
+        self.discard()
+
+    def discard(self) -> None:
+        """Forget what was typed and not read yet."""
+        with contextlib.suppress(termios.error):  # the terminal is gone: the next reading tells
+            termios.tcflush(self._fd, termios.TCIFLUSH)
+
+    def close(self) -> None:
+        """Put the terminal back as it was; may be called twice."""
+        before, self._before = self._before, None
+        if before is None:
+            return
+        atexit.unregister(self.close)
+        with contextlib.suppress(termios.error):  # the terminal is gone: nothing to put back
+            termios.tcsetattr(self._fd, termios.TCSANOW, before)
+
+    def read(self, timeout_s: float) -> list[Command]:
+        """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
+        return decode_keys(self.read_bytes(timeout_s))
+
+    def read_bytes(self, timeout_s: float) -> bytes:
+        """What the terminal sent within `timeout_s`, as it came; DeviceError if it is gone."""
+        ready, _, _ = select.select([self._fd], [], [], timeout_s)
+        if not ready:
+            return b""
+        try:
+            data = os.read(self._fd, 1024)
+        except OSError as error:
+            raise DeviceError("The terminal is gone; start TAMS again from a new one.") from error
+        if not data:
+            raise DeviceError("The terminal was closed; start TAMS again from a new one.")
+        return data
+
+    def body(self, on_key: Callable[[Command, int], None]) -> Callable[[threading.Event], None]:
+        """A worker's body that hands every key to `on_key` until it is told to stop.
+
+        With it comes when it was pressed at the earliest [ns]: when nothing had been typed yet.
+        """
+        clock = MonotonicClock()
+
+        def run(stop: threading.Event) -> None:
+            self.open()
+            try:
+                looked_ns = clock.now_ns()
+                while self.active and not stop.is_set():
+                    keys, before_ns = self.read(POLL_S), looked_ns
+                    looked_ns = clock.now_ns()  # before keys are handed over, which may take long
+                    for key in keys:
+                        on_key(key, before_ns)
+            finally:
+                self.close()
+
+        return run
+
+
+class Presses:
+    """Tells presses of one key from its auto-repeats: two confirmations are two presses."""
+
+    def __init__(self) -> None:
+        self._seen_ns: int | None = None
+
+    def counts(self, now_ns: int) -> bool:
+        """Whether the key seen at `now_ns` was pressed anew; also one that does not is seen."""
+        before_ns, self._seen_ns = self._seen_ns, now_ns
+        return before_ns is None or now_ns - before_ns >= REPEAT_NS
+
+
+def _in_background(fd: int) -> bool:
+    """Whether touching the terminal would suspend the whole session (SIGTTOU)."""
+    try:
+        return os.tcgetpgrp(fd) != os.getpgrp()
+    except OSError:
+        return False  # not our controlling terminal: no job control, nothing to fear
+
+
+_RELAY_ENDS_S = 1.0
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextmanager
+def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C, SIGTERM and a closed terminal call `end` with the reason, SIGUSR1 calls `stop_arm`.
+
+    `end` is called in the main thread, between any two of its instructions: it must not wait for a
+    lock that the main thread may hold. `stop_arm` is called in a thread of its own, at once,
+    whatever the main thread is busy with. What was there before comes back at the end.
+    """
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        if number != signal.SIGUSR1:
+            end(f"ended by {signal.Signals(number).name}")
+
+    def relay(_stop: threading.Event) -> None:
+        while numbers := os.read(woken, 64):
+            if signal.SIGUSR1 in numbers:
+                stop_arm()
+
+    woken, wake = os.pipe()
+    os.set_blocking(wake, False)
+    relaying = Worker("signals", relay)
+    relaying.start()
+    before = {number: signal.signal(number, handle) for number in (*ENDING, signal.SIGUSR1)}
+    woken_before = signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(woken_before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        os.close(wake)
+        relaying.join(_RELAY_ENDS_S)
+        os.close(woken)

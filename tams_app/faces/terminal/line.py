@@ -1,0 +1,207 @@
+"""The live line: what an operator or experimenter wants to see while a session runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Self, TypeAlias
+
+from rich.console import Group
+from rich.live import Live
+from rich.text import Text
+
+from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
+from tams_app.printing import Console
+from tams_app.records import LINK_LOST, SessionState, ViewState
+from tams_app.teleop.advice import advice
+from tams_app.teleop.hands import words_of_hand
+
+LIVE_EVERY_S = 0.2
+PLAIN_EVERY_S = 5.0  # where the output is no terminal
+SEPARATOR = "  |  "
+
+COLUMNS = 80
+
+_STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red"}
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """A state in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere.
+
+    why: on a terminal below `live`, why the arm does not move, and what to do.
+    """
+
+    live: str
+    plain: str
+    why: str = ""
+
+
+WordsOf: TypeAlias = Callable[[SessionState], Words]
+
+
+def status_words(state: SessionState) -> Words:
+    """The arm, the views, the link, and in full why the arm does not move."""
+    full = [
+        arm_line(state),
+        "   ".join(_view(name, view, state.asked_fps) for name, view in state.views.items()),
+        f"link {_whole(state.link_kbps)}/{_whole(state.budget_kbps)} kbit/s, "
+        f"capacity {_whole(state.capacity_kbps)}, estimated {_whole(state.estimate_kbps)}, "
+        f"queue {_whole(state.queue_ms)} ms{_ssim(state)}",
+        *reason_parts(state),
+    ]
+    return Words(fitting(_parts(state)), SEPARATOR.join(full), "".join(reason_parts(state)))
+
+
+def fitting(parts: Iterable[str]) -> str:
+    """As many of the parts as fit into COLUMNS, the first ones first."""
+    line = ""
+    for part in parts:
+        longer = f"{line} {part}".strip()
+        if len(longer) > COLUMNS:
+            break
+        line = longer
+    return line
+
+
+def arm_parts(state: SessionState) -> list[str]:
+    """Time, arming, phase and deadman, in short; where nothing is live, since when."""
+    if (silence_s := silence_of(state)) is not None:
+        return [minutes(state.t_s), _not_live(state, silence_s)]
+    deadman = "held" if state.deadman else "up"
+    return [minutes(state.t_s), state.arming.upper(), state.phase, deadman]
+
+
+def _parts(state: SessionState) -> list[str]:
+    """The arm and, of the views, the primary one: what matters most comes first."""
+    parts, views = arm_parts(state), state.views
+    if silence_of(state) is not None:
+        return parts
+    name = state.primary_view if state.primary_view in views else next(iter(views), "")
+    link = f"link {_whole(state.link_kbps)}/{_whole(state.budget_kbps)}k"
+    if name:
+        view = views[name]
+        parts += [
+            f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)}k",
+            f"{_whole(view.age_ms)}ms",
+            f"{_whole(view.fps)}/{_whole(state.asked_fps)}fps",
+        ]
+    return [*parts, link, f"q{_whole(state.queue_ms)}ms"]
+
+
+def arm_line(state: SessionState) -> str:
+    """Time, arming, phase, what the hand holds, and where the arm is; or that it is not live."""
+    if (silence_s := silence_of(state)) is not None:
+        return f"{minutes(state.t_s)}  {_not_live(state, silence_s)}"
+    held = words_of_hand(state.hand).deadman.removeprefix("the ")
+    deadman = f"{held} {'held' if state.deadman else 'up'}"
+    mode = "orientation" if state.orientation_mode else "translation"
+    return (
+        f"{minutes(state.t_s)}  {state.arming.upper()}  {state.phase}  "
+        f"{', '.join((deadman, *state.pressed, mode))}"
+        f"{_tcp(state.tcp_mm)}{_gripper(state.gripper_closed)}"
+    )
+
+
+def reason_parts(state: SessionState) -> list[str]:
+    """Why the arm does not move and what to do, or why it stopped last; none if it has not."""
+    if (silence_s := silence_of(state)) is not None:
+        return [f"{not_received(silence_s)} {STILL_STOPS} still stops it."]
+    if state.reason:
+        return [advice(state.reason, state.lasting, words_of_hand(state.hand))]
+    return [f"last stop: {state.last_stop}"] if state.last_stop else []
+
+
+def _not_live(state: SessionState, silence_s: float) -> str:
+    lost = "LINK LOST, " if state.arming == LINK_LOST else ""
+    return f"{lost}{NOT_LIVE.upper()} for {silence_s:.1f} s"
+
+
+def minutes(t_s: float) -> str:
+    """Seconds as minutes and seconds."""
+    whole, seconds = divmod(t_s, 60)
+    return f"{whole:.0f}:{seconds:04.1f}"
+
+
+class StatusLine:
+    """Shows states in place at 5 Hz on a terminal, as plain lines every few seconds elsewhere.
+
+    Use it as a context from one thread; `say` prints a sentence that stays. `words_of` puts a
+    state into words.
+    """
+
+    def __init__(self, console: Console, words_of: WordsOf = status_words) -> None:
+        self._console = console
+        self._words_of = words_of
+        self._live = (
+            Live(console=console, auto_refresh=False, transient=True)
+            if console.is_terminal
+            else None
+        )
+        self._every_s = LIVE_EVERY_S if self._live else PLAIN_EVERY_S
+        self._next_s = 0.0
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def is_due(self, t_s: float) -> bool:
+        """Whether a state of `t_s` would be shown: the last one was not shown a moment before.
+
+        The time of a replay may go back: then it is.
+        """
+        return not self._next_s - self._every_s <= t_s < self._next_s
+
+    def update(self, state: SessionState) -> None:
+        """Show `state` if it is due."""
+        if not self.is_due(state.t_s):
+            return
+        self._next_s = state.t_s + self._every_s
+        words = self._words_of(state)
+        if self._live is None:
+            self._console.print(words.plain, markup=False, highlight=False, soft_wrap=True)
+            return
+        text = Text(words.live, no_wrap=True, overflow="ellipsis")
+        text.highlight_words([state.arming.upper()], _STYLES.get(state.arming.upper(), "bold"))
+        why = [Text(words.why)] if words.why else []
+        self._live.update(Group(text, *why), refresh=True)
+
+    def say(self, sentence: str, t_s: float) -> None:
+        """Print a sentence above the line, with when it was said."""
+        told = f"{minutes(t_s)}  {sentence}"
+        self._console.print(told, markup=False, highlight=False, soft_wrap=True)
+
+
+def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
+    if tcp_mm is None:
+        return ""
+    x, y, z = tcp_mm
+    return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm"
+
+
+def _gripper(closed: bool | None) -> str:
+    if closed is None:
+        return ""
+    return f", gripper {'closed' if closed else 'open'}"
+
+
+def _view(name: str, view: ViewState, asked_fps: float | None) -> str:
+    return (
+        f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)} kbit/s "
+        f"{_whole(view.fps)}/{_whole(asked_fps)} fps {_whole(view.age_ms)} ms"
+    )
+
+
+def _ssim(state: SessionState) -> str:
+    if state.live_ssim is None:
+        return ""
+    return f", live SSIM of {state.primary_view} {state.live_ssim:.2f}"
+
+
+def _whole(value: float | None) -> str:
+    return "–" if value is None else f"{value:.0f}"

@@ -1,0 +1,172 @@
+"""Keys that are down, told apart from a held key's auto-repeat; pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from tams_app.faces.commands import Command
+from tams_app.faces.terminal.keys import REPEAT_NS
+from tams_app.teleop.hands import words_of_hand
+
+COMMANDS = {
+    "Return": Command.CONFIRM,
+    "KP_Enter": Command.CONFIRM,
+    "space": Command.EMERGENCY_STOP,
+    "Escape": Command.EMERGENCY_STOP,
+    "q": Command.QUIT,
+    "x": Command.DROP,
+    "BackSpace": Command.NO_DROP,
+    "p": Command.PLACED,
+}
+_STOP_HELP = (("Space, Esc", "emergency stop; also the red button"),)
+_WINDOW_HELP = (
+    ("Q", "end the session; the arm stops first"),
+    ("F1", "show or hide this list"),
+    ("F11", "whole screen, or a window again"),
+)
+_TRIAL_HELP = (
+    ("P", "the block is placed: end the trial"),
+    ("X / Backspace", "count a drop / one drop less"),
+)
+_REPLAY_HELP = (
+    ("Enter, Space", "pause, or go on; also the red button"),
+    ("Left, Right", "5 s back, 5 s forward"),
+    ("Down, Up", "slower, faster"),
+    ("Home, End", "to the beginning, to the end"),
+    ("mouse", "click or drag in the bar below the views: go there"),
+    ("Q", "end the replay"),
+    *_WINDOW_HELP[1:],
+)
+
+
+def key_help(hand: str, replay: bool = False, trial: bool = False) -> tuple[tuple[str, str], ...]:
+    """All keys with what they do, and the controls of `hand` (`HANDS`)."""
+    if replay:
+        return _REPLAY_HELP
+    of_trial = _TRIAL_HELP if trial else ()
+    words = words_of_hand(hand)
+    confirm = f"confirm: arm the arm, clear a fault (release {words.deadman} first)"
+    return (
+        *_STOP_HELP,
+        ("Enter", confirm),
+        *_WINDOW_HELP,
+        *of_trial,
+        *words.controls,
+    )
+
+
+SHIFTS = frozenset({"Shift_L", "Shift_R"})
+_LATIN_BELOW = 0x250  # Unicode: Latin letters with and without accents, digits, punctuation
+_US_ROWS = {24: "qwertyuiop", 38: "asdfghjkl", 52: "zxcvbnm"}  # X11 and Wayland: evdev's + 8
+_US_LETTERS = {
+    first + place: letter for first, row in _US_ROWS.items() for place, letter in enumerate(row)
+}
+
+
+class Symbol(NamedTuple):
+    """What a key means in one layout: `layout` counts from 0, `level` 0 is without modifiers.
+
+    character: Unicode, 0 for a key that types none.
+    """
+
+    layout: int
+    level: int
+    name: str
+    character: int
+
+
+def key_name(code: int, layout: int, symbols: Iterable[Symbol]) -> str:
+    """One name for a key, whatever modifiers are down and whichever layout is active.
+
+    What it means without modifiers in the active layout; where that is no Latin letter, in the
+    first of the other layouts in which it is; where there is none, the letter that a US keyboard
+    has there. "" for a key that means nothing.
+    """
+    plain = sorted(
+        (one for one in symbols if one.level == 0 and one.name),
+        key=lambda one: (one.layout != layout, one.layout),
+    )
+    latin = next((one.name for one in plain if one.character < _LATIN_BELOW), "")
+    return latin or _US_LETTERS.get(code, plain[0].name if plain else "")
+
+
+class Keyboard:
+    """The keys of one window, by their hardware codes: a release may come under another name.
+
+    A press counts once, until its release. A key that was down before the window had the focus is
+    seen only by its repeats, so one that comes within REPEAT_NS of the focus, or of its own last
+    repeat, is no press unless its release was seen since. A Shift key counts as held only while the
+    seat's modifiers have Shift (`modifiers`), and no more once they have lost it.
+    """
+
+    def __init__(self) -> None:
+        self.focused = False
+        self.presses: Counter[str] = Counter()  # how often each key has gone down, by name
+        self._held: dict[int, str] = {}  # code → name at the press
+        self._free: set[int] = set()  # seen going up since the focus came
+        self._seen_ns: dict[int, int] = {}
+        self._focused_ns = 0
+        self._has_shift = False
+        self._shifting: set[int] = set()  # Shift keys that were down while the modifiers had Shift
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the keys that are down, in the order of pressing."""
+        names = dict.fromkeys(self._held.values())
+        return tuple(name for name in names if self._has_shift or name not in SHIFTS)
+
+    @property
+    def shift_is_dead(self) -> bool:
+        """Whether Shift is down but does not count: it must be released and pressed again."""
+        return self.focused and self._has_shift and SHIFTS.isdisjoint(self._held.values())
+
+    def focus(self, focused: bool, now_ns: int) -> None:
+        """The window gets or loses the focus: without it no release is seen, so no key is held."""
+        self.focused = focused
+        self._held.clear()
+        self._free.clear()
+        self._shifting.clear()
+        self._focused_ns = now_ns
+
+    def press(self, code: int, name: str, now_ns: int) -> bool:
+        """A press or a repeat of it; whether it is a new press."""
+        if code in self._held:
+            return False
+        before_ns = max(self._focused_ns, self._seen_ns.get(code, 0))
+        self._seen_ns[code] = now_ns
+        if code not in self._free and now_ns - before_ns < REPEAT_NS:
+            return False
+        self._held[code] = name
+        self.presses[name] += 1
+        return True
+
+    def release(self, code: int) -> None:
+        """The key goes up."""
+        self._held.pop(code, None)
+        self._shifting.discard(code)
+        self._free.add(code)
+
+    def modifiers(self, has_shift: bool, now_ns: int) -> None:
+        """Whether the seat's modifiers have Shift now; they follow a press a moment later."""
+        self._has_shift = has_shift
+        if has_shift:
+            self._shifting.update(code for code, name in self._held.items() if name in SHIFTS)
+            return
+        for code in self._shifting:  # its release was not seen, or it has become another key
+            self._held.pop(code, None)
+            self._free.discard(code)
+            self._seen_ns[code] = now_ns
+        self._shifting.clear()
+
+
+def command_of(name: str, is_new: bool, replay: bool = False) -> Command | None:
+    """What a key asks for; an emergency stop counts also where it may be a repeat.
+
+    Where nothing moves, as in a replay, there is none: its keys confirm.
+    """
+    command = COMMANDS.get(name)
+    if replay and command is Command.EMERGENCY_STOP:
+        command = Command.CONFIRM
+    return command if is_new or command is Command.EMERGENCY_STOP else None

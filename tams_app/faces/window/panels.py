@@ -1,0 +1,216 @@
+"""The parts of the window beside the views: banner, numbers, trial, time line, list of keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from tams_app.faces import canvas
+from tams_app.faces.banner import Banner
+from tams_app.faces.figures import replay_texts, trial_texts
+from tams_app.faces.history import History
+from tams_app.faces.messages import Facts, Outline, TrialFacts, Workspace
+from tams_app.faces.window import strips
+from tams_app.faces.window.toolkit import load
+from tams_app.records import SessionState
+
+
+class BannerPanel:
+    """State, reason, what helps, and the button that stops the arm or, of a replay, the time."""
+
+    def __init__(self, click: Callable[[], None]) -> None:
+        Gtk = load().Gtk
+        self.widget = Gtk.Box(spacing=8)
+        self.widget.add_css_class("banner")
+        self._sign, self._word = _label("sign"), _label("word")
+        self._sentence = _label("sentence", wrap=True, lines=2)
+        self._key = _label("key")
+        told = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, hexpand=True, valign=Gtk.Align.CENTER)
+        told.append(self._sentence)
+        told.append(self._key)
+        # never the focus: Space and Enter mean what they mean wherever one clicked before
+        self._button = Gtk.Button(label="STOP", focusable=False, focus_on_click=False)
+        self._button.add_css_class("stop")
+        self._button.connect("clicked", lambda _button: click())
+        for part in (self._sign, self._word, told, self._button):
+            self.widget.append(part)
+
+    def show(self, banner: Banner) -> None:
+        """This banner from now on."""
+        self._sign.set_text(banner.look.sign)
+        self._word.set_text(banner.look.word)
+        self._sentence.set_text(banner.sentence)
+        self._key.set_text(banner.key)
+        self._button.set_label(banner.button)
+
+
+class NumbersPanel:
+    """Rates over time, the table, the workspace from above, and what the hand does."""
+
+    def __init__(self, views: tuple[str, ...], workspace: Workspace, history: History) -> None:
+        Gtk = load().Gtk
+        self._state: SessionState | None = None
+        rates = _area(
+            lambda cr, width, height: canvas.draw_rates(cr, width, height, history, views)
+        )
+        table = self._of_state(
+            lambda cr, width, height, facts: canvas.draw_table(cr, width, height, facts, views)
+        )
+        above = self._of_state(
+            lambda cr, width, height, facts: canvas.draw_workspace(
+                cr, width, height, workspace, facts
+            )
+        )
+        hand = self._of_state(canvas.draw_hand)
+        self._areas = (rates, table, above, hand)
+        self.widget = Gtk.Grid(
+            row_homogeneous=True,
+            column_homogeneous=True,
+            row_spacing=4,
+            column_spacing=4,
+            hexpand=True,
+            vexpand=True,
+        )
+        self.widget.attach(rates, 0, 0, 2, 6)
+        self.widget.attach(table, 0, 6, 2, 7)
+        self.widget.attach(above, 0, 13, 1, 7)
+        self.widget.attach(hand, 1, 13, 1, 7)
+
+    def show(self, facts: Facts) -> None:
+        """These facts, and the rates from the history."""
+        self._state = facts.state
+        for area in self._areas:
+            area.queue_draw()
+
+    def _of_state(self, draw: Callable[[Any, float, float, SessionState], None]) -> Any:
+        def draw_newest(cr: Any, width: float, height: float) -> None:
+            if self._state is not None:
+                draw(cr, width, height, self._state)
+
+        return _area(draw_newest)
+
+
+class TrialPanel:
+    """In place of the numbers where a trial is under way: they would tell what is compared."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        Gtk = load().Gtk
+        self._state: SessionState | None = None
+        self.widget = Gtk.Box(
+            orientation=Gtk.Orientation.VERTICAL, spacing=10, hexpand=True, vexpand=True
+        )
+        card = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        card.add_css_class("trial")
+        self._labels = [_label("who"), *(_label("") for _ in range(4))]
+        for label in self._labels:
+            card.append(label)
+        self.widget.append(card)
+
+        def draw(cr: Any, width: float, height: float) -> None:
+            if (state := self._state) is not None:
+                canvas.draw_workspace(cr, width / 2 - 2, height, workspace, state)
+                cr.translate(width / 2 + 2, 0)
+                canvas.draw_hand(cr, width / 2 - 2, height, state)
+
+        self._area = _area(draw)
+        self.widget.append(self._area)
+
+    def show(self, facts: Facts) -> None:
+        """The trial as it stands."""
+        self._state = facts.state
+        if facts.trial is not None:
+            self._write(facts.trial)
+        self._area.queue_draw()
+
+    def _write(self, trial: TrialFacts) -> None:
+        for label, text in zip(self._labels, trial_texts(trial), strict=True):
+            label.set_text(text)
+
+
+class Timeline:
+    """Phases and states of the last minute, over the whole width."""
+
+    def __init__(self, history: History) -> None:
+        self.widget = _area(
+            lambda cr, width, height: strips.draw_timeline(cr, width, height, history),
+            expands=False,
+        )
+
+    def set_height(self, height_px: int) -> None:
+        """The height from now on."""
+        self.widget.set_content_height(height_px)
+
+    def show(self, _facts: Facts) -> None:
+        """Draw anew from the history."""
+        self.widget.queue_draw()
+
+
+class LogBar:
+    """Of a replay, in place of the time line: its place in the whole log, which a click changes."""
+
+    def __init__(self, outline: Outline, seek: Callable[[float], None]) -> None:
+        """`seek` is called with the moment of the log [s] that was clicked or dragged to."""
+        Gtk = load().Gtk
+        self._end_s, self._t_s = outline.end_s, 0.0
+        self._texts = [_label("position"), _label("")]
+        words = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, valign=Gtk.Align.CENTER)
+        words.add_css_class("replay")
+        for label in self._texts:
+            words.append(label)
+        self._area = _area(
+            lambda cr, width, height: strips.draw_log(cr, width, height, outline, self._t_s),
+            expands=False,
+        )
+        self._area.set_cursor_from_name("pointer")
+        drag = Gtk.GestureDrag()
+        drag.connect("drag-begin", lambda _drag, x, _y: seek(self._at(x)))
+        drag.connect(
+            "drag-update", lambda drag, x, _y: seek(self._at(drag.get_start_point().x + x))
+        )
+        self._area.add_controller(drag)
+        self.widget = Gtk.Box(spacing=4)
+        self.widget.append(words)
+        self.widget.append(self._area)
+
+    def set_height(self, height_px: int) -> None:
+        """The height from now on."""
+        self._area.set_content_height(height_px)
+
+    def show(self, facts: Facts) -> None:
+        """Where the replay is."""
+        self._t_s = facts.state.t_s
+        if facts.replay is not None:
+            texts = replay_texts(facts.state.t_s, self._end_s, facts.replay)
+            for label, text in zip(self._texts, texts, strict=True):
+                label.set_text(text)
+        self._area.queue_draw()
+
+    def _at(self, x: float) -> float:
+        """The moment [s] at a place in the bar."""
+        return self._end_s * min(max(x / float(self._area.get_width()), 0.0), 1.0)
+
+
+def key_list(keys: Sequence[tuple[str, str]]) -> Any:
+    """All keys and what they do; hidden at first."""
+    Gtk = load().Gtk
+    grid = Gtk.Grid(halign=Gtk.Align.CENTER, valign=Gtk.Align.CENTER, visible=False)
+    grid.add_css_class("keys")
+    for row, (key, meaning) in enumerate(keys):
+        grid.attach(_label("name", text=key), 0, row, 1, 1)
+        grid.attach(_label("", text=meaning), 1, row, 1, 1)
+    return grid
+
+
+def _label(css_class: str, text: str = "", wrap: bool = False, lines: int = 1) -> Any:
+    Gtk = load().Gtk
+    label = Gtk.Label(label=text, xalign=0.0, wrap=wrap, lines=lines)
+    label.set_ellipsize(3)  # PANGO_ELLIPSIZE_END: what is too long makes nothing else move
+    if css_class:
+        label.add_css_class(css_class)
+    return label
+
+
+def _area(draw: Callable[[Any, float, float], None], expands: bool = True) -> Any:
+    area = load().Gtk.DrawingArea(hexpand=True, vexpand=expands)
+    area.set_draw_func(lambda _area, cr, width, height, *_: draw(cr, width, height))
+    return area

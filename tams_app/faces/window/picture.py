@@ -1,0 +1,47 @@
+"""One place for a view: its picture, and a line of text in it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tams_app.faces.window.toolkit import load
+from tams_app.records import Image
+
+
+class PicturePlace:
+    """A place that shows any view; `widget` goes into the window."""
+
+    def __init__(self) -> None:
+        Gtk = load().Gtk
+        self._picture = Gtk.Picture(can_shrink=True, hexpand=True, vexpand=True)
+        self._label = Gtk.Label(halign=Gtk.Align.START, valign=Gtk.Align.START)
+        self._label.add_css_class("view-name")
+        overlay = Gtk.Overlay(child=self._picture, hexpand=True, vexpand=True)
+        overlay.add_overlay(self._label)
+        self.widget = Gtk.Box(hexpand=True, vexpand=True)
+        self.widget.add_css_class("view")
+        self.widget.append(overlay)
+        self._class = ""
+
+    def show(self, texture: Any) -> None:
+        """The picture from now on; None: none."""
+        self._picture.set_paintable(texture)
+
+    def tell(self, title: str, colour_class: str) -> None:
+        """What is written in it, and whose colour its frame has."""
+        if title != self._label.get_text():
+            self._label.set_text(title)
+        if colour_class != self._class:
+            self.widget.remove_css_class(self._class or "none")
+            self.widget.add_css_class(colour_class)
+            self._class = colour_class
+
+
+def texture_of(image: Image) -> Any:
+    """A texture of a BGR image, shape (height, width, 3)."""
+    modules = load()
+    height, width, _ = image.shape
+    pixels = modules.GLib.Bytes.new(image.tobytes())
+    return modules.Gdk.MemoryTexture.new(
+        width, height, modules.Gdk.MemoryFormat.B8G8R8, pixels, width * 3
+    )

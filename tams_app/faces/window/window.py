@@ -1,0 +1,341 @@
+"""The window as a whole: what is where, what its keys do, and when it draws."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from tams_app.faces.banner import banner_of
+from tams_app.faces.commands import Command
+from tams_app.faces.facts_memory import FactsReader
+from tams_app.faces.figures import view_title
+from tams_app.faces.history import History
+from tams_app.faces.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Sought
+from tams_app.faces.pacing import Pacer
+from tams_app.faces.places import Places
+from tams_app.faces.silence import as_known
+from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
+from tams_app.faces.window.panels import (
+    BannerPanel,
+    LogBar,
+    NumbersPanel,
+    Timeline,
+    TrialPanel,
+    key_list,
+)
+from tams_app.faces.window.picture import PicturePlace, texture_of
+from tams_app.faces.window.size_memory import Size
+from tams_app.faces.window.style import (
+    DESIGN_HEIGHT,
+    LIVE_CLASS,
+    SILENT_CLASS,
+    state_class,
+    style_sheet,
+    view_class,
+)
+from tams_app.faces.window.toolkit import load
+from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS
+from tams_app.video.live.frame_ring import FrameReader
+
+TITLE = "TAMS"
+LOOK_MS = 8  # for new frames
+_NOT_LOOKING_NS = 200 * NS_PER_MS
+_FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
+_SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
+_TIMELINE_PX, _GAP_PX = 48, 4
+
+
+class OperatorWindow:
+    """Shows what `frames` and `facts` hold, and tells what the operator does."""
+
+    def __init__(
+        self,
+        opening: Opening,
+        frames: Mapping[str, FrameReader],
+        facts: FactsReader,
+        tell: Callable[[Event], None],
+        clock: Clock,
+        size: Size,
+    ) -> None:
+        """`tell` sends an event to the application; it must not wait."""
+        self._modules = load()
+        self._opening = opening
+        self._frames = frames
+        self._seen = dict.fromkeys(opening.views, 0)
+        self._textures: dict[str, Any] = {}
+        self._facts_reader = facts
+        self._facts: Facts | None = None  # as they were put last
+        self._shown: Facts | None = None  # as they may be shown
+        self._tell = tell
+        self._clock = clock
+        self._keyboard = Keyboard()
+        self._is_replay = opening.replay is not None
+        self._key_help = key_help(opening.hand, self._is_replay, opening.blind)
+        self._places = Places(opening.views)
+        self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
+        self._history = History()
+        self._drawings = 0
+        self._figures_ns = 0
+        self._silence_ns = 0  # when to tell the time of a silence anew
+        self._looked_ns = clock.now_ns()
+        self._state = ""
+        self._scale = 0.0
+        self._build(size)
+        self._listen()
+
+    def present(self) -> None:
+        """Show it, and begin to look for what is new."""
+        GLib = self._modules.GLib
+        self.window.present()
+        GLib.timeout_add(LOOK_MS, self._look)
+        GLib.timeout_add(round(BEAT_S * 1000), self._beat, priority=GLib.PRIORITY_HIGH)
+
+    @property
+    def size(self) -> Size:
+        """As it is now; what is maximised keeps the size that it had before."""
+        width, height = self.window.get_default_size()
+        return Size(width, height, self.window.is_maximized())
+
+    # --- what is where --------------------------------------------------------------------------
+
+    def _build(self, size: Size) -> None:
+        Gtk, Gdk = self._modules.Gtk, self._modules.Gdk
+        title = f"{TITLE} replay" if self._is_replay else TITLE
+        self.window = Gtk.Window(title=title, default_width=size.width, default_height=size.height)
+        if size.maximised:
+            self.window.maximize()
+        self._css = Gtk.CssProvider()
+        Gtk.StyleContext.add_provider_for_display(
+            Gdk.Display.get_default(), self._css, Gtk.STYLE_PROVIDER_PRIORITY_APPLICATION
+        )
+        click = Command.CONFIRM if self._is_replay else Command.EMERGENCY_STOP
+        self._banner = BannerPanel(lambda: self._ask(click))
+        self._pictures = [PicturePlace() for _ in self._opening.views]
+        workspace, views = self._opening.workspace, self._opening.views
+        self._panel: NumbersPanel | TrialPanel = (
+            TrialPanel(workspace)
+            if self._opening.blind
+            else NumbersPanel(views, workspace, self._history)
+        )
+        self._timeline: Timeline | LogBar = (
+            Timeline(self._history)
+            if self._opening.replay is None
+            else LogBar(self._opening.replay, self._seek)
+        )
+        self._said = Gtk.Label(xalign=0.0, ellipsize=3)
+        said = Gtk.Box()
+        said.add_css_class("said")
+        said.append(self._said)
+        self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
+        self._frame.add_css_class("frame")
+        main = self._main_part()
+        for part in (self._banner.widget, main, self._timeline.widget, said):
+            self._frame.append(part)
+        for part in (main, self._timeline.widget):
+            part.add_css_class(LIVE_CLASS)
+        self._keys = key_list(self._key_help)
+        overlay = Gtk.Overlay(child=self._frame)
+        overlay.add_overlay(self._keys)
+        self.window.set_child(overlay)
+        self._adapt()
+        self._show_places()
+
+    def _main_part(self) -> Any:
+        """The large view at the left, the others and the numbers at the right."""
+        Gtk = self._modules.Gtk
+        same = {"row_homogeneous": True, "column_homogeneous": True}
+        gaps = {"row_spacing": _GAP_PX, "column_spacing": _GAP_PX}
+        main = Gtk.Grid(**same, **gaps, hexpand=True, vexpand=True)
+        main.attach(self._pictures[0].widget, 0, 0, 7, 20)
+        others = self._pictures[1:]
+        columns = min(len(others), 2)
+        rows = -(-len(others) // 2)
+        if others:
+            small = Gtk.Grid(**same, **gaps)
+            for number, picture in enumerate(others):
+                small.attach(picture.widget, number % columns, number // columns, 1, 1)
+            main.attach(small, 7, 0, 5, 7 * rows)
+        main.attach(self._panel.widget, 7, 7 * rows, 5, max(20 - 7 * rows, 6))
+        return main
+
+    def _adapt(self) -> None:
+        """Let texts and strips grow with the window."""
+        height = self.window.get_height() or self.window.get_default_size()[1]
+        scale = round(max(height / DESIGN_HEIGHT, 0.6), 2)
+        if scale != self._scale:
+            self._scale = scale
+            self._css.load_from_data(style_sheet(scale))
+            self._timeline.set_height(round(_TIMELINE_PX * scale))
+
+    # --- keys -----------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        Gtk = self._modules.Gtk
+        keys = Gtk.EventControllerKey(propagation_phase=Gtk.PropagationPhase.CAPTURE)
+        keys.connect("key-pressed", self._pressed)
+        keys.connect("key-released", self._released)
+        self.window.add_controller(keys)
+        self._seat = self._modules.Gdk.Display.get_default().get_default_seat()
+        if (keyboard := self._seat.get_keyboard()) is not None:
+            keyboard.connect("notify::modifier-state", lambda *_: self._beat())
+        self.window.connect("notify::is-active", self._focus_changed)
+        self.window.connect("close-request", self._closed)
+
+    def _pressed(self, keys: Any, value: int, code: int, _modifiers: Any) -> bool:
+        name = self._name(code, keys.get_current_event().get_layout())
+        symbol = self._modules.Gdk.keyval_name(value) or ""
+        is_new = self._keyboard.press(code, name, self._clock.now_ns())
+        # what types a space or an escape stops the arm, whichever key does and is called
+        command = command_of(name, is_new, self._is_replay) or command_of(
+            symbol, False, self._is_replay
+        )
+        if command is not None:
+            self._ask(command)
+        if is_new:
+            self._beat()
+            if name == "F1":
+                self._keys.set_visible(not self._keys.get_visible())
+            elif name == "F11":
+                self._toggle_fullscreen()
+        return True
+
+    def _released(self, _keys: Any, _value: int, code: int, _modifiers: Any) -> None:
+        self._keyboard.release(code)
+        self._beat()
+
+    def _name(self, code: int, layout: int) -> str:
+        """The key's, the same whatever modifiers are down."""
+        Gdk = self._modules.Gdk
+        known, places, values = Gdk.Display.get_default().map_keycode(code)
+        symbols = (
+            Symbol(
+                place.group,
+                place.level,
+                Gdk.keyval_name(value) or "",
+                Gdk.keyval_to_unicode(value),
+            )
+            for place, value in zip(places, values, strict=True)
+        )
+        return key_name(code, layout, symbols if known else ())
+
+    def _look_at_modifiers(self) -> None:
+        keyboard = self._seat.get_keyboard()
+        shift = self._modules.Gdk.ModifierType.SHIFT_MASK
+        has_shift = keyboard is not None and bool(keyboard.get_modifier_state() & shift)
+        self._keyboard.modifiers(has_shift, self._clock.now_ns())
+
+    def _focus_changed(self, *_: Any) -> None:
+        self._keyboard.focus(self.window.is_active(), self._clock.now_ns())
+        self._beat()
+
+    def _toggle_fullscreen(self) -> None:
+        if self.window.is_fullscreen():
+            self.window.unfullscreen()
+        else:
+            self.window.fullscreen()
+
+    def _closed(self, *_: Any) -> bool:
+        """The operator closes it: the application ends the session, and this process with it."""
+        self._ask(Command.CLOSE)
+        return True
+
+    def _ask(self, command: Command) -> None:
+        self._tell(Asked(self._clock.now_ns(), command))
+
+    def _seek(self, t_s: float) -> None:
+        self._tell(Sought(self._clock.now_ns(), t_s))
+        self._figures_ns = 0  # what is sought is shown as soon as it is found
+
+    def _beat(self) -> bool:
+        self._look_at_modifiers()
+        if self._clock.now_ns() - self._looked_ns > _NOT_LOOKING_NS:
+            return True  # old pictures stay: to the session that is no sign of life
+        keyboard = self._keyboard
+        self._tell(
+            Keys(
+                self._clock.now_ns(),
+                keyboard.focused,
+                keyboard.held,
+                self._drawings,
+                keyboard.presses,
+            )
+        )
+        return True
+
+    # --- what is shown --------------------------------------------------------------------------
+
+    def _look(self) -> bool:
+        now_ns = self._clock.now_ns()
+        if (facts := self._facts_reader.newer()) is not None:
+            self._facts = facts
+            self._take_in(as_known(facts, now_ns), now_ns)
+        elif self._facts is not None and self._is_silent(self._facts, now_ns):
+            self._take_in(as_known(self._facts, now_ns), now_ns)
+        if self._pacer.may_draw(now_ns) and self._take_frames():
+            self._drawings += 1
+            self._pacer.drawn(now_ns, time.process_time_ns())
+        self._looked_ns = self._clock.now_ns()
+        return True
+
+    def _is_silent(self, facts: Facts, now_ns: int) -> bool:
+        """Whether nothing has come for too long, and it is time to show for how long."""
+        if now_ns < self._silence_ns or as_known(facts, now_ns) is facts:
+            return False
+        self._silence_ns = now_ns + _SILENCE_NS
+        return True
+
+    def _take_in(self, facts: Facts, now_ns: int) -> None:
+        self._shown = facts
+        self._history.add(facts)
+        if facts.silent_s is None:
+            self._frame.remove_css_class(SILENT_CLASS)
+        else:
+            self._frame.add_css_class(SILENT_CLASS)
+        dead = self._keyboard.shift_is_dead
+        self._banner.show(banner_of(facts, self._opening.hand, dead))
+        if facts.state.arming != self._state:
+            if self._state:
+                self._frame.remove_css_class(state_class(self._state))
+            self._frame.add_css_class(state_class(facts.state.arming))
+            self._state = facts.state.arming
+            self._figures_ns = 0
+        if self._places.step(facts.state.primary_view, now_ns):
+            self._show_textures(self._places.views)
+        self._show_places()
+        if now_ns - self._figures_ns >= _FIGURES_NS:
+            self._figures_ns = now_ns
+            self._adapt()
+            self._panel.show(facts)
+            self._timeline.show(facts)
+            self._said.set_text(facts.said[-1].text if facts.said else "")
+
+    def _show_places(self) -> None:
+        for view, picture in zip(self._places.views, self._pictures, strict=True):
+            state = None if self._shown is None else self._shown.state
+            view_state = None if state is None else state.views.get(view)
+            is_primary = state is not None and view == state.primary_view
+            title = view_title(view, view_state, is_primary, self._opening)
+            picture.tell(title, view_class(self._opening.views.index(view)))
+
+    def _take_frames(self) -> bool:
+        """Show the newest frame of each view; whether there was any."""
+        new = []
+        for view, reader in self._frames.items():
+            written = reader.written()
+            if written == self._seen[view]:
+                continue
+            image = reader.newest_image()
+            if image is None:  # overwritten meanwhile: the next look finds a newer one
+                continue
+            self._seen[view] = written
+            self._textures[view] = texture_of(image)
+            new.append(view)
+        self._show_textures(new)
+        return bool(new)
+
+    def _show_textures(self, views: Any) -> None:
+        for view, picture in zip(self._places.views, self._pictures, strict=True):
+            if view in views:
+                picture.show(self._textures.get(view))

@@ -1,0 +1,74 @@
+"""The headset's process on a virtual screen and a faked SteamVR, for all tests of a module."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import pytest
+
+from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
+from tams_app.faces.client import FaceClient
+from tams_app.faces.messages import Beat, Event, Facts
+from tams_app.records import Image
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
+from tests.faces.window.feeding import Feeding, feeding
+from tests.faces.window.xvfb import virtual_screen
+
+
+@dataclass
+class WornHeadset:
+    """A headset's process, what feeds it, what SteamVR got of it, and what it told."""
+
+    client: FaceClient
+    block: FrameBlock
+    steamvr: SteamVr
+    feeder: Feeding
+    events: list[Event] = field(default_factory=list)
+    _index: int = 0
+
+    def put(self, frames: dict[str, Image]) -> None:
+        """New frames of views."""
+        self._index += 1
+        for view, image in frames.items():
+            self.block.put(view, self._index, self._index, image)
+
+    def show(self, facts: Facts) -> None:
+        """As by a session that lives, until others are shown."""
+        self.feeder.show(facts)
+
+    @property
+    def drawings(self) -> int:
+        """How often it has drawn so far."""
+        return max((beat.drawings for beat in self.events if isinstance(beat, Beat)), default=0)
+
+
+@pytest.fixture(scope="module")
+def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
+    """With the default configuration."""
+    folder = tmp_path_factory.mktemp("headset")
+    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
+    video = config.video
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        virtual_screen(folder, patch),
+        steamvr(folder, patch) as found,
+    ):
+        block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        client = FaceClient(MonotonicClock(), FAKED)
+        client.launch(folder, headset=HeadsetConfig().model_dump())
+        client.open(config, block, blind=False)
+        with feeding(client) as feeder:
+            worn, stop = WornHeadset(client, block, found, feeder), threading.Event()
+            hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
+            hearing.start()
+            try:
+                yield worn
+            finally:
+                stop.set()
+                hearing.join()
+        client.close()
+        block.close()

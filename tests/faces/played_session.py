@@ -1,0 +1,121 @@
+"""A session of which only the faces are real, and the processes of those."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+from msgspec.structs import replace
+
+from hw.desk.keyboard import KeyboardController
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.records import SessionState, ViewState
+from tams_app.robot.control import Signals
+from tams_app.session.sentences import Sentences
+from tams_app.station.displays import Displays
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+
+STATE = SessionState(
+    t_s=1.0,
+    arming="holding",
+    deadman=True,
+    pressed=("grip",),
+    orientation_mode=False,
+    phase="ALIGN",
+    reason="stale video",
+    lasting="stale video",
+    last_stop="pose frozen",
+    hand="openvr",
+    tcp_mm=(350.0, 0.0, 180.0),
+    gripper_closed=False,
+    views={
+        "eih": ViewState(3000, 2950, 29.9, 74.0, 95.0),
+        "gt": ViewState(1500, 1480, 30.0, 75.0, 96.0),
+        "gs": ViewState(900, 870, 30.0, 76.0, 97.0),
+    },
+    link_kbps=5210.0,
+    capacity_kbps=6010.0,
+    queue_ms=12.0,
+    asked_fps=30,
+    primary_view="eih",
+    budget_kbps=5520.0,
+    estimate_kbps=6000.0,
+    loss=0.003,
+)
+
+
+class PlayedSession:
+    """A session that shows nothing new, and notes what is asked of it and when."""
+
+    def __init__(self, folder: Path, config: str = "tams.yaml", headset: str = "never") -> None:
+        self.config = load_config(CONFIG_DIRECTORY / config, {"headset.show": headset})
+        video = self.config.video
+        self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)
+        self.keyboard.start()
+        self.folder = folder
+        self.sentences = Sentences()
+        self.signals = Signals()
+        self.displays = Displays()
+        self.ended = threading.Event()
+        self.failure = self.reason = ""
+        self.notes: list[str] = []
+        self.done: list[str] = []
+        self.do: Callable[[], None] = lambda: None
+        self._began_s = time.monotonic()
+
+    def start(self) -> None:
+        """Nothing has to be started."""
+
+    def poll(self) -> None:
+        do, self.do = self.do, lambda: None
+        do()
+        pending = self.signals.take()
+        self.done += ["confirm"] * pending.confirm + ["estop"] * pending.estop
+        if self.elapsed_s() > 120:
+            self.end("nothing happened")
+
+    def elapsed_s(self) -> float:
+        return time.monotonic() - self._began_s
+
+    def state(self) -> SessionState:
+        now_ns = time.monotonic_ns()
+        return replace(STATE, now_ns=now_ns, heard_ns=now_ns)
+
+    def end(self, reason: str) -> None:
+        self.reason = self.reason or reason
+        self.ended.set()
+
+    def fail(self, sentence: str) -> None:
+        self.failure = sentence
+        self.end(sentence)
+
+    def request_end(self, reason: str) -> None:
+        self.end(reason)
+
+    def note(self, level: str, text: str) -> None:
+        self.notes.append(f"{level}: {text}")
+
+    def stop_arm(self) -> None:
+        self.done.append(f"arm stopped, {'window open' if window_processes() else 'no window'}")
+
+    def close(self) -> None:
+        self.screen.close()
+
+
+def children_of(module: str) -> list[psutil.Process]:
+    """The processes of ours that run this module and have not ended."""
+    found = []
+    for child in psutil.Process().children():
+        with suppress(psutil.NoSuchProcess):  # it has ended, and its owner will notice
+            if module in child.cmdline():
+                found.append(child)
+    return found
+
+
+def window_processes() -> list[psutil.Process]:
+    return children_of("tams_app.faces.window.process")

@@ -1,0 +1,237 @@
+"""The keys of the terminal, on a real pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tams_app.errors import DeviceError
+from tams_app.faces.commands import Command
+from tams_app.faces.terminal.keys import TerminalKeys, decode_keys
+from tams_app.runtime.worker import Worker
+
+pytestmark = pytest.mark.waiting
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int]]:
+    """(the operator's side, the program's side) of a pseudo-terminal."""
+    operator, program = pty.openpty()
+    yield operator, program
+    for fd in (operator, program):
+        os.close(fd)
+
+
+@pytest.mark.parametrize(
+    ("data", "keys"),
+    [
+        (b"\n", [Command.CONFIRM]),
+        (b"\r", [Command.CONFIRM]),
+        (b" ", [Command.EMERGENCY_STOP]),
+        (b"\x1b", [Command.EMERGENCY_STOP]),
+        (b"q", [Command.QUIT]),
+        (b"Q", [Command.QUIT]),
+        (b"a7\t", []),
+        (b"xX\x7f\x08", [Command.DROP, Command.DROP, Command.NO_DROP, Command.NO_DROP]),
+        (b"pP", [Command.PLACED, Command.PLACED]),
+        (b"\x1b[A", []),  # arrow up
+        (b"\x1b[1;5C", []),  # Ctrl and arrow right
+        (b"\x1bOP", []),  # F1
+        (b"\x1b[A ", [Command.EMERGENCY_STOP]),
+        (b"\x1b\x1b", [Command.EMERGENCY_STOP, Command.EMERGENCY_STOP]),
+        (b"\x1ba", [Command.EMERGENCY_STOP]),
+        (b"q \n", [Command.QUIT, Command.EMERGENCY_STOP, Command.CONFIRM]),
+    ],
+)
+def test_keys_mean_what_the_guide_says(data: bytes, keys: list[Command]) -> None:
+    assert decode_keys(data) == keys
+
+
+def test_a_key_counts_at_once_without_enter(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    keys = TerminalKeys(program)
+    keys.open()
+    try:
+        os.write(operator, b" ")
+        assert keys.read(10.0) == [Command.EMERGENCY_STOP]
+        assert keys.read(0.0) == []
+    finally:
+        keys.close()
+
+
+def test_the_terminal_is_put_back_as_it_was(terminal: tuple[int, int]) -> None:
+    _, program = terminal
+    before = termios.tcgetattr(program)
+    keys = TerminalKeys(program)
+    keys.open()
+    assert termios.tcgetattr(program)[3] & (termios.ICANON | termios.ECHO) == 0
+    assert termios.tcgetattr(program)[3] & termios.ISIG  # Ctrl-C keeps working
+    keys.close()
+    keys.close()
+    assert termios.tcgetattr(program) == before
+
+
+def test_ctrl_s_is_a_key_and_stops_no_output(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    keys = TerminalKeys(program)
+    keys.open()
+    try:
+        os.write(operator, b"\x13")
+        assert keys.read_bytes(20.0) == b"\x13"
+        os.write(program, b"still here")
+        assert select.select([operator], [], [], 20)[0]
+    finally:
+        keys.close()
+
+
+def test_what_is_discarded_is_not_read(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    keys = TerminalKeys(program)
+    keys.open()
+    try:
+        os.write(operator, b"\r\r\r")
+        assert select.select([program], [], [], 20)[0]
+        keys.discard()
+        assert keys.read_bytes(0.0) == b""
+    finally:
+        keys.close()
+
+
+def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    before = termios.tcgetattr(program)
+    failures: list[BaseException] = []
+
+    def broken(key: Command, _asked_ns: int) -> None:
+        raise RuntimeError(key.value)
+
+    keys = TerminalKeys(program)
+    keys.open()
+    worker = Worker("keys", keys.body(broken), lambda name, failure: failures.append(failure))
+    os.write(operator, b"q")
+    worker.start()
+    deadline = time.monotonic() + 20
+    while worker.alive and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert [str(failure) for failure in failures] == ["quit"]
+    assert termios.tcgetattr(program) == before
+
+
+def test_a_worker_hands_over_keys_until_it_is_stopped(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    seen: list[Command] = []
+    all_seen = threading.Event()
+
+    def on_key(key: Command, _asked_ns: int) -> None:
+        seen.append(key)
+        if len(seen) == 2:
+            all_seen.set()
+
+    keys = TerminalKeys(program)
+    keys.open()
+    worker = Worker("keys", keys.body(on_key))
+    worker.start()
+    os.write(operator, b"\x1b")
+    os.write(operator, b"q")
+    assert all_seen.wait(20)
+    worker.stop(10)
+    assert seen == [Command.EMERGENCY_STOP, Command.QUIT]
+
+
+def in_terminal(script: str) -> str:
+    """What `script` says when it runs as the session leader of a pseudo-terminal of its own."""
+    pid, operator = pty.fork()
+    if pid == 0:
+        os.chdir(PROJECT)
+        os.execv(sys.executable, [sys.executable, "-c", script + "; print('the end', flush=True)"])
+    said = b""
+    try:
+        while b"the end" not in said:
+            said += os.read(operator, 1024)
+    finally:
+        os.close(operator)
+        os.waitpid(pid, 0)
+    return said.decode()
+
+
+def test_a_process_that_ends_without_closing_puts_the_terminal_back() -> None:
+    inner = (
+        "import sys; from tams_app.faces.terminal.keys import TerminalKeys; k = TerminalKeys(0); "
+        "k.open(); assert k.active; sys.exit('the main thread died')"
+    )
+    outer = (
+        f"import subprocess, sys, termios; subprocess.run([sys.executable, '-c', {inner!r}]); "
+        "modes = termios.tcgetattr(0)[3]; "
+        "print('canonical' if modes & termios.ICANON else 'raw', flush=True)"
+    )
+    said = in_terminal(outer)
+    assert "the main thread died" in said
+    assert "canonical" in said
+
+
+def test_a_terminal_that_goes_away_is_told_and_ends_the_reading() -> None:
+    operator, program = pty.openpty()
+    keys = TerminalKeys(program)
+    os.close(operator)
+    try:
+        with pytest.raises(DeviceError, match="terminal"):
+            keys.read(10.0)
+    finally:
+        os.close(program)
+
+
+def test_without_a_terminal_there_are_no_keys_and_no_waiting() -> None:
+    reading, writing = os.pipe()
+    try:
+        keys = TerminalKeys(reading)
+        keys.open()
+        assert not keys.active
+        keys.body(lambda key: None)(threading.Event())  # returns at once
+        keys.close()
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+def test_in_the_background_the_terminal_is_left_alone() -> None:
+    inner = (
+        "from tams_app.faces.terminal.keys import TerminalKeys; k = TerminalKeys(0); k.open(); "
+        "print('keys are', 'read' if k.active else 'left', flush=True)"
+    )
+    run = f"subprocess.run([sys.executable, '-c', {inner!r}], process_group=0)"
+    outer = f"import subprocess, sys; {run}"
+    assert "keys are left" in in_terminal(outer)
+
+
+def test_what_was_typed_before_does_not_count(terminal: tuple[int, int]) -> None:
+    operator, program = terminal
+    os.write(operator, b"\n")
+    assert select.select([program], [], [], 20)[0]  # it has arrived
+    keys = TerminalKeys(program)
+    keys.open()
+    try:
+        assert keys.read(0.0) == []
+    finally:
+        keys.close()
+
+
+def test_the_module_needs_no_terminal_to_be_imported() -> None:
+    subprocess.run(
+        [sys.executable, "-c", "import tams_app.faces.terminal.keys"],
+        cwd=PROJECT,
+        stdin=subprocess.DEVNULL,
+        check=True,
+        timeout=60,
+    )

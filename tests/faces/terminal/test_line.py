@@ -1,0 +1,155 @@
+"""The live line: what it says, and how it behaves on a terminal and in a file."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from msgspec.structs import replace
+from rich.console import Console
+
+from tams_app.faces.terminal.line import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
+from tams_app.records import SessionState, ViewState
+
+pytestmark = pytest.mark.untimed
+
+STATE = SessionState(
+    t_s=72.34,
+    arming="engaged",
+    deadman=True,
+    pressed=(),
+    orientation_mode=False,
+    phase="ALIGN",
+    reason="",
+    lasting="",
+    last_stop="",
+    hand="openvr",
+    tcp_mm=(350.2, -1.4, 180.0),
+    gripper_closed=None,
+    views={"eih": ViewState(3000, 2950.4, 14.9, age_ms=81.6), "gt": ViewState()},
+    link_kbps=5210.0,
+    budget_kbps=5520.0,
+    capacity_kbps=6000.0,
+    estimate_kbps=5900.0,
+    queue_ms=12.2,
+    asked_fps=30,
+)
+
+
+def test_the_line_says_all_an_operator_looks_for() -> None:
+    text = status_words(STATE).plain
+    for part in (
+        "1:12.3",
+        "ENGAGED",
+        "ALIGN",
+        "trigger held, translation, TCP x 350 y -1 z 180 mm",
+        "eih 2950/3000 kbit/s 15/30 fps 82 ms",
+        "gt –/– kbit/s –/30 fps – ms",
+        "link 5210/5520 kbit/s, capacity 6000, estimated 5900, queue 12 ms",
+    ):
+        assert part in text
+    assert "last stop" not in text
+
+
+def test_on_a_terminal_there_is_one_line_with_the_primary_view() -> None:
+    live = status_words(replace(STATE, primary_view="gt")).live
+    assert live == "1:12.3 ENGAGED ALIGN held gt –/–k –ms –/30fps link 5210/5520k q12ms"
+    assert " eih 2950/3000k 82ms 15/30fps " in status_words(STATE).live
+
+
+def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
+    longest = replace(
+        STATE, t_s=7272.3, arming="link lost", phase="PRE_RELEASE", budget_kbps=100_000.0
+    )
+    live = status_words(longest).live
+    assert len(live) <= COLUMNS
+    assert live.startswith("121:12.3 LINK LOST PRE_RELEASE held eih 2950/3000k 82ms")
+
+
+def test_without_views_the_live_line_tells_the_arm() -> None:
+    assert status_words(replace(STATE, views={})).live.startswith("1:12.3 ENGAGED ALIGN held link")
+
+
+def test_the_primary_view_s_quality_is_shown_once_it_was_measured() -> None:
+    measured = replace(STATE, primary_view="eih", live_ssim=0.874)
+    assert status_words(measured).plain.endswith("queue 12 ms, live SSIM of eih 0.87")
+    assert "SSIM" not in status_words(STATE).plain
+
+
+def test_the_line_shows_pressed_buttons_and_the_gripper_once_it_is_known() -> None:
+    pressed = replace(STATE, pressed=("grip", "A"), gripper_closed=True)
+    first, *_ = status_words(pressed).plain.split("  |  ")
+    assert "trigger held, grip, A, translation, TCP" in first
+    assert first.endswith("mm, gripper closed")
+    assert "mm, gripper open" in status_words(replace(STATE, gripper_closed=False)).plain
+    assert "gripper" not in status_words(STATE).plain
+
+
+def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:
+    reason = "[stale video] let go of the trigger"
+    output = io.StringIO()
+    with StatusLine(Console(file=output, width=80)) as line:
+        line.update(replace(STATE, reason=reason, arming="holding", deadman=False))
+    assert f"{reason}." in output.getvalue()
+    assert "HOLDING" in output.getvalue()
+    assert "trigger up" in output.getvalue()
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_what_is_left_to_do_is_told_in_the_words_of_the_hand(is_terminal: bool) -> None:
+    held = replace(STATE, arming="holding", reason="stale video", hand="keyboard")
+    for lasting, told in (
+        ("stale video", "wait until it is back, then release Shift."),
+        ("", "stale video. The video is back: release Shift."),
+    ):
+        output = io.StringIO()
+        with StatusLine(Console(file=output, width=200, force_terminal=is_terminal)) as line:
+            line.update(replace(held, lasting=lasting))
+        assert told in output.getvalue()
+        assert ("Shift held" in output.getvalue()) is not is_terminal
+
+
+def test_the_last_stop_is_the_one_that_was_recorded() -> None:
+    waiting = replace(STATE, arming="ready", last_stop="stale video")
+    assert status_words(waiting).plain.endswith("last stop: stale video")
+    in_the_way = status_words(replace(waiting, reason="pose frozen", lasting="pose frozen"))
+    assert "last stop" not in in_the_way.plain
+    assert "The hand's pose does not change" in in_the_way.plain
+
+
+def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:
+    output = io.StringIO()
+    with StatusLine(Console(file=output, width=80)) as line:
+        for tenth in range(121):
+            line.update(replace(STATE, t_s=tenth / 10))
+        line.say("the arm is ready: press Enter", 12.1)
+    lines = output.getvalue().splitlines()
+    assert [one.split()[0] for one in lines[:3]] == ["0:00.0", "0:05.0", "0:10.0"]
+    assert lines[3:] == ["0:12.1  the arm is ready: press Enter"]
+    assert "\x1b" not in output.getvalue()
+
+
+def test_on_a_terminal_the_line_is_renewed_at_five_hertz_and_taken_away() -> None:
+    output = io.StringIO()
+    console = Console(file=output, width=100, force_terminal=True, color_system="standard")
+    with StatusLine(console) as line:
+        for step in range(100):
+            line.update(replace(STATE, t_s=step / 100))
+        shown = output.getvalue().count("ENGAGED")
+    assert 5 <= shown <= 6
+    assert output.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in output.getvalue()
+
+
+def test_a_state_need_not_be_taken_before_it_is_due() -> None:
+    with StatusLine(Console(file=io.StringIO(), width=80)) as line:
+        assert line.is_due(0.0)
+        line.update(replace(STATE, t_s=0.0))
+        assert not line.is_due(PLAIN_EVERY_S - 0.1)
+        assert line.is_due(PLAIN_EVERY_S)
+
+
+def test_a_narrow_terminal_cuts_lines_instead_of_wrapping_them() -> None:
+    output = io.StringIO()
+    with StatusLine(Console(file=output, width=30, force_terminal=True)) as line:
+        line.update(STATE)
+    assert "…" in output.getvalue()

@@ -1,0 +1,98 @@
+"""What a face tells its application: nothing that stops the arm is ever lost."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+import pytest
+
+from tams_app.faces.application import Application
+from tams_app.faces.commands import Command
+from tams_app.faces.messages import LONGEST, Asked, Event, Keys
+
+pytestmark = pytest.mark.untimed
+
+
+@dataclass
+class Side:
+    """What the process of a face was started with."""
+
+    specification: dict[str, Any]
+    stop_requested: threading.Event = field(default_factory=threading.Event)
+
+
+@dataclass
+class Ends:
+    """The face's end of the socket, and the application's, which reads when it is asked to."""
+
+    face: Application
+    descriptor: int
+    ours: socket.socket
+
+    def fill(self) -> None:
+        """Send what an application that reads nothing takes at most."""
+        with socket.fromfd(self.descriptor, socket.AF_UNIX, socket.SOCK_SEQPACKET) as face:
+            face.setblocking(False)
+            with suppress(BlockingIOError):
+                while True:
+                    face.send(msgspec.msgpack.encode(keys(0)))
+
+    def read(self) -> list[Event]:
+        """All that has been told and not read."""
+        events = []
+        while True:
+            try:
+                content = self.ours.recv(LONGEST)
+            except BlockingIOError:
+                return events
+            if not content:
+                return events
+            events.append(msgspec.msgpack.decode(content, type=Event))
+
+
+def keys(t_ns: int) -> Keys:
+    return Keys(t_ns, True, ("Shift_L",))
+
+
+@pytest.fixture
+def ends() -> Iterator[Ends]:
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end in (ours, theirs):
+        end.setblocking(False)
+    descriptor = theirs.detach()
+    with ours, closing(Application(Side({"socket": descriptor}))) as face:  # type: ignore[arg-type]
+        yield Ends(face, descriptor, ours)
+
+
+@pytest.mark.parametrize("command", [Command.EMERGENCY_STOP, Command.QUIT, Command.CLOSE])
+def test_what_stops_the_arm_reaches_an_application_that_took_nothing_for_a_while(
+    ends: Ends, command: Command
+) -> None:
+    ends.fill()
+    ends.face.tell(Asked(1, command))
+    ends.face.tell(keys(2))
+    assert not [event for event in ends.read() if isinstance(event, Asked)]
+    ends.face.tell(keys(3))
+    assert ends.read() == [Asked(1, command), keys(3)]
+    ends.face.tell(keys(4))
+    assert ends.read() == [keys(4)]
+
+
+def test_a_confirmation_that_could_not_be_told_at_once_is_never_told(ends: Ends) -> None:
+    ends.fill()
+    ends.face.tell(Asked(1, Command.CONFIRM))
+    ends.read()
+    ends.face.tell(keys(2))
+    assert ends.read() == [keys(2)]
+
+
+def test_an_application_that_has_ended_is_told_nothing(ends: Ends) -> None:
+    ends.ours.close()
+    ends.face.tell(Asked(1, Command.EMERGENCY_STOP))
+    ends.face.tell(keys(2))

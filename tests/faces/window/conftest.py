@@ -1,0 +1,70 @@
+"""The real window on a virtual screen, for all tests of a module."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import pytest
+
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.faces.client import WINDOW, FaceClient
+from tams_app.faces.commands import Command
+from tams_app.faces.messages import Asked, Event, Facts
+from tams_app.records import Image
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.faces.window.feeding import Feeding, feeding
+from tests.faces.window.xvfb import Screen, virtual_screen
+
+
+@dataclass
+class ShownWindow:
+    """A window, what feeds it, and what it told."""
+
+    client: FaceClient
+    block: FrameBlock
+    screen: Screen
+    feeder: Feeding
+    events: list[Event] = field(default_factory=list)
+    _index: int = 0
+
+    def put(self, frames: dict[str, Image]) -> None:
+        """New frames of views."""
+        self._index += 1
+        for view, image in frames.items():
+            self.block.put(view, self._index, self._index, image)
+
+    def show(self, facts: Facts) -> None:
+        """As by a session that lives, until others are shown."""
+        self.feeder.show(facts)
+
+    def commands(self) -> list[Command]:
+        """What was asked for, in order."""
+        return [event.command for event in self.events if isinstance(event, Asked)]
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
+    """The window of the default configuration at 1280x720, with the focus."""
+    folder = tmp_path_factory.mktemp("window")
+    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
+    video = config.video
+    with pytest.MonkeyPatch.context() as patch, virtual_screen(folder, patch) as screen:
+        block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+        client = FaceClient(MonotonicClock(), WINDOW)
+        client.launch(folder)
+        client.open(config, block, blind=False)
+        with feeding(client) as feeder:
+            shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
+            hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
+            hearing.start()
+            screen.focus("TAMS")
+            try:
+                yield shown
+            finally:
+                stop.set()
+                hearing.join()
+        client.close()
+        block.close()

@@ -1,0 +1,63 @@
+"""Facts in shared memory, and the window's size on disk."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tams_app.errors import TamsError
+from tams_app.faces.facts_memory import FactsReader, FactsWriter
+from tams_app.faces.messages import Said
+from tams_app.faces.window.size_memory import Size, keep_size, read_size, size_file
+from tests.faces.window.facts import FACTS, changed
+
+pytestmark = pytest.mark.untimed
+
+
+def test_the_reader_gets_the_newest_facts_once() -> None:
+    writer = FactsWriter()
+    reader = FactsReader(os.dup(writer.descriptor))
+    assert reader.newer() is None
+    for number in range(9):
+        writer.put(changed(FACTS, t_s=float(number)))
+    assert reader.newer() == changed(FACTS, t_s=8.0)
+    assert reader.newer() is None
+    writer.close()
+
+
+def test_facts_leave_no_file_behind() -> None:
+    writer = FactsWriter()
+    mine = [name for name in os.listdir("/dev/shm") if name.startswith(f"tams-{os.getpid()}-")]
+    assert mine == []
+    writer.close()
+
+
+def test_facts_that_do_not_fit_are_refused() -> None:
+    writer = FactsWriter()
+    with pytest.raises(ValueError, match="bytes"):
+        writer.put(changed(FACTS, said=(Said(0.0, "x" * 20_000),)))
+    writer.close()
+
+
+def test_the_size_is_found_again(tmp_path: Path) -> None:
+    path = size_file({"XDG_STATE_HOME": str(tmp_path)})
+    assert read_size(path) == Size(1280, 720)
+    keep_size(path, Size(1600, 900, True))
+    assert read_size(path) == Size(1600, 900, True)
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", "{", '{"width": 3}', '{"width": "a", "height": 900}', '{"x": 1}']
+)
+def test_a_size_that_is_of_no_use_is_the_usual_one(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "window.json"
+    path.write_text(content)
+    assert read_size(path) == Size()
+
+
+def test_a_size_that_cannot_be_kept_is_told_of(tmp_path: Path) -> None:
+    (tmp_path / "tams").write_text("a file, not a folder")
+    with pytest.raises(TamsError, match="size cannot be kept"):
+        keep_size(tmp_path / "tams" / "window.json", Size())

@@ -1,0 +1,524 @@
+"""What the window says, before anything is drawn: banner, numbers, places, keys, last minute."""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import pairwise
+
+import msgspec
+import pytest
+from msgspec.structs import replace
+
+from hw.make_controller import DEVICES
+from tams_app import palette
+from tams_app.faces.banner import LOOKS, banner_of, look_of
+from tams_app.faces.commands import Command
+from tams_app.faces.figures import (
+    hand_rows,
+    replay_texts,
+    trial_texts,
+    uplink_texts,
+    view_row,
+    view_title,
+)
+from tams_app.faces.history import SPAN_S, History
+from tams_app.faces.messages import Facts, ReplayFacts, Stretch, TrialFacts
+from tams_app.faces.places import STAYS_NS, Places
+from tams_app.faces.session_face import facts_of
+from tams_app.faces.terminal.keys import REPEAT_NS
+from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
+from tams_app.faces.window.style import state_class, style_sheet
+from tams_app.records import ViewState
+from tams_app.teleop.hands import HANDS, SIMULATED
+from tams_app.teleop.safety import ArmingState
+from tests.faces.played_session import STATE
+from tests.faces.window.facts import FACTS, OPENING, changed
+
+pytestmark = pytest.mark.untimed
+
+
+# --- banner ---------------------------------------------------------------------------------------
+
+
+STATES = ("disarmed", "ready", "engaged", "holding", "fault")
+
+
+@pytest.mark.parametrize("arming", STATES)
+@pytest.mark.parametrize("hand", sorted(set(HANDS) - {SIMULATED}))
+def test_the_banner_calls_the_deadman_what_it_is_in_that_hand(arming: str, hand: str) -> None:
+    state = replace(
+        STATE, arming=arming, reason="arm reply late", lasting="arm reply late", hand=hand
+    )
+    told = banner_of(facts_of(state, ()), hand=hand)
+    words = f"{told.sentence} {told.key}".lower()
+    assert HANDS[hand].deadman.lower() in words
+    others = {one.deadman.lower() for one in HANDS.values()} - {HANDS[hand].deadman.lower()}
+    assert not any(other in words for other in others)
+
+
+@pytest.mark.parametrize("arming", STATES)
+@pytest.mark.parametrize("stops", ["before the first stop", "after one"])
+def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stops: str) -> None:
+    is_stopped = arming in ("holding", "fault")
+    reason = "" if stops == "before the first stop" and not is_stopped else "emergency stop"
+    shown = changed(FACTS, arming=arming, reason=reason if is_stopped else "", last_stop=reason)
+    banner = banner_of(shown, hand=SIMULATED)
+    assert "your hand" not in banner.sentence
+    if arming == "fault" or (arming == "disarmed" and reason):  # confirmed by a person only
+        assert banner.key.startswith("Enter")
+    else:
+        assert "simulated operator" in f"{banner.sentence} {banner.key}"
+        assert not banner.key.startswith(("Release", "Press"))
+
+
+def test_every_hand_that_can_be_configured_has_its_words() -> None:
+    assert set(HANDS) == {*DEVICES, SIMULATED}
+
+
+def test_every_state_of_the_arming_table_has_a_look() -> None:
+    assert {state.value for state in ArmingState} <= set(LOOKS)
+
+
+@pytest.mark.parametrize("aspect", ["word", "sign", "border", "colour"])
+def test_no_two_states_share_word_sign_border_or_colour(aspect: str) -> None:
+    looks = [*LOOKS.values(), look_of("anything else")]
+    values = [dataclasses.asdict(look)[aspect] for look in looks]
+    assert len(set(values)) == len(values)
+
+
+@pytest.mark.parametrize("arming", [*LOOKS, "starting"])
+def test_what_is_written_on_a_banner_can_be_read(arming: str) -> None:
+    look = look_of(arming)
+    assert contrast(look.colour, look.ink) >= 3.0  # WCAG 2.1 for large text
+
+
+def test_a_fault_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
+    facts = changed(
+        FACTS, arming="fault", reason="arm silent", advice="Check its power, then confirm."
+    )
+    banner = banner_of(facts)
+    assert banner.look.word == "FAULT"
+    assert banner.sentence == "Arm silent. Check its power, then confirm."
+    assert banner.key.startswith("Enter")
+
+
+def test_a_hold_ends_with_the_trigger_and_says_so() -> None:
+    banner = banner_of(changed(FACTS, arming="holding", reason="stale video"))
+    assert banner.sentence == "Stale video."
+    assert banner.key.startswith("Release the trigger")
+
+
+@pytest.mark.parametrize("arming", ["ready", "engaged", "disarmed"])
+def test_once_the_cause_is_gone_the_last_stop_can_still_be_read(arming: str) -> None:
+    banner = banner_of(changed(FACTS, arming=arming, last_stop="stale video"))
+    assert banner.look.word == arming.upper()
+    assert "Last stop: stale video." in banner.sentence
+    assert "trigger" in banner.key
+    assert "Last stop" not in banner_of(changed(FACTS, arming=arming)).sentence
+
+
+@pytest.mark.parametrize("arming", ["ready", "disarmed"])
+def test_what_is_in_the_way_is_told_and_not_called_a_stop(arming: str) -> None:
+    state = replace(STATE, arming=arming, reason="pose frozen", lasting="pose frozen", last_stop="")
+    banner = banner_of(facts_of(state, ()))
+    assert "Pose frozen. The hand's pose does not change: check SteamVR" in banner.sentence
+    assert "Last stop" not in banner.sentence
+
+
+def test_what_had_to_be_waited_for_is_not_once_it_is_back() -> None:
+    state = replace(STATE, arming="holding", reason="stale video", hand="keyboard")
+
+    def sentence(lasting: str) -> str:
+        return banner_of(facts_of(replace(state, lasting=lasting), ()), "keyboard").sentence
+
+    assert "wait until it is back, then release Shift" in sentence("stale video")
+    assert sentence("") == "Stale video. The video is back: release Shift."
+
+
+@pytest.mark.parametrize("arming", LOOKS)
+def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> None:
+    facts = changed(FACTS, arming=arming, reason="stale video")
+    banner = banner_of(msgspec.structs.replace(facts, replay=ReplayFacts(1.0, False)))
+    assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
+    assert banner.key == "Nothing moves · F1: keys"
+    assert "emergency" not in " ".join(sum(key_help("openvr", replay=True), ()))
+
+
+def test_the_button_says_what_a_click_does() -> None:
+    def button(replay: ReplayFacts | None) -> str:
+        return banner_of(changed(FACTS, replay=replay)).button
+
+    assert button(None) == "STOP"
+    assert button(ReplayFacts(1.0, paused=False)) == "PAUSE"
+    assert button(ReplayFacts(1.0, paused=True)) == "PLAY"
+
+
+def test_every_state_has_its_rule_in_the_style_sheet() -> None:
+    sheet = style_sheet(1.0)
+    for arming in (*LOOKS, "starting"):
+        look = look_of(arming)
+        rule = f".{state_class(arming)}.frame {{ border-style: {look.border}; "
+        assert rule + f"border-color: {look.colour}; }}" in sheet
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two colours, by WCAG 2.1."""
+
+    def luminance(colour: str) -> float:
+        shares = [
+            share / 12.92 if share <= 0.03928 else ((share + 0.055) / 1.055) ** 2.4
+            for share in palette.rgb(colour)
+        ]
+        return 0.2126 * shares[0] + 0.7152 * shares[1] + 0.0722 * shares[2]
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_no_two_views_of_the_first_six_have_one_colour() -> None:
+    assert len({palette.view_colour(place) for place in range(6)}) == 6
+    assert palette.view_colour(6) == palette.view_colour(0)
+
+
+def test_the_colours_of_the_views_are_seen_on_the_window_s_ground() -> None:
+    for one in palette.VIEW_COLOURS:
+        assert contrast(one, "#1B2127") >= 3.0  # WCAG 2.1 for graphics
+
+
+def test_the_colours_of_the_uplink_are_greys_seen_on_white_and_on_the_window_s_ground() -> None:
+    greys = (
+        *(palette.UPLINK_SENT, palette.UPLINK_BUDGET),
+        *(palette.CAPACITY_ESTIMATE, palette.EMULATED_CAPACITY),
+    )
+    for grey in greys:
+        assert max(palette.rgb(grey)) - min(palette.rgb(grey)) < 0.1
+        assert min(contrast(grey, "#FFFFFF"), contrast(grey, "#1B2127")) >= 3.0
+
+
+# --- numbers --------------------------------------------------------------------------------------
+
+
+def test_a_row_tells_sent_and_target_given_and_asked_latency_and_age() -> None:
+    view = ViewState(3000, 2950.4, 14.9, 74.2, 95.0)
+    assert view_row("eih", view, 30) == ("EIH", "2950 / 3000", "15 / 30", "74 ms", "95 ms")
+
+
+def test_what_is_not_known_is_a_dash() -> None:
+    nothing = ViewState(None, None, None, None, None)
+    assert view_row("gt", nothing, None) == ("GT", "– / –", "– / –", "– ms", "– ms")
+
+
+def test_the_uplink_s_line_has_budget_capacity_queue_and_loss() -> None:
+    carried, fares = uplink_texts(FACTS.state)
+    assert carried == "uplink 5210 kbit/s of budget 5520, capacity 6100, estimated 6000"
+    assert fares == "queue 12 ms, loss 0.3 %"
+
+
+def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
+    rows = dict(hand_rows(FACTS.state))
+    assert rows == {
+        "deadman": "HELD",
+        "mode": "translation",
+        "gripper": "closed",
+        "buttons": "A",
+        "TCP": "350, -80, 180 mm",
+    }
+    other = changed(
+        FACTS, deadman=False, orientation_mode=True, gripper_closed=None, pressed=(), tcp_mm=None
+    )
+    assert [word for _, word in hand_rows(other.state)] == [
+        "released",
+        "orientation",
+        "not known",
+        "none",
+        "not known",
+    ]
+
+
+def test_a_picture_that_is_old_says_so() -> None:
+    young, old = ViewState(0, 0, 0, 0, 90.0), ViewState(0, 0, 0, 0, 1240.0)
+    assert view_title("eih", young, True, OPENING) == "EIH · primary"
+    assert view_title("eih", old, False, OPENING) == "EIH · OLD: 1.2 s"
+    assert view_title("gt", None, False, OPENING) == "GT · no frame yet"
+    patient = msgspec.structs.replace(OPENING, old_ms=1500.0)
+    assert view_title("eih", old, False, patient) == "EIH"
+
+
+def test_in_a_trial_a_picture_tells_its_name_alone() -> None:
+    hidden = ViewState(None, None, None, None, None)
+    assert view_title("gt", hidden, False, msgspec.structs.replace(OPENING, blind=True)) == "GT"
+
+
+def test_a_trial_s_card_counts_its_time() -> None:
+    trial = TrialFacts("P07", "trial 3 of 9", None, 120.0)
+    assert trial_texts(trial)[2] == "Not begun: it begins when the arm first follows. 2:00 allowed"
+    begun = msgspec.structs.replace(trial, passed_s=71.9)
+    assert trial_texts(begun)[2] == "1:11 of 2:00"
+    over = msgspec.structs.replace(trial, passed_s=120.0)
+    assert trial_texts(over)[2] == "The time is over (2:00): Q ends the trial"
+    dropped = msgspec.structs.replace(trial, drops=2)
+    assert trial_texts(dropped)[3].startswith("Drops: 2 ")
+
+
+def test_a_replay_tells_where_it_is_in_how_long_a_log_and_how_it_goes() -> None:
+    assert replay_texts(12.46, 127.99, ReplayFacts(2.0, False)) == ("0:12.4 / 2:07.9", "×2")
+    assert replay_texts(0.0, 59.97, ReplayFacts(0.25, True)) == ("0:00.0 / 0:59.9", "×0.25, paused")
+    assert replay_texts(9.0, 9.0, ReplayFacts(1.0, True)) == ("0:09.0 / 0:09.0", "×1, at the end")
+
+
+# --- places ---------------------------------------------------------------------------------------
+
+
+def test_the_primary_view_and_the_one_in_the_large_place_exchange() -> None:
+    places = Places(("eih", "gt", "gs"))
+    assert places.step("gs", 0)
+    assert places.views == ("gs", "gt", "eih")
+
+
+def test_views_that_have_just_exchanged_stay_for_a_moment() -> None:
+    places = Places(("eih", "gt", "gs"))
+    places.step("gt", 0)
+    assert not places.step("eih", STAYS_NS - 1)
+    assert places.views == ("gt", "eih", "gs")
+    assert places.step("eih", STAYS_NS)
+    assert places.views == ("eih", "gt", "gs")
+
+
+def test_without_a_known_primary_view_all_stay() -> None:
+    places = Places(("eih", "gt"))
+    assert not places.step("", 0)
+    assert places.views == ("eih", "gt")
+
+
+# --- keys -----------------------------------------------------------------------------------------
+
+
+RETURN, W, A, LEFT_SHIFT, RIGHT_SHIFT = 36, 25, 38, 50, 62  # key codes
+
+
+def focused() -> Keyboard:
+    """A keyboard whose window has had the focus for long."""
+    keyboard = Keyboard()
+    keyboard.focus(True, 0)
+    return keyboard
+
+
+LATER = 10 * REPEAT_NS
+
+
+def test_a_held_key_is_one_press_however_long_it_repeats() -> None:
+    keyboard = focused()
+    presses = [keyboard.press(RETURN, "Return", LATER + n * REPEAT_NS) for n in range(50)]
+    assert presses == [True] + [False] * 49
+    assert keyboard.held == ("Return",)
+
+
+def test_a_key_pressed_again_after_its_release_is_a_new_press_at_once() -> None:
+    keyboard = focused()
+    keyboard.press(RETURN, "Return", LATER)
+    keyboard.release(RETURN)
+    assert keyboard.held == ()
+    assert keyboard.press(RETURN, "Return", LATER + 1)
+
+
+def test_a_key_that_was_down_before_the_focus_came_is_no_press() -> None:
+    keyboard = Keyboard()
+    keyboard.focus(True, LATER)
+    times = [LATER + n * REPEAT_NS // 20 for n in range(1, 100)]
+    assert not any(keyboard.press(RETURN, "Return", now_ns) for now_ns in times)
+    assert keyboard.held == ()
+    keyboard.release(RETURN)
+    assert keyboard.press(RETURN, "Return", times[-1] + 1)
+
+
+def test_a_key_whose_release_was_out_of_sight_is_held_no_more() -> None:
+    keyboard = focused()
+    keyboard.press(W, "w", LATER)
+    keyboard.focus(False, LATER + 1)
+    assert keyboard.held == ()
+    assert not keyboard.focused
+
+
+def test_several_keys_are_held_in_the_order_of_pressing() -> None:
+    keyboard = focused()
+    keyboard.press(W, "w", LATER)
+    keyboard.press(A, "a", LATER)
+    assert keyboard.held == ("w", "a")
+
+
+def test_a_key_keeps_the_name_that_it_had_when_it_was_pressed() -> None:
+    keyboard = focused()
+    keyboard.press(W, "w", LATER)
+    assert not keyboard.press(W, "z", LATER + 1)
+    assert keyboard.held == ("w",)
+
+
+def with_shift(*codes: int) -> Keyboard:
+    """Shift keys that are held, as the seat's modifiers say too."""
+    keyboard = focused()
+    for code in codes:
+        keyboard.press(code, "Shift_L" if code == LEFT_SHIFT else "Shift_R", LATER)
+    assert keyboard.held == ()  # the modifiers follow the key
+    keyboard.modifiers(True, LATER)
+    return keyboard
+
+
+def test_shift_is_held_only_while_the_seats_modifiers_have_it() -> None:
+    keyboard = with_shift(LEFT_SHIFT)
+    keyboard.press(W, "w", LATER)
+    assert keyboard.held == ("Shift_L", "w")
+    keyboard.modifiers(False, LATER + 1)
+    assert keyboard.held == ("w",)
+    keyboard.modifiers(True, LATER + 2)  # by a latch, say: no key was pressed
+    assert keyboard.held == ("w",)
+    assert keyboard.shift_is_dead
+    assert not keyboard.press(LEFT_SHIFT, "Shift_L", LATER + 3)  # a repeat
+    keyboard.release(LEFT_SHIFT)
+    assert keyboard.press(LEFT_SHIFT, "Shift_L", LATER + 4)
+    assert keyboard.held == ("w", "Shift_L")
+    assert not keyboard.shift_is_dead
+
+
+def test_of_two_shifts_the_one_that_is_left_is_held() -> None:
+    keyboard = with_shift(LEFT_SHIFT, RIGHT_SHIFT)
+    keyboard.release(LEFT_SHIFT)
+    assert keyboard.held == ("Shift_R",)
+    keyboard.modifiers(False, LATER + 1)
+    assert keyboard.held == ()
+
+
+def test_a_shift_that_was_pressed_too_soon_after_the_focus_is_dead_until_it_is_pressed_again() -> (
+    None
+):
+    keyboard = Keyboard()
+    keyboard.focus(True, LATER)
+    assert not keyboard.shift_is_dead
+    keyboard.press(LEFT_SHIFT, "Shift_L", LATER + REPEAT_NS // 2)
+    keyboard.modifiers(True, LATER + REPEAT_NS // 2)
+    assert keyboard.shift_is_dead
+    keyboard.release(LEFT_SHIFT)
+    keyboard.modifiers(False, LATER + REPEAT_NS)
+    assert not keyboard.shift_is_dead
+
+
+@pytest.mark.parametrize("hand", sorted(HANDS))
+@pytest.mark.parametrize("arming", STATES)
+def test_the_banner_says_what_to_do_about_a_shift_that_is_dead(hand: str, arming: str) -> None:
+    facts = changed(FACTS, arming=arming)
+    says = "let go and press again" in banner_of(facts, hand, shift_is_dead=True).key
+    assert says == (hand == "keyboard" and arming == "ready")
+
+
+US_W = (Symbol(0, 0, "w", ord("w")), Symbol(0, 1, "W", ord("W")))
+RU_W = (Symbol(1, 0, "Cyrillic_tse", ord("ц")), Symbol(1, 1, "Cyrillic_TSE", ord("Ц")))
+SHIFTS_TOGGLE = (Symbol(0, 0, "Shift_L", 0), Symbol(0, 1, "ISO_Prev_Group", 0))
+
+
+@pytest.mark.parametrize(
+    ("code", "layout", "symbols", "name"),
+    [
+        (W, 0, (*US_W, *RU_W), "w"),
+        (W, 1, (*US_W, *RU_W), "w"),  # that layout has no Latin letter there
+        (W, 0, [Symbol(0, 0, "Cyrillic_tse", ord("ц"))], "w"),  # nor has any other: as on a US one
+        (W, 0, [Symbol(0, 0, "z", ord("z"))], "z"),  # French: what is printed on the key counts
+        (W, 1, [*US_W, Symbol(1, 0, "z", ord("z"))], "z"),
+        (W, 0, [Symbol(0, 2, "lstroke", ord("ł")), *US_W], "w"),  # AltGr
+        (LEFT_SHIFT, 1, SHIFTS_TOGGLE, "Shift_L"),
+        (66, 0, [Symbol(0, 0, "Escape", 27)], "Escape"),  # caps:escape
+        (48, 0, [Symbol(0, 0, "Cyrillic_e", ord("э"))], "Cyrillic_e"),
+        (200, 0, (), ""),
+    ],
+)
+def test_a_key_has_one_latin_name_whatever_modifiers_and_layout_are_active(
+    code: int, layout: int, symbols: list[Symbol], name: str
+) -> None:
+    assert key_name(code, layout, symbols) == name
+
+
+def test_an_emergency_stop_counts_even_where_it_may_be_a_repeat() -> None:
+    assert command_of("space", is_new=False) is Command.EMERGENCY_STOP
+    assert command_of("Escape", is_new=False) is Command.EMERGENCY_STOP
+    assert command_of("Return", is_new=False) is None
+    assert command_of("Return", is_new=True) is Command.CONFIRM
+    assert command_of("q", is_new=False) is None
+    assert command_of("q", is_new=True) is Command.QUIT
+    assert command_of("z", is_new=True) is None
+
+
+def test_in_a_replay_the_keys_that_stop_an_arm_pause_or_go_on_once_for_each_press() -> None:
+    for name in ("space", "Escape", "Return"):
+        assert command_of(name, is_new=True, replay=True) is Command.CONFIRM
+        assert command_of(name, is_new=False, replay=True) is None
+
+
+# --- the last minute ------------------------------------------------------------------------------
+
+
+def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> Facts:
+    return changed(FACTS, t_s=t_s, phase=phase, arming=arming)
+
+
+def test_phases_are_stretches_one_after_the_other() -> None:
+    history = History()
+    for t_s, phase in enumerate(("REACH", "REACH", "ALIGN", "GRASP", "GRASP")):
+        history.add(at(t_s, phase))
+    assert history.phases() == [
+        Stretch(0, 2, "REACH"),
+        Stretch(2, 3, "ALIGN"),
+        Stretch(3, 4, "GRASP"),
+    ]
+    assert history.armings() == [Stretch(0, 4, "ready")]
+
+
+def test_what_is_older_than_a_minute_is_forgotten() -> None:
+    history = History()
+    for t_s in range(200):
+        history.add(at(float(t_s)))
+    assert history.states[0].t_s == 199 - SPAN_S
+    assert history.curve(lambda state: state.link_kbps)[0] == (
+        199 - SPAN_S,
+        FACTS.state.link_kbps,
+    )
+
+
+def test_facts_of_the_same_moment_count_once() -> None:
+    history = History()
+    history.add(at(1.0))
+    history.add(at(1.0, "ALIGN"))
+    assert [state.phase for state in history.states] == ["REACH"]
+
+
+def test_facts_of_an_earlier_moment_make_what_came_later_forgotten() -> None:
+    history = History()
+    for t_s in range(20):
+        history.add(at(float(t_s)))
+    history.add(at(5.0, "ALIGN"))
+    assert [state.t_s for state in history.states] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert history.states[-1].phase == "ALIGN"
+    history.add(at(-1.0))
+    assert [state.t_s for state in history.states] == [-1.0]
+
+
+def test_where_a_replay_jumps_ahead_what_was_before_is_forgotten() -> None:
+    history = History()
+
+    def go_to(t_s: float, jumps: int) -> list[float]:
+        history.add(msgspec.structs.replace(at(t_s), replay=ReplayFacts(1.0, False, jumps)))
+        return [state.t_s for state in history.states]
+
+    assert go_to(1.0, 0) == [1.0]
+    assert go_to(2.0, 0) == [1.0, 2.0]
+    assert go_to(20.0, 1) == [20.0]
+    assert go_to(21.0, 1) == [20.0, 21.0]
+    assert go_to(20.5, 2) == [20.0, 20.5]
+    assert go_to(20.6, 2) == [20.0, 20.5, 20.6]
+
+
+def test_stretches_leave_no_gap_between_them() -> None:
+    history = History()
+    for t_s in range(40):
+        history.add(at(float(t_s), arming=("ready", "engaged", "holding")[t_s % 7 % 3]))
+    stretches = history.armings()
+    assert len(stretches) > 5
+    assert all(one.end_s == other.begin_s for one, other in pairwise(stretches))
+    assert all(one.what != other.what for one, other in pairwise(stretches))

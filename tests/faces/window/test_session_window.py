@@ -1,0 +1,319 @@
+"""The window of a session: its keys, its end, and what becomes of a session that loses it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from tams_app.config import ClutchConfig
+from tams_app.console import app
+from tams_app.errors import SetupError
+from tams_app.faces.commands import Command
+from tams_app.faces.messages import TrialFacts
+from tams_app.faces.session_face import SILENT_NS, facts_of
+from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.teleop.clutch import Clutch
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.faces.played_session import STATE, PlayedSession, window_processes
+from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+    with virtual_screen(tmp_path, monkeypatch) as found:
+        yield found
+
+
+def show(session: PlayedSession) -> None:
+    app.show_session(session, Console(quiet=True))
+    assert window_processes() == []
+
+
+def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, tmp_path: Path) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+
+    def press() -> None:
+        screen.focus("TAMS")
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("key", "Return", "key", "space", "key", "q")
+
+    session.do = press
+    show(session)
+    assert session.reason == "ended by the operator"
+    assert session.failure == ""
+    assert session.done == ["confirm", "estop", "arm stopped, window open"]
+
+
+def test_a_confirmation_that_a_session_takes_in_too_late_is_none(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    late_s = 0.5 + CONFIRMED_AGO_NS / NS_PER_S
+    session.signals.stop_with(lambda: time.sleep(late_s))  # what comes after it waits in the socket
+
+    def press() -> None:
+        screen.focus("TAMS")
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("key", "space", "key", "Return")
+        assert wait_for(lambda: f"warning: {TOO_LONG_AGO}" in session.notes)
+        screen.xdotool("key", "q")
+
+    session.do = press
+    show(session)
+    assert session.reason == "ended by the operator"
+    assert session.done == ["estop", "arm stopped, window open"]
+
+
+class CountedTrial:
+    """A trial that notes what is asked of it."""
+
+    def __init__(self, session: PlayedSession) -> None:
+        done = session.done
+        self.actions = {
+            command: lambda command=command: done.append(str(command))
+            for command in (Command.DROP, Command.NO_DROP, Command.PLACED)
+        }
+
+    def facts_of(self, _state: object) -> TrialFacts:
+        return TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
+
+
+def test_drops_are_counted_in_a_trial_and_its_end_is_marked_and_elsewhere_those_keys_do_nothing(
+    screen: Screen, tmp_path: Path
+) -> None:
+    def press() -> None:
+        screen.focus("TAMS")
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("key", "x", "key", "x", "key", "BackSpace", "key", "p", "key", "q")
+
+    found = []
+    for name in ("other", "trial"):
+        session = PlayedSession(tmp_path / name)
+        session.folder.mkdir()
+        session.do = press
+        trial = CountedTrial(session) if name == "trial" else None
+        app.show_session(session, Console(quiet=True), trial=trial)
+        found.append([one for one in session.done if not one.startswith("arm stopped")])
+    assert found == [[], ["a drop more", "a drop more", "a drop less", "placed"]]
+
+
+def test_keys_held_in_the_window_move_the_hand_until_they_go_up_or_the_window_stands_still(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    found: dict[str, ControllerSample] = {}
+
+    def sample() -> ControllerSample:
+        return session.keyboard.sample(time.monotonic_ns())
+
+    def until(holds: Callable[[ControllerSample], bool]) -> ControllerSample:
+        deadline_s = time.monotonic() + 60.0
+        while not holds(one := sample()):
+            assert time.monotonic() < deadline_s, one
+            time.sleep(0.008)  # as the control loop samples it
+        return one
+
+    def drive() -> None:
+        screen.focus("TAMS")
+        until(lambda one: one.status is ControllerStatus.OK)
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        screen.xdotool("keydown", "Shift_L", "keydown", "w", "keydown", "c")
+        found["held"] = until(lambda one: one.trigger == 1.0 and one.a)
+        start = found["held"].pose.position
+        found["moved"] = until(lambda one: np.linalg.norm(one.pose.position - start) > 0.02)
+        screen.xdotool("keyup", "Shift_L")
+        found["released"] = until(lambda one: one.trigger == 0.0)
+        screen.xdotool("keydown", "Shift_L")
+        until(lambda one: one.trigger == 1.0)
+        window_processes()[0].suspend()
+        found["still"] = until(lambda one: time.monotonic_ns() - one.buttons_ns > 500 * NS_PER_MS)
+        window_processes()[0].resume()
+        until(lambda one: time.monotonic_ns() - one.buttons_ns < 100 * NS_PER_MS)
+        screen.xdotool("keyup", "Shift_L", "keyup", "w", "keyup", "c")
+        session.end("driven")
+
+    session.do = drive
+    show(session)
+    assert session.reason == "driven"
+    assert session.failure == ""
+    assert found["released"].status is ControllerStatus.OK
+    assert found["still"].pose_ns < found["still"].buttons_ns + 200 * NS_PER_MS
+
+
+def test_every_tap_of_the_mode_s_key_toggles_it_once_however_short_it_is(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    clutch = Clutch(ClutchConfig(), 10_000 * NS_PER_MS)  # whatever the machine does meanwhile
+    toggled = tapped = 0
+
+    def sample() -> bool:
+        nonlocal toggled
+        now_ns = time.monotonic_ns()
+        read = clutch.update(session.keyboard.sample(now_ns), now_ns)
+        toggled += read.toggle_mode
+        return read.released
+
+    def tap() -> None:
+        nonlocal tapped
+        screen.focus("TAMS")
+        assert wait_for(sample)
+        time.sleep(1.0)  # a key just after the focus may have been down before it
+        assert wait_for(sample)
+        for tapped in range(1, 41):
+            screen.xdotool("key", "--delay", "0", "m")  # down and up at once
+            assert wait_for(lambda: sample() and toggled >= tapped, 10.0), tapped  # noqa: B023
+        session.end("tapped")
+
+    session.do = tap
+    show(session)
+    assert (session.reason, toggled) == ("tapped", tapped)
+
+
+def test_the_keyboard_s_hand_needs_a_display(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    session = PlayedSession(tmp_path)
+    controller = session.config.controller.model_copy(update={"device": "keyboard"})
+    session.config = session.config.model_copy(update={"controller": controller})
+    with pytest.raises(SetupError, match="--hand keyboard needs the window"):
+        app.show_session(session, Console(quiet=True))
+
+
+def test_closing_the_window_ends_the_session_and_the_arm_stops_first(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    session.do = lambda: screen.ask_to_close("TAMS")
+    show(session)
+    assert session.reason == "the operator closed the window"
+    assert session.failure == ""
+    assert session.done == ["arm stopped, window open"]
+
+
+def test_a_window_whose_process_is_killed_fails_the_session_in_a_sentence(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    session.do = lambda: window_processes()[0].kill()
+    show(session)
+    assert session.failure.startswith("the window's process ended unasked")
+    assert session.done == ["arm stopped, no window"]
+
+
+def test_a_window_that_stands_still_is_told_of_and_stops_a_real_arm(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session", "lite6.yaml")
+    session.folder.mkdir()
+    polls = silent_ns = 0
+
+    def go_on() -> None:
+        nonlocal polls, silent_ns
+        polls += 1
+        if "estop" in session.done:
+            heard_ns = session.displays.heard_ns()
+            assert heard_ns is not None
+            silent_ns = time.monotonic_ns() - heard_ns
+            window_processes()[0].send_signal(signal.SIGCONT)
+            session.end("seen")
+        session.do = go_on
+
+    def stand_still() -> None:
+        os.kill(window_processes()[0].pid, signal.SIGSTOP)
+        session.do = go_on
+
+    session.do = stand_still
+    show(session)
+    assert session.reason == "seen"
+    assert any("the window does not answer" in note for note in session.notes)
+    assert silent_ns > SILENT_NS
+    assert polls > 10  # the session went on meanwhile
+
+
+def test_without_a_display_that_answers_one_sentence_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DISPLAY", ":4711")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    session = PlayedSession(tmp_path)
+    with pytest.raises(SetupError, match=r"display does not answer; run with --headless"):
+        app.show_session(session, Console(quiet=True))
+    assert window_processes() == []
+
+
+def test_without_a_display_there_is_no_window(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    session = PlayedSession(tmp_path)
+    session.do = lambda: session.end(f"{len(window_processes())} windows")
+    show(session)
+    assert session.reason == "0 windows"
+
+
+def test_the_size_is_remembered(screen: Screen, tmp_path: Path) -> None:
+    sizes = []
+
+    def resize() -> None:
+        window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
+        screen.xdotool("windowsize", window, "1000", "600")
+        assert wait_for(lambda: size_now() == (1000, 600))
+        screen.ask_to_close("TAMS")
+
+    def look() -> None:
+        assert wait_for(lambda: size_now() is not None)
+        sizes.append(size_now())
+        screen.ask_to_close("TAMS")
+
+    def size_now() -> tuple[int, int] | None:
+        window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
+        words = dict(
+            line.split("=")
+            for line in screen.xdotool("getwindowgeometry", "--shell", window).split()
+        )
+        return int(words["WIDTH"]), int(words["HEIGHT"])
+
+    for number, do in enumerate((resize, look)):
+        session = PlayedSession(tmp_path / f"session{number}")
+        session.folder.mkdir()
+        session.do = do
+        show(session)
+    assert sizes == [(1000, 600)]
+
+
+def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:
+    facts = facts_of(STATE, ())
+    assert facts.advice.startswith("The video is too old to steer by")
+    assert facts.state is STATE
+
+
+def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
+    facts = facts_of(STATE, (), TrialFacts("P01", "trial 2 of 9", 3.0, 120.0))
+    state = facts.state
+    assert set(state.views.values()) == {ViewState()}
+    told = {name for name in SessionState.__struct_fields__ if getattr(state, name) is not None}
+    arm = {"arming", "reason", "lasting", "last_stop", "orientation_mode", "gripper_closed"}
+    hand = {"hand", "pressed", "deadman", "tcp_mm", "phase", "primary_view"}
+    assert told == arm | hand | {"t_s", "now_ns", "views"}
+    assert facts.trial is not None
+    assert (facts.trial.participant, state.arming) == ("P01", "holding")

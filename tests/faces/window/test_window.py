@@ -1,0 +1,163 @@
+"""The real window: what is on the screen against what was published, and real keys."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+
+from tams_app.faces.banner import LOOKS
+from tams_app.faces.commands import Command
+from tams_app.faces.messages import Keys
+from tams_app.records import Image
+from tests.faces.window.conftest import ShownWindow
+from tests.faces.window.facts import FACTS, changed
+from tests.faces.window.photographs import SAME, banner_is, difference, width_of
+from tests.faces.window.xvfb import wait_for
+
+pytestmark = pytest.mark.waiting
+
+
+def all_are_shown(window: ShownWindow, published: dict[str, Image]) -> bool:
+    photograph = window.screen.photograph()
+    return all(difference(photograph, view, image) < SAME for view, image in published.items())
+
+
+@pytest.mark.parametrize("arming", ["ready", "engaged", "holding", "fault"])
+def test_what_was_received_is_what_is_seen_and_banner_and_border_tell_the_state(
+    window: ShownWindow, pictures: dict[str, Image], arming: str
+) -> None:
+    angle = list(LOOKS).index(arming)
+    published = {view: np.rot90(image, 2 * angle).copy() for view, image in pictures.items()}
+    window.put(published)
+    window.show(changed(FACTS, arming=arming, reason="stale video", t_s=time.monotonic()))
+    assert wait_for(lambda: all_are_shown(window, published))
+    assert wait_for(lambda: banner_is(window.screen.photograph(), arming))
+
+
+def test_the_picture_changes_when_another_frame_comes(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    window.put(pictures)
+    assert wait_for(lambda: all_are_shown(window, pictures))
+    others = {view: 255 - image for view, image in pictures.items()}
+    assert not all_are_shown(window, others)
+    window.put(others)
+    assert wait_for(lambda: all_are_shown(window, others))
+    assert not all_are_shown(window, pictures)
+
+
+def test_the_primary_view_gets_the_large_place_with_its_own_picture(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    window.put(pictures)
+    for primary in ("gs", "gt", "eih"):
+        time.sleep(1.0)  # views that have just exchanged stay for a moment
+        facts = changed(FACTS, primary_view=primary, t_s=time.monotonic())
+        window.show(facts)
+        assert wait_for(lambda: width_of(window.screen.photograph(), primary) > 600)  # noqa: B023
+        photograph = window.screen.photograph()
+        assert all(
+            width_of(photograph, view) < 400 for view in FACTS.state.views if view != primary
+        )
+        assert wait_for(lambda: all_are_shown(window, pictures))
+
+
+def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> None:
+    time.sleep(1.0)  # after the focus
+    window.events.clear()
+
+    def held() -> list[tuple[str, ...]]:
+        return [event.held for event in window.events if isinstance(event, Keys)]
+
+    window.screen.xdotool("keydown", "Return")
+    assert wait_for(lambda: ("Return",) in held())
+    time.sleep(1.5)  # the server repeats it after 0.66 s
+    since = held()[held().index(("Return",)) :]
+    window.screen.xdotool("keyup", "Return")
+    assert wait_for(lambda: window.client.keys is not None and window.client.keys.held == ())
+    assert window.commands() == [Command.CONFIRM]
+    assert set(since) == {("Return",)}  # while it repeats it stays held
+    window.screen.xdotool("key", "Return")
+    assert wait_for(lambda: window.commands() == [Command.CONFIRM, Command.CONFIRM])
+
+
+def test_space_escape_and_the_button_stop_and_q_ends(window: ShownWindow) -> None:
+    window.events.clear()
+    window.screen.xdotool("key", "space")
+    window.screen.xdotool("key", "Escape")
+    window.screen.xdotool("mousemove", "1210", "43", "click", "1")
+    assert wait_for(lambda: len(window.commands()) == 3)
+    window.screen.xdotool("key", "space")  # the button has not taken the keys
+    window.screen.xdotool("key", "q")
+    assert wait_for(lambda: len(window.commands()) == 5)
+    assert window.commands() == [Command.EMERGENCY_STOP] * 4 + [Command.QUIT]
+
+
+def test_keys_that_are_held_together_are_told_as_they_are(window: ShownWindow) -> None:
+    window.screen.xdotool("keydown", "w", "keydown", "a")
+    assert wait_for(
+        lambda: window.client.keys is not None and window.client.keys.held == ("w", "a")
+    )
+    window.screen.xdotool("keyup", "w", "keyup", "a")
+    assert wait_for(lambda: window.client.keys is not None and window.client.keys.held == ())
+
+
+def test_a_key_that_goes_up_with_or_without_shift_is_up(window: ShownWindow) -> None:
+    """Shift goes down or up in between: the name of what is held must not change with it."""
+
+    def held() -> tuple[str, ...]:
+        return () if window.client.keys is None else window.client.keys.held
+
+    for down, up in (("w", "Shift_L"), ("Shift_L", "w")):
+        window.screen.xdotool("keydown", down)
+        other = {"w": "Shift_L", "Shift_L": "w"}[down]
+        window.screen.xdotool("keydown", other)
+        assert wait_for(lambda pair=(down, other): held() == pair)
+        window.screen.xdotool("keyup", up)
+        left = {"w": "Shift_L", "Shift_L": "w"}[up]
+        assert wait_for(lambda name=left: held() == (name,))
+        window.screen.xdotool("keyup", left)
+        assert wait_for(lambda: held() == ())
+
+
+def test_f1_lists_the_keys_and_hides_them_again(window: ShownWindow) -> None:
+    before = window.screen.photograph()
+    window.screen.xdotool("key", "F1")
+
+    def changed() -> float:
+        return float((window.screen.photograph() != before)[200:500, 300:900].mean())
+
+    assert wait_for(lambda: changed() > 0.3)
+    window.screen.xdotool("key", "F1")
+    assert wait_for(lambda: changed() < 0.01)
+
+
+def test_a_window_that_stands_still_delays_nobody_and_shows_the_newest_when_it_goes_on(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    assert window.client.pid is not None
+    os.kill(window.client.pid, signal.SIGSTOP)
+    try:
+        spent_ns = time.process_time_ns()
+        for number in range(300):  # ten seconds of frames: the rings go round many times
+            window.put(pictures)
+            window.show(changed(FACTS, t_s=time.monotonic() + number))
+        spent_ns = time.process_time_ns() - spent_ns
+        blocked = window.client.ended
+        newest = {view: np.flipud(image).copy() for view, image in pictures.items()}
+        window.put(newest)
+    finally:
+        os.kill(window.client.pid, signal.SIGCONT)
+    assert not blocked
+    assert wait_for(lambda: all_are_shown(window, newest))
+
+
+def test_closing_it_is_told_and_leaves_it_open_until_the_session_ends(window: ShownWindow) -> None:
+    window.events.clear()
+    window.screen.ask_to_close("TAMS")
+    assert wait_for(lambda: window.commands() == [Command.CLOSE])
+    assert not window.client.ended
